@@ -1,6 +1,6 @@
-from .canonical import to_cf as to_cf
 from .ocean import OceanData as OceanData
 from .ocean import open_ocean as open_ocean
+from .ocean import to_cf as to_cf
 from .reader import CurrentFile as CurrentFile
 from .reader import read_current as read_current
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.currents.series import Array, Series
+from auvplan.io.currents.files import Array
+from auvplan.io.currents.ocean import OceanData
 from auvplan.io.currents.times import stamp
 from auvplan.ocean.gridded import CurrentError
 
@@ -19,13 +20,13 @@ _GAP = 1.5
 _FAST, _STILL = 6.0, 1e-6
 
 
-def check_times(series: Series, frames: slice) -> None:
+def check_times(ocean: OceanData, frames: slice) -> None:
     """Warn of a gap between the times that were read.
 
     Warns:
         ScenarioWarning: two neighbours are farther apart than the usual step of the files.
     """
-    steps, usual = np.diff(series.times), 0.0
+    steps, usual = np.diff(ocean.times), 0.0
     if len(steps) > 1:
         usual = float(np.median(steps))
     wide = [k for k in range(frames.start, frames.stop - 1) if usual and steps[k] > _GAP * usual]
@@ -33,17 +34,16 @@ def check_times(series: Series, frames: slice) -> None:
         k = max(wide, key=lambda k: steps[k])
         more = f", and in {len(wide) - 1} more gaps" if len(wide) > 1 else ""
         _warn(
-            series.label,
-            f"has no current between {stamp(series.times[k])} and {stamp(series.times[k + 1])}{more}, "
+            ocean.label,
+            f"has no current between {stamp(ocean.times[k])} and {stamp(ocean.times[k + 1])}{more}, "
             f"{steps[k] / 3600.0:.3g} h where its usual step is {usual / 3600.0:.3g} h: it is interpolated",
         )
 
 
 def check_values(
-    series: Series,
+    ocean: OceanData,
     frames: slice,
     depths: Array,
-    follows: bool,
     u: Array,
     v: Array,
     place: Callable[[int, int], str],
@@ -51,10 +51,9 @@ def check_values(
     """Refuse times without values, and warn of places without them and of speeds that are hardly the sea's.
 
     Args:
-        series: the files.
+        ocean: the files.
         frames: the times that were read.
         depths: [D] m.
-        follows: whether the file's levels follow the sea bed and the surface.
         u, v: [T, D, X, Y] m/s, NaN where there is no value.
         place: of a node, as a message names it.
 
@@ -69,24 +68,24 @@ def check_values(
     ever = known.any(axis=0)
     gone = ever & ~known
     lost = gone.sum(axis=(1, 2, 3)) / max(int(ever.sum()), 1)
-    moments = series.times[frames]
+    moments = ocean.times[frames]
     missing = np.flatnonzero(lost >= _LOST)
     if len(missing):
         first = int(missing[0])
-        file = series.files[int(series.frames[frames][first, 0])].path
+        file = ocean.form["file"].values[frames][first]
         more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
         raise CurrentError(
             f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "
             "the water that other times have: take such times out of the file, or fetch it anew"
         )
-    if follows:  # the tide lifts and lowers the bed among the depths
+    if ocean.levels is None:  # the tide lifts and lowers the bed among the depths
         gone[:, 1:] &= ~known[:, :-1]
     water: NDArray[np.bool_] = np.asarray(ever.any(axis=0))
     at_times: NDArray[np.bool_] = np.asarray(gone.any(axis=(0, 1)))
     if at_times.any():
         first = int(np.flatnonzero(gone.any(axis=(1, 2, 3)))[0])
         _warn(
-            series.label,
+            ocean.label,
             f"{percent(at_times, water)} of the area's water has a current at some times only, such as "
             f"{_named(at_times, place)}, first missing at {stamp(float(moments[first]))}: the nearest "
             "water's is taken there",
@@ -96,16 +95,16 @@ def check_values(
     if beneath.any():
         level = int(np.flatnonzero(under.any(axis=(0, 2, 3)))[0])
         _warn(
-            series.label,
+            ocean.label,
             f"{percent(beneath, water)} of the area's water has no current at {depths[level]:g} m depth "
             f"though there is one below it, such as {_named(beneath, place)}: the nearest water's is "
             "taken there",
         )
     fastest = float(np.sqrt(np.nanmax(np.square(u) + np.square(v))))
     if fastest > _FAST:
-        _warn(series.label, f"the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
+        _warn(ocean.label, f"the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
     elif fastest < _STILL:
-        _warn(series.label, "the current is 0 everywhere in the area at all times")
+        _warn(ocean.label, "the current is 0 everywhere in the area at all times")
 
 
 def percent(nodes: NDArray[np.bool_], of: NDArray[np.bool_] | None = None) -> str:

@@ -1,16 +1,27 @@
-"""The places of a source's points: finding the points around a place, and which indices to read for them."""
+"""The places of a source's points: which make up a place, with what weights, and what to read for them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-from pyproj import CRS
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import Delaunay, KDTree, QhullError
 
-from auvplan.io.currents.opening import Pick
-from auvplan.io.currents.weights import Array, Index, Weights, along, barycentric, weights_of
 from auvplan.site import Site
 
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+#: Smaller weights come from rounding: a source's own point must depend on itself alone.
+_TINY = 1e-9
+#: A place so near to a triangle, m, is in it: edges that are straight in degrees bulge in metres.
+_SLACK = 0.5
+#: At least so much of the weight must lie on points that have a value.
+ENOUGH = 0.5 - 1e-9
 #: Metres in a degree of latitude, near enough for telling how far outside a place is.
 DEGREE = 111_195.0
 #: Neighbours that lie so many times as far apart as usual are none.
@@ -18,7 +29,38 @@ _TORN = 30.0
 #: So large a share of cells lies the other way round at the seams of sound grids.
 _FOLDED = 0.05
 #: Places beyond an axis by less, in degrees, are taken to be on its end.
-_SLACK = 1e-6
+_EDGE = 1e-6
+
+#: A run of indices of a dimension.
+Run = slice | NDArray[np.int64]
+#: The form's variables that tell places, by name: their dimensions and values.
+Coordinates = dict[str, tuple[tuple[str, ...], NDArray[Any]]]
+
+
+@dataclass(frozen=True)
+class Weights:
+    """M places as mixtures of C source points each.
+
+    Attributes:
+        index: [M, C] source points.
+        weight: [M, C], not negative, rows sum to 1, or to 0 where there is land.
+        beyond: [M, 2] m north and east, from the nearest place that the source covers; 0 where it is covered.
+    """
+
+    index: Index
+    weight: Array
+    beyond: Array
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """[M], whether a place is not covered."""
+        return (self.beyond != 0.0).any(axis=1)
+
+    def matrix(self, points: int) -> csr_array:
+        """Return the weights as a sparse matrix [M, points]."""
+        places, corners = self.index.shape
+        rows = np.repeat(np.arange(places), corners)
+        return csr_array((self.weight.ravel(), (rows, self.index.ravel())), (places, points))
 
 
 @dataclass(frozen=True)
@@ -31,71 +73,67 @@ class Window:
         points: how many the window has; they are in the order of the dimensions.
     """
 
-    picks: dict[str, Pick]
+    picks: dict[str, Run]
     index: Index
     points: int
 
 
-class Geometry(Protocol):
-    """The places of a source's points, in degrees."""
-
-    @property
-    def kind(self) -> str:
-        """Name of the kind of grid."""
-        ...
-
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Dimensions of the points."""
-        ...
-
-    @property
-    def longitude(self) -> Array:
-        """Of the points, or of the columns."""
-        ...
-
-    @property
-    def latitude(self) -> Array:
-        """Of the points, or of the rows."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        ...
-
-    def locate(self, longitude: Array, latitude: Array) -> Weights:
-        """Places [M] as mixtures of source points."""
-        ...
-
-    def window(self, index: Index) -> Window:
-        """The part that holds some source points."""
-        ...
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of source points."""
-        ...
-
-
-@dataclass(frozen=True)
-class Regular:
-    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
-
-    Attributes:
-        dims: of latitude and longitude.
-        longitude: [nx] degrees.
-        latitude: [ny] degrees.
-    """
+class _Grid:
+    """Points in rows and columns."""
 
     dims: tuple[str, ...]
     longitude: Array
     latitude: Array
-    kind: str = "regular"
+    _around = False
 
     @property
-    def count(self) -> int:
-        """Number of points."""
-        return len(self.longitude) * len(self.latitude)
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of rows and columns."""
+        return self.longitude.shape if self.longitude.ndim == 2 else (self.latitude.size, self.longitude.size)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The form's variables that tell the places."""
+        flat = self.longitude.ndim == 2
+        dims = {
+            "latitude": self.dims if flat else self.dims[:1],
+            "longitude": self.dims if flat else self.dims[1:],
+        }
+        return {name: (along, getattr(self, name)) for name, along in dims.items()}
+
+    def window(self, index: Index) -> Window:
+        """Return the rows and columns that hold some points, over the seam of a globe if that is shorter."""
+        row, column = np.divmod(index, self.shape[1])
+        rows, columns = _run(row, None), _run(column, self.shape[1] if self._around else None)
+        inner = _position(rows, row) * _length(columns) + _position(columns, column)
+        return Window(
+            dict(zip(self.dims, (rows, columns), strict=True)), inner, _length(rows) * _length(columns)
+        )
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of points, degrees."""
+        if self.longitude.ndim == 2:
+            return self.longitude.ravel()[index], self.latitude.ravel()[index]
+        row, column = np.divmod(index, self.shape[1])
+        return self.longitude[column], self.latitude[row]
+
+
+@dataclass(frozen=True)
+class Regular(_Grid):
+    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
+
+    Attributes:
+        longitude: [nx] degrees.
+        latitude: [ny] degrees.
+        dims: of latitude and longitude.
+    """
+
+    longitude: Array
+    latitude: Array
+    dims: tuple[str, ...] = ("latitude", "longitude")
+    kind: str = "regular"
+    torn: int = 0
+    _around = True
 
     @cached_property
     def _axes(self) -> tuple[Array, Index, Array, Index]:
@@ -130,45 +168,42 @@ class Regular:
         )
         weight = [(1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right]
         beyond = np.stack([north_of, east_of], axis=1)
-        beyond = np.where(np.abs(beyond) < _SLACK, 0.0, beyond) * DEGREE
+        beyond = np.where(np.abs(beyond) < _EDGE, 0.0, beyond) * DEGREE
         beyond[:, 1] *= np.cos(np.deg2rad(latitude))
         return weights_of(index, np.stack(weight, axis=1), beyond)
 
-    def window(self, index: Index) -> Window:
-        """Return the rows and columns that hold some points, over the seam where that is shorter."""
-        row, column = np.divmod(index, len(self.longitude))
-        rows, columns = _run(row, None), _run(column, len(self.longitude))
-        inner = _position(rows, row) * len(columns) + _position(columns, column)
-        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
-        return Window(picks, inner, len(rows) * len(columns))
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of points, degrees."""
-        row, column = np.divmod(index, len(self.longitude))
-        return self.longitude[column], self.latitude[row]
-
 
 @dataclass(frozen=True)
-class Curvilinear:
+class Curvilinear(_Grid):
     """Curvilinear grid: points in rows and columns anywhere.
 
     Attributes:
         dims: of rows and columns.
         longitude, latitude: [ny, nx] degrees.
         kind: "curvilinear", or "roms" where velocities are on the cells' edges.
-        crs: the projection whose axes the rows and columns follow, where one is given.
     """
 
     dims: tuple[str, ...]
     longitude: Array
     latitude: Array
     kind: str = "curvilinear"
-    crs: CRS | None = None
 
     @property
-    def count(self) -> int:
-        """Number of points."""
-        return self.longitude.size
+    def torn(self) -> int:
+        """How many sides of cells are too long to be any."""
+        return sum(int((step > self.longest).sum()) for step in self.steps)
+
+    @property
+    def straight(self) -> bool:
+        """Whether the rows are parallels and the columns meridians, or the other way round."""
+        axes = (self.longitude, self.latitude)
+        return any(
+            all(
+                np.allclose(axis, axis.take([0], k), rtol=0.0, atol=1e-6)
+                for k, axis in zip(order, axes, strict=True)
+            )
+            for order in ((0, 1), (1, 0))
+        )
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
@@ -209,7 +244,7 @@ class Curvilinear:
             # A cell may hold a place though none of its corners lies among the places.
             near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
         if not near.any():
-            near.flat[nearest(self, middle)] = True  # far away: tells how far
+            near.flat[nearest(self.longitude, self.latitude, middle)] = True  # far away: tells how far
         row, column = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
         width = self.longitude.shape[1]
         first = row * width + column
@@ -220,21 +255,8 @@ class Curvilinear:
         lengths = edge_lengths(self.longitude.ravel(), self.latitude.ravel(), triangles)
         triangles = triangles[(lengths <= self.longest).all(axis=1)]
         if not len(triangles):
-            triangles = np.full((1, 3), nearest(self, middle))
-        return within(self, triangles, middle, longitude, latitude)
-
-    def window(self, index: Index) -> Window:
-        """Return the rows and columns that hold some points."""
-        row, column = np.divmod(index, self.longitude.shape[1])
-        rows, columns = (slice(int(k.min()), int(k.max()) + 1) for k in (row, column))
-        width = columns.stop - columns.start
-        inner = (row - rows.start) * width + column - columns.start
-        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
-        return Window(picks, inner, (rows.stop - rows.start) * width)
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of points, degrees."""
-        return self.longitude.ravel()[index], self.latitude.ravel()[index]
+            triangles = np.full((1, 3), nearest(self.longitude, self.latitude, middle))
+        return within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
 
 
 def edge_lengths(longitude: Array, latitude: Array, triangles: Index) -> Array:
@@ -262,17 +284,19 @@ def offset(middle: Array, longitude: Array, latitude: Array) -> tuple[Array, Arr
     return _wrapped(longitude - middle[0]), latitude - middle[1]
 
 
-def nearest(geometry: Geometry, middle: Array) -> int:
+def nearest(longitude: Array, latitude: Array, middle: Array) -> int:
     """Return the point nearest to a place, near enough for telling how far it is."""
-    east, north = offset(middle, geometry.longitude, geometry.latitude)
+    east, north = offset(middle, longitude, latitude)
     return int(np.nanargmin(np.hypot(east * np.cos(np.deg2rad(middle[1])), north)))
 
 
-def within(geometry: Geometry, triangles: Index, middle: Array, longitude: Array, latitude: Array) -> Weights:
-    """Linear in triangles [N, 3] of a source's points, in metres about a place."""
+def within(
+    points: tuple[Array, Array], triangles: Index, middle: Array, longitude: Array, latitude: Array
+) -> Weights:
+    """Linear in triangles [N, 3] of points in degrees, in metres about a place."""
     used, local = np.unique(triangles, return_inverse=True)
-    points = metres(middle, *geometry.places(used))
-    found = barycentric(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
+    corners = metres(middle, *(axis.ravel()[used] for axis in points))
+    found = barycentric(corners, local.reshape(-1, 3), metres(middle, longitude, latitude))
     return Weights(used[found.index], found.weight, found.beyond)
 
 
@@ -292,20 +316,147 @@ def _cell_size(degrees: Array) -> Array:
     return size
 
 
-def _run(used: Index, around: int | None) -> Index:
-    """Return the shortest run of indices that holds some.
-
-    It may go over the end of an axis round the globe.
-    """
+def _run(used: Index, around: int | None) -> Run:
+    """Return the shortest run of indices that holds some, over the end of an axis round the globe."""
     values = np.unique(used)
-    if around is None or len(values) == 1:
-        return np.arange(values[0], values[-1] + 1)
-    gaps = np.diff(np.append(values, values[0] + around))
-    first = (int(gaps.argmax()) + 1) % len(values)
-    return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
+    if around is not None and len(values) > 1:
+        gaps = np.diff(np.append(values, values[0] + around))
+        first = (int(gaps.argmax()) + 1) % len(values)
+        if first:
+            return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
+    return slice(int(values[0]), int(values[-1]) + 1)
 
 
-def _position(run: Index, index: Index) -> Index:
+def _length(run: Run) -> int:
+    return run.stop - run.start if isinstance(run, slice) else len(run)
+
+
+def _position(run: Run, index: Index) -> Index:
     """Return where in a run of indices each of some is."""
+    if isinstance(run, slice):
+        return index - run.start
     order = np.argsort(run)
     return order[np.searchsorted(run[order], index)]
+
+
+def weights_of(index: Index, weight: Array, beyond: Array) -> Weights:
+    """Weights [M, C] rid of rounding, with rows that sum to 1."""
+    clean = np.where(weight < _TINY, 0.0, weight)
+    return Weights(index, clean / clean.sum(axis=1, keepdims=True), beyond)
+
+
+def mix(matrix: csr_array, *fields: Array) -> tuple[Array, ...]:
+    """Fields [F, P] at the places of a matrix [M, P], each [F, M].
+
+    A point that lacks one of the fields lacks all. What is missing is left out; a place is missing where less
+    than half of its weight is left.
+    """
+    return _mixed(lambda values: (matrix @ values.T).T, fields)
+
+
+def mix_gathered(weight: Array, *fields: Array) -> tuple[Array, ...]:
+    """`mix` of fields [M, C] that are already at hand at the corners of each place, each [M]."""
+    return _mixed(lambda values: (weight * values).sum(axis=1), fields)
+
+
+def _mixed(total: Callable[[Array], Array], fields: tuple[Array, ...]) -> tuple[Array, ...]:
+    valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
+    left = total(valid.astype(float))
+    there = left >= ENOUGH
+    whole = np.where(there, left, 1.0)
+    return tuple(np.where(there, total(np.where(valid, field, 0.0)) / whole, np.nan) for field in fields)
+
+
+def along(axis: Array, value: Array) -> tuple[Index, Array, Array]:
+    """Cell [M], share [M] of the way to the next node, and how far beyond the axis's ends [M].
+
+    Args:
+        axis: [n] rising.
+        value: [M] in the axis's unit; beyond the ends the nearest end holds.
+    """
+    held = np.clip(value, axis[0], axis[-1])
+    if len(axis) == 1:
+        return np.zeros(len(value), np.int64), np.zeros(len(value)), value - held
+    cell = np.clip(np.searchsorted(axis, held, side="right") - 1, 0, len(axis) - 2)
+    share = (held - axis[cell]) / (axis[cell + 1] - axis[cell])
+    return cell, share, value - held
+
+
+def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
+    """Weights within triangles; a place in none of them is given to the nearest point.
+
+    Args:
+        points: [P, 2] m north and east.
+        triangles: [N, 3] points.
+        places: [M, 2] m north and east.
+    """
+    found = find_triangle(points, triangles, places)
+    inside = found >= 0
+    corners = triangles[np.where(inside, found, 0)]
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    area = _cross(b - a, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share_b, share_c = _cross(places - a, c - a) / area, _cross(b - a, places - a) / area
+    weight = np.clip(np.stack([1.0 - share_b - share_c, share_b, share_c], axis=1), 0.0, 1.0)
+    beyond = np.zeros_like(places)
+    if not inside.all():
+        used = np.unique(triangles)
+        nearest = used[KDTree(points[used]).query(places[~inside])[1]]
+        corners, weight = corners.copy(), weight.copy()
+        corners[~inside] = nearest[:, None]
+        weight[~inside] = (1.0, 0.0, 0.0)
+        beyond[~inside] = places[~inside] - points[nearest]
+    return weights_of(corners, weight, beyond)
+
+
+def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
+    """Return the triangle [M] that holds each place, or is within `_SLACK` of it; -1 where none is."""
+    # It takes a third of a second to import and is needed by curvilinear and unstructured grids only.
+    from matplotlib.tri import Triangulation
+
+    used, local = np.unique(triangles, return_inverse=True)
+    local = local.reshape(triangles.shape)
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    whole = np.flatnonzero(np.abs(_cross(b - a, c - a)) > 1e-6)
+    if not len(whole):
+        return np.full(len(places), -1, np.int64)
+    y, x = points[used].T
+    try:
+        finder = Triangulation(x, y, local[whole]).get_trifinder()
+    except RuntimeError:
+        # Grids that overlap themselves, as tripolar ones do at their seam, are searched triangle by triangle.
+        return search(points, triangles, whole, places)
+    found = np.asarray(finder(places[:, 1], places[:, 0]), np.int64)
+    found = np.where(found >= 0, whole[found], -1)
+    out = np.flatnonzero(found < 0)
+    if len(out):
+        tree = shapely.STRtree(np.asarray(shapely.polygons(points[triangles[whole]]), object))
+        at = np.asarray(shapely.points(places[out]), object).reshape(-1)
+        place, triangle = tree.query(at, predicate="dwithin", distance=_SLACK)
+        found[out[place]] = whole[triangle]
+    return found
+
+
+def triangulate(points: Array) -> Index:
+    """Delaunay's triangles [N, 3] of points [P, 2]; none where the points lie on a line."""
+    try:
+        return np.asarray(Delaunay(points).simplices, np.int64)
+    except (QhullError, ValueError):
+        return np.zeros((0, 3), np.int64)
+
+
+def search(points: Array, triangles: Index, whole: Index, places: Array) -> Index:
+    """Return the triangle that holds each place among the sixteen with the nearest centres."""
+    centres = points[triangles[whole]].mean(axis=1)
+    nearest = KDTree(centres).query(places, k=min(16, len(whole)))[1]
+    near = whole[np.reshape(nearest, (len(places), -1))]
+    a, b, c = (points[triangles[near][..., k]] for k in range(3))
+    place, area = places[:, None], _cross(b - a, c - a)
+    shares = np.stack([_cross(place - a, c - a), _cross(b - a, place - a)]) / area
+    holds = (shares >= -_TINY).all(axis=0) & (shares.sum(axis=0) <= 1.0 + _TINY)
+    first = holds.argmax(axis=1)
+    return np.where(holds.any(axis=1), near[np.arange(len(places)), first], -1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

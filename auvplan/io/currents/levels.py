@@ -2,23 +2,35 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.currents.geometry import Window
-from auvplan.io.currents.names import standard_name
-from auvplan.io.currents.opening import File, text
-from auvplan.io.currents.points import Points
-from auvplan.io.currents.s_levels import s_levels
-from auvplan.io.currents.series import Array
-from auvplan.io.currents.units import length_factor
+from auvplan.io.currents.files import Array, Series
+from auvplan.io.currents.names import HEIGHTS, SIGMAS, depth_axis, is_vertical
+
+if TYPE_CHECKING:
+    from auvplan.io.currents.form import Source
 
 #: No level lies deeper or higher, m.
-DEEPEST = 20_000.0
-#: Heights of levels above the datum, as SCHISM and SELFE tell them.
-_HEIGHTS = ("zcor", "zCoordinates", "zval")
-_SIGMAS = ("siglay", "sigma", "siglev")
+_DEEPEST = 20_000.0
+#: Names of the s-coordinate and of the stretching curve, of ROMS and of CROCO, at levels and between them.
+_CURVES = {"rho": (("s_rho", "sc_r"), ("Cs_r", "Cs_rho")), "w": (("s_w", "sc_w"), ("Cs_w",))}
+_AXES = ("s_rho", "sc_r", "s_w", "sc_w")
+
+
+def once(read: Callable) -> Callable:
+    """Return what reads the same values, but not twice in a row."""
+    last: list[tuple] = []
+
+    def again(*keys: Any) -> Any:
+        plain = [(key.start, key.stop, key.step) if isinstance(key, slice) else key for key in keys]
+        if not (last and all(map(np.array_equal, last[0][0], plain))):
+            last[:] = [(plain, read(*keys))]
+        return last[0][1]
+
+    return again
 
 
 @dataclass(frozen=True)
@@ -26,112 +38,73 @@ class Levels:
     """Depths of levels below the instantaneous surface.
 
     Attributes:
-        dim: of the levels; None where there is one level and no such dimension.
-        order: the levels in the order in which their depths rise.
+        dim: of the levels in the file; None where there is one level and no such dimension.
+        count: how many there are.
+        order: the levels of the file in the order in which their depths rise.
         fixed: [K] m rising, or None where they follow the sea bed.
-        read: depths [1 or T, K, 1 or P] m of the levels in a window in that order, and of the sea bed
-            [1 or T, P] m below the surface, or None where that is not known.
+        read: depths [times or 1, levels, *points] m in the file's order where they follow the sea bed.
+        bed: depth [times or 1, *points] m of the sea bed below the surface where they follow it.
+        extra: "time" where these depend on it.
     """
 
     dim: str | None
+    count: int
     order: slice
     fixed: Array | None
-    read: Callable[[slice, Window], tuple[Array, Array | None]]
+    read: Callable[..., Array] | None = None
+    bed: Callable[..., Array] | None = None
+    extra: tuple[str, ...] = ()
 
 
-def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) -> Levels:
+def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
     """Return the levels of a velocity component.
 
     Args:
-        points: where it is given.
+        source: where it is given.
         name: of the component.
         dim: of its levels; None where it has none.
-        notes: get what has to be assumed.
 
     Raises:
         CurrentError: the levels have no depths, or such as contradict themselves.
     """
+    file = source.series
     if dim is None:
-        return _single(points, name, notes)
-    file = points.series.files[0]
-    for heights in _HEIGHTS:
+        return _single(source, name)
+    for heights in HEIGHTS:
         if heights in file.variables and dim in file.variables[heights].dims:
-            return _stated(points, heights, dim, notes)
-    found = s_levels(points.series, dim, notes)
-    if found is not None:
-        return _following(points, name, dim, found, notes)
+            return _stated(source, heights, dim)
+    s_depth = _s_levels(source.series, dim, source.notes)
+    if s_depth is not None:
+        return _following(source, name, dim, s_depth)
     for sigma, variable in file.variables.items():
-        stated = standard_name(file, sigma).startswith("ocean_sigma") or sigma in _SIGMAS
-        if stated and dim in variable.dims and (variable.ndim == 1 or points.has(sigma)):
-            return _sigma(points, name, sigma, dim, notes)
+        stated = file.standard_name(sigma).startswith("ocean_sigma") or sigma in SIGMAS
+        if stated and dim in variable.dims and (variable.ndim == 1 or source.has(sigma)):
+            return _sigma(source, name, sigma, dim)
     for heights, variable in file.variables.items():
-        if variable.ndim > 1 and dim in variable.dims and points.has(heights) and is_vertical(file, heights):
-            return _stated(points, heights, dim, notes)
-    axis = _axis(points, dim)
+        if variable.ndim > 1 and dim in variable.dims and source.has(heights) and is_vertical(file, heights):
+            return _stated(source, heights, dim)
+    axis = depth_axis(file, dim)
     if axis is None:
-        raise points.series.fail(
+        raise source.series.fail(
             f"{name} has levels along {dim}, but no depths of them: if they are levels, give their depths in "
             f"metres as {dim}({dim}) with positive = down; if not, take one of them out, such as by "
             f"ncks -d {dim},0"
         )
-    return _fixed(points, axis, dim, notes)
+    return _fixed(source, axis, dim)
 
 
-def is_level(points: Points, dim: str) -> bool:
-    """Return whether a file tells where levels along a dimension lie."""
-    file = points.series.files[0]
-    return _axis(points, dim) is not None or any(
-        dim in variable.dims
-        and (name in (*_HEIGHTS, *_SIGMAS) or standard_name(file, name).startswith("ocean_s"))
-        for name, variable in file.variables.items()
-    )
-
-
-def is_vertical(file: File, name: str) -> bool:
-    """Return whether a variable says that it is a depth or a height."""
-    attributes = file.variables[name].attrs
-    known = standard_name(file, name) == "depth" or standard_name(file, name).startswith(
-        ("height", "altitude")
-    )
-    return known or bool(text(attributes, "positive") and length_factor(text(attributes, "units")))
-
-
-def _axis(points: Points, dim: str) -> str | None:
-    """Return the variable that tells the depths along a dimension, None where there is none."""
-    file = points.series.files[0]
-    found = []
-    for candidate, variable in file.variables.items():
-        if variable.dims == (dim,) and variable.dtype.kind in "iuf":
-            standard = is_vertical(file, candidate)
-            likely = candidate == dim or standard or text(variable.attrs, "axis") == "Z"
-            named = "depth" in candidate.lower()
-            if likely or text(variable.attrs, "positive") or named:
-                counted = not (standard or named or text(variable.attrs, "units")) and _counts(
-                    file, candidate
-                )
-                if not counted:
-                    found.append((standard, candidate == dim, candidate))
-    return max(found)[2] if found else None
-
-
-def _counts(file: File, name: str) -> bool:
-    """Return whether the values of an axis are the numbers of its levels, or members, from 0 or 1."""
-    values = file.coordinate(name)
-    return bool(values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all())
-
-
-def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Levels:
-    file, series = points.series.files[0], points.series
-    values = np.atleast_1d(file.coordinate(axis))
-    if not text(series.attrs(axis), "units"):
+def _fixed(source: "Source", axis: str, dim: str | None) -> Levels:
+    series = source.series
+    values = np.atleast_1d(series.coordinate(axis))
+    if not series.text(axis, "units"):
         if len(values) > 1 and float(np.max(np.abs(values))) <= 1.0:
             raise series.fail(
                 f"{axis} has no units and lies between {values.min():g} and {values.max():g}, as shares of "
                 f"the depth do: say which, such as by ncatted -a units,{axis},c,c,m or by its standard_name"
             )
-        notes.append(f"{axis} has no units: taken as metres")
-    depths = _downward(points, axis, values * points.metres(axis), notes)
-    if (far := float(np.max(np.abs(depths)))) > DEEPEST:
+        source.notes.append(f"{axis} has no units: taken as metres")
+    depths = _downward(source, axis, values * source.series.metres(axis))
+    if (far := float(np.max(np.abs(depths)))) > _DEEPEST:
         raise series.fail(f"depths {axis} reach {far:g} m, where there is no sea: check units")
     steps = np.diff(depths)
     if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
@@ -139,128 +112,81 @@ def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Leve
             f"depths {axis} neither rise nor fall throughout: sort them, such as by xarray's sortby"
         )
     order = slice(None, None, -1 if len(steps) and steps[0] < 0 else 1)
-    rising = depths[order]
-
-    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        floor = points.floor(window)
-        return rising[None, :, None], None if floor is None else floor[None]
-
-    return Levels(dim, order, rising, read)
+    return Levels(dim, len(depths), order, depths[order])
 
 
-def _downward(points: Points, axis: str, values: Array, notes: list[str]) -> Array:
+def _downward(source: "Source", axis: str, values: Array) -> Array:
     """Depths, positive down, by the attribute `positive` or, without one, by their signs."""
-    attributes, file = points.series.attrs(axis), points.series.files[0]
-    positive = text(attributes, "positive").lower()
+    series, standard = source.series, source.series.standard_name(axis)
+    positive = series.text(axis, "positive").lower()
     signs = {bool(value > 0) for value in values if value != 0}
     if len(signs) > 1:
-        raise points.series.fail(f"depths {axis} are of both signs")
+        raise series.fail(f"depths {axis} are of both signs")
     above = signs == {False}
     if positive not in ("", "up", "down"):
-        raise points.series.fail(f"{axis} has positive = {positive!r}, neither up nor down")
-    if positive != "down" and not above and standard_name(file, axis).startswith(("height", "altitude")):
-        raise points.series.fail(
-            f"{axis} is {standard_name(file, axis)}, and positive: depths below the surface are needed"
-        )
+        raise series.fail(f"{axis} has positive = {positive!r}, neither up nor down")
+    if positive != "down" and not above and standard.startswith(("height", "altitude")):
+        raise series.fail(f"{axis} is {standard}, and positive: depths below the surface are needed")
     if positive == "":
-        notes.append(f"{axis} does not say which way is positive: {'up' if above else 'down'}, by its values")
+        way = "up" if above else "down"
+        source.notes.append(f"{axis} does not say which way is positive: {way}, by its values")
     elif signs and above != (positive == "up"):
         kind, other = ("negative", "up") if above else ("positive", "down")
-        raise points.series.fail(
+        raise series.fail(
             f"{axis} says positive = {positive}, but its values are {kind}: set it right, "
             f"such as by ncatted -a positive,{axis},o,c,{other}"
         )
-    elif signs and positive == "up" and standard_name(file, axis) == "depth":
-        notes.append(f"{axis} is called depth and is positive up: taken by the attribute positive")
+    elif signs and positive == "up" and standard == "depth":
+        source.notes.append(f"{axis} is called depth and is positive up: taken by the attribute positive")
     return -values + 0.0 if above else values + 0.0
 
 
-def _single(points: Points, name: str, notes: list[str]) -> Levels:
+def _single(source: "Source", name: str) -> Levels:
     """One level: at the depth of a scalar coordinate, or else at the surface."""
-    file = points.series.files[0]
-    words = standard_name(file, name)
+    file = source.series
     for candidate, variable in file.variables.items():
         if variable.ndim == 0 and variable.dtype.kind in "iuf":
-            standard = standard_name(file, candidate)
+            standard = file.standard_name(candidate)
             # The height of a wind may stand beside a current.
-            if "depth" in (standard, candidate.lower()) or (
-                standard == "height" and "sea_water" not in words
-            ):
-                return _fixed(points, candidate, None, notes)
-    notes.append(f"{name} has no levels: taken as the current at the surface")
-    fixed = np.zeros(1)
-
-    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        floor = points.floor(window)
-        return fixed[None, :, None], None if floor is None else floor[None]
-
-    return Levels(None, slice(None), fixed, read)
+            height = standard == "height" and "sea_water" not in file.standard_name(name)
+            if height or "depth" in (standard, candidate.lower()):
+                return _fixed(source, candidate, None)
+    source.notes.append(f"{name} has no levels: taken as the current at the surface")
+    return Levels(None, 1, slice(None), np.zeros(1))
 
 
-def _following(
-    points: Points, name: str, dim: str, depths: Callable[[Array, Array], Array], notes: list[str]
-) -> Levels:
+def _bed(source: "Source", name: str) -> Callable[..., Array]:
+    """Return what reads the depth [times or 1, *points] m of the sea bed below the surface."""
+    if source.floor_name is None:
+        raise source.series.fail(f"{name} has levels that follow the sea bed, but h is missing")
+    if source.rise_name is None:
+        source.notes.append("the surface's height zeta is not given: taken as 0")
+    return lambda *keys: source.floor(*keys) + source.rise(*keys)
+
+
+def _following(source: "Source", name: str, dim: str, depths: Callable[[Array, Array], Array]) -> Levels:
     """Levels whose depths [T, K, P] follow from the sea bed's [P] and the surface's height [T, P]."""
-    if points.floor_name() is None:
-        raise points.series.fail(f"{name} has levels that follow the sea bed, but h is missing")
-    if points.rise_name() is None:
-        notes.append("the surface's height zeta is not given: taken as 0")
+    bed = _bed(source, name)
 
-    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        floor, rise = points.floor(window), points.rise(frames, window)
-        assert floor is not None
-        return depths(floor, rise), floor + rise
+    def read(frames: Any, levels: Any, *keys: Any) -> Array:
+        floor, rise = source.floor(frames, *keys)[0], source.rise(frames, *keys)
+        found = depths(floor.ravel(), rise.reshape(len(rise), -1))
+        return found.reshape(*found.shape[:2], *floor.shape)[:, levels]
 
     # Whether the file counts from the bed or from the surface shows in any column.
     probe = depths(np.full(1, 100.0), np.zeros((1, 1)))[0, :, 0]
     steps = np.diff(probe)
     if not ((steps > 0).all() or (steps < 0).all()):
-        raise points.series.fail(f"levels along {dim} neither rise nor fall throughout")
-    if (steps > 0).all():
-        return Levels(dim, slice(None), None, read)
-
-    def flipped(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        levels, floor = read(frames, window)
-        return levels[:, ::-1], floor
-
-    return Levels(dim, slice(None, None, -1), None, flipped)
+        raise source.series.fail(f"levels along {dim} neither rise nor fall throughout")
+    order = slice(None, None, 1 if (steps > 0).all() else -1)
+    return Levels(dim, len(probe), order, None, read, bed, source.timed(source.rise_name))
 
 
-def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) -> Levels:
+def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
     """Shares of the water's depth, the same everywhere or given for each point; FVCOM, SELFE, POM."""
-    series = points.series
-    if series.dims(sigma) == (dim,):
-        shares = _shares(points, sigma)
-        return _following(
-            points, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None], notes
-        )
-    if not points.has(sigma):
-        raise series.fail(f"levels {sigma} are not given where {name} is")
-    if points.floor_name() is None:
-        raise series.fail(f"{name} has levels that follow the sea bed, but h is missing")
-    if points.rise_name() is None:
-        notes.append("the surface's height zeta is not given: taken as 0")
-    column = np.moveaxis(_shares(points, sigma), series.dims(sigma).index(dim), 0)
-    order = slice(None, None, 1 if column[0].mean() < column[-1].mean() else -1)
-
-    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        floor, rise = points.floor(window), points.rise(frames, window)
-        assert floor is not None
-        shares = np.abs(points.read(sigma, slice(0, 1), window, (dim,)))[:, order]
-        return shares * (floor + rise)[:, None], floor + rise
-
-    return Levels(dim, order, None, read)
-
-
-def _shares(points: Points, sigma: str) -> Array:
-    """Shares of the depth, 0 at the surface, of CF's sigma, which falls from 0 to -1.
-
-    Raises:
-        CurrentError: they reach beyond 1, or count from the bed.
-    """
-    series = points.series
-    values = series.files[0].coordinate(sigma)
-    if text(series.attrs(sigma), "positive").lower() == "up" and (values > 0.0).any():
+    series = source.series
+    values = source.series.coordinate(sigma)
+    if series.text(sigma, "positive").lower() == "up" and (values > 0.0).any():
         raise series.fail(
             f"levels {sigma} are positive upward, from the bed: CF's sigma, 0 at the surface and -1 at the "
             "bed, is needed"
@@ -268,45 +194,142 @@ def _shares(points: Points, sigma: str) -> Array:
     shares = np.abs(values)
     if shares.max() > 1.0 + 1e-6:
         raise series.fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
-    return shares
+    if series.dims(sigma) == (dim,):
+        return _following(
+            source, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None]
+        )
+    bed = _bed(source, name)
+    column = np.moveaxis(shares, series.dims(sigma).index(dim), 0)
+    order = slice(None, None, 1 if column[0].mean() < column[-1].mean() else -1)
+    own = source.reading(sigma, (dim,))
+
+    def read(frames: Any, levels: Any, *keys: Any) -> Array:
+        return np.abs(own(slice(0, 1), levels, *keys)) * bed(frames, *keys)[:, None]
+
+    return Levels(dim, len(column), order, None, read, bed, source.timed(source.rise_name))
 
 
-def _stated(points: Points, heights: str, dim: str, notes: list[str]) -> Levels:
+def _stated(source: "Source", heights: str, dim: str) -> Levels:
     """Heights above the datum, or depths, of each level and point, at each time or all; NaN below the bed."""
-    attributes = points.series.attrs(heights)
-    down = text(attributes, "positive").lower() == "down" or (
-        standard_name(points.series.files[0], heights) == "depth" and not text(attributes, "positive")
-    )
-    metres = points.metres(heights) * (-1.0 if down else 1.0)
-    if heights not in _HEIGHTS and not down and points.rise_name() is None:
-        notes.append("the surface's height is not given: taken as 0")
-    last = points.series.variables[heights].sizes[dim] - 1
-    first = points.series.read(heights, {dim: np.array([0, last])}, slice(0, 1), points.series.dims(heights))
-    ends = np.moveaxis(first[0], points.series.dims(heights).index(dim), 0) * metres
+    series = source.series
+    positive = series.text(heights, "positive").lower()
+    down = positive == "down" or (series.standard_name(heights) == "depth" and not positive)
+    metres = source.series.metres(heights) * (-1.0 if down else 1.0)
+    alone = source.rise_name is None
+    if heights not in HEIGHTS and not down and alone:
+        source.notes.append("the surface's height is not given: taken as 0")
+    count, dims = series.variables[heights].sizes[dim], series.dims(heights)
+    first = series.at(slice(0, 1), heights, {dim: np.array([0, count - 1])}, dims)
+    ends = np.moveaxis(first[0], dims.index(dim), 0) * metres
     both = np.isfinite(ends).all(axis=0)
     rising = not both.any() or float((ends[-1] - ends[0])[both].mean()) >= 0.0
-    order = slice(None, None, -1 if rising else 1)
+    own = source.reading(heights, (dim,))
 
-    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        height = points.read(heights, frames, window, (dim,)) * metres
-        if (far := float(np.nanmax(np.abs(height), initial=0.0))) > DEEPEST:
-            raise points.series.fail(
+    @once
+    def column(*keys: Any) -> tuple[Array, Array]:
+        """Depths below the surface as it is, and the surface's height."""
+        height = own(keys[0], slice(None), *keys[1:]) * metres
+        if (far := float(np.nanmax(np.abs(height), initial=0.0))) > _DEEPEST:
+            raise series.fail(
                 f"{heights} reaches {far:g} m, where there is no sea: check _FillValue and units"
             )
         there = np.isfinite(height)
-        rise = points.rise(frames, window)
-        if heights in _HEIGHTS and points.rise_name() is None:
+        rise = source.rise(*keys)
+        if heights in HEIGHTS and alone:
             top = np.where(there, height, -np.inf).max(axis=1)
             rise = np.where(np.isfinite(top), top, 0.0)
-        # Depths are below the surface as it is.
-        depths = np.where(there, (0.0 if down else rise[:, None]) - height, np.inf)
-        floor = points.floor(window)
-        if floor is not None:
-            return depths[:, order], floor + rise
-        bed = np.where(there, depths, -np.inf).max(axis=1)
-        return depths[:, order], np.where(np.isfinite(bed), bed, np.nan)
+        return np.where(there, (0.0 if down else rise[:, None]) - height, np.inf), rise
 
-    return Levels(dim, order, None, read)
+    def read(frames: Any, levels: Any, *keys: Any) -> Array:
+        return column(frames, *keys)[0][:, levels]
+
+    def bed(*keys: Any) -> Array:
+        depths, rise = column(*keys)
+        if source.floor_name is not None:
+            return source.floor(*keys) + rise
+        deepest = np.where(np.isfinite(depths), depths, -np.inf).max(axis=1)
+        return np.where(np.isfinite(deepest), deepest, np.nan)
+
+    extra = source.timed(heights) or source.timed(source.rise_name)
+    return Levels(dim, count, slice(None, None, -1 if rising else 1), None, read, bed, extra)
+
+
+def s_depths(s: Array, curve: Array, critical: float, transform: int, floor: Array, rise: Array) -> Array:
+    """Depths of ROMS' s-levels below the instantaneous surface, m, by its vertical S-coordinate.
+
+    Args:
+        s: [K] in [-1, 0], the vertical coordinate.
+        curve: [K] in [-1, 0], the stretching curve at s.
+        critical: m, depth below which the curve rules.
+        transform: 1 or 2, ROMS' Vtransform; CF's ocean_s_coordinate_g1 and _g2.
+        floor: [P] m, the sea bed below the datum.
+        rise: [T, P] m, the surface above the datum.
+
+    Returns:
+        [T, K, P] m.
+    """
+    s, curve = s[:, None], curve[:, None]
+    if transform == 1:
+        still = critical * s + (floor - critical) * curve
+        # The moving surface stretches the column of water at rest.
+        return -still - rise[:, None] * still / floor
+    share = (critical * s + floor * curve) / (critical + floor)
+    return -share * (rise + floor)[:, None]
+
+
+def _s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Array], Array] | None:
+    """Return `s_depths` of levels along a dimension by sea bed and surface; None for other levels."""
+    file = series
+    axis = next((name for name in _AXES if name in file.variables and series.dims(name) == (dim,)), dim)
+    between = axis in ("s_w", "sc_w")
+    coordinates, curves = _CURVES["w" if between else "rho"]
+    own = file.standard_name(axis) if axis in file.variables else ""
+    if axis not in _AXES and not own.startswith("ocean_s_coordinate"):
+        return None
+    count = next(v.sizes[dim] for v in file.variables.values() if dim in v.dims)
+    s = _parameter(series, (axis, *coordinates), count)
+    if s is None:
+        steps = np.arange(count) / (count - 1) if between else (np.arange(count) + 0.5) / count
+        s = steps - 1.0
+        notes.append(f"the s-levels along {dim} are not given: taken as evenly spaced")
+    curve, critical = _parameter(series, curves, count), _parameter(series, ("hc",), 1)
+    if curve is None or critical is None:
+        raise series.fail(f"levels along {dim} need {curves[0] if curve is None else 'hc'}, which is missing")
+    if not ((s >= -1.0001) & (s <= 0.0001) & (curve >= -1.0001) & (curve <= 0.0001)).all():
+        raise series.fail(f"{coordinates[0]} or {curves[0]} is not between -1 and 0")
+    transform = _transform(series, own, float(critical[0]), notes)
+    return lambda floor, rise: s_depths(s, curve, float(critical[0]), transform, floor, rise)
+
+
+def _transform(series: Series, own: str, critical: float, notes: list[str]) -> int:
+    stated = _parameter(series, ("Vtransform",), 1)
+    if stated is not None:
+        if stated[0] not in (1.0, 2.0):
+            raise series.fail(f"Vtransform is {stated[0]:g}, neither 1 nor 2")
+        return int(stated[0])
+    if own in ("ocean_s_coordinate_g1", "ocean_s_coordinate_g2"):
+        return int(own[-1])
+    if str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):
+        return 2
+    # With the first, levels would cross where the water is shallower than hc, and ROMS does not start.
+    shallow = "h" in series.variables and np.nanmin(series.coordinate("h", missing=True)) < critical
+    notes.append(f"Vtransform is missing: taken as {2 if shallow else 1}")
+    return 2 if shallow else 1
+
+
+def _parameter(series: Series, names: tuple[str, ...], count: int) -> Array | None:
+    """Return a parameter [count] that is a variable or, as CROCO writes it, an attribute of the file."""
+    for name in names:
+        if name in series.variables:
+            values = np.atleast_1d(series.coordinate(name))
+        elif name in series.attributes:
+            values = np.atleast_1d(np.asarray(series.attributes[name], float))
+        else:
+            continue
+        if values.size != count:
+            raise series.fail(f"{name} has {values.size} values, not {count}")
+        return values.ravel()
+    return None
 
 
 def at_depth(

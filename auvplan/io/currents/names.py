@@ -2,13 +2,13 @@
 
 import contextlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from auvplan.io.currents.opening import File, text
-from auvplan.io.currents.units import speed_factor
+from auvplan.io.currents.files import File, text
+from auvplan.io.currents.units import length_factor, speed_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: Standard names of velocities to true east, and along the grid's own axes.
@@ -31,18 +31,25 @@ _PAIRS = (
 #: SCHISM's velocity, both components in one variable along a last dimension.
 _BOTH = "hvel"
 _UPWARD = ("w", "wo", "ww", "vertical_velocity", "verticalVelocity")
-_LONGITUDES = (
-    "longitude", "lon", "nav_lon", "lon_rho", "Longitude", "lonc", "LON", "LONGITUDE", "SCHISM_hgrid_node_x",
-)  # fmt: skip
-_LATITUDES = (
-    "latitude", "lat", "nav_lat", "lat_rho", "Latitude", "latc", "LAT", "LATITUDE", "SCHISM_hgrid_node_y",
-)  # fmt: skip
+_PLACES = {
+    "longitude": ("longitude", "lon", "nav_lon", "lon_rho", "Longitude", "lonc", "LON", "LONGITUDE",
+                  "SCHISM_hgrid_node_x"),
+    "latitude": ("latitude", "lat", "nav_lat", "lat_rho", "Latitude", "latc", "LAT", "LATITUDE",
+                 "SCHISM_hgrid_node_y"),
+}  # fmt: skip
 _DEGREES = {
     "longitude": re.compile(r"degrees?_?(e|east|w|west)", re.IGNORECASE),
     "latitude": re.compile(r"degrees?_?(n|north|south)|degrees?_s", re.IGNORECASE),
 }
 _FLOOR_NAMES = ("sea_floor_depth_below_sea_level", "sea_floor_depth_below_geoid", "sea_floor_depth",
                 "model_sea_floor_depth_below_geoid")  # fmt: skip
+
+#: Masks of land by name, 1 is water: ROMS, NEMO, MITgcm and MOM6; and by standard name.
+MASKS = ("mask_rho", "tmask", "maskC", "hFacC", "wet")
+MASK_NAMES = ("sea_binary_mask", "land_binary_mask")
+#: Heights of levels above the datum, as SCHISM and SELFE tell them, and shares of the depth.
+HEIGHTS = ("zcor", "zCoordinates", "zval")
+SIGMAS = ("siglay", "sigma", "siglev")
 
 
 @dataclass(frozen=True)
@@ -63,12 +70,6 @@ class Names:
     note: str = ""
 
 
-def standard_name(file: File, name: str) -> str:
-    """Return a variable's CF standard name in lower case, without a modifier; empty where there is none."""
-    words = text(file.variables[name].attrs, "standard_name").lower().split()
-    return words[0] if words else ""
-
-
 def find_current(file: File) -> Names:
     """Return the level components of the current.
 
@@ -77,15 +78,18 @@ def find_current(file: File) -> Names:
     """
     by_standard: dict[str, list[str]] = {}
     for name in file.variables:
-        if not _on_network(file, name) and _is_current(file, name):
-            by_standard.setdefault(standard_name(file, name), []).append(name)
+        mesh = file.text(name, "mesh")
+        # A network of lines is such as the 1D part of D-Flow's rivers.
+        network = mesh in file.variables and file.text(mesh, "topology_dimension") == "1"
+        if not network and _is_current(file, name):
+            by_standard.setdefault(file.standard_name(name), []).append(name)
     found = [*filter(None, [_by_standard(file, by_standard, _TRUE), _by_standard(file, by_standard, _ALONG)])]
     with contextlib.suppress(CurrentError) if found else contextlib.nullcontext():
         found += filter(None, [_by_name(file)])
     found = found or [*filter(None, [_by_standard(file, by_standard, _PART)])]
     if not found:
-        raise CurrentError(
-            f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
+        raise file.fail(
+            f"no current: neither a variable with standard_name eastward_sea_water_velocity "
             f"nor one named {', '.join(east for east, _ in _PAIRS)}{_remedy(file)}"
         )
     # A current at the surface may stand beside that at all levels.
@@ -101,13 +105,10 @@ def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Patte
     for standard in sorted(filter(wanted.fullmatch, by_standard), key=len):
         across = standard.replace("eastward", "northward").replace("x_", "y_")
         east = _best(file, by_standard[standard])
-        partners = [
-            name
-            for name in by_standard.get(across, [])
-            if file.variables[name].ndim == file.variables[east].ndim
-        ]
+        ndim = file.variables[east].ndim
+        partners = [name for name in by_standard.get(across, []) if file.variables[name].ndim == ndim]
         if not partners:
-            raise CurrentError(f"{file.path}: {east} has no partner {across}")
+            raise file.fail(f"{east} has no partner {across}")
         note = ""
         if part := _PART.fullmatch(standard):
             means = {"geostrophic": "its geostrophic part", "barotropic": "its mean over the depth"}
@@ -118,17 +119,15 @@ def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Patte
 
 def _is_current(file: File, name: str) -> bool:
     """Return whether nothing in a variable's words says that it is a wind, ice, waves or an extreme."""
-    attributes = file.variables[name].attrs
-    words = " ".join(text(attributes, key) for key in ("standard_name", "long_name", "description"))
+    words = " ".join(file.text(name, key) for key in ("standard_name", "long_name", "description"))
     words = words.lower().replace("_", " ").replace("-", " ")
-    if _EXTREME.search(text(attributes, "cell_methods")):
-        return False
-    return _OTHER.search(words) is None or _WATER.search(words) is not None
+    sea = _OTHER.search(words) is None or _WATER.search(words) is not None
+    return sea and not _EXTREME.search(file.text(name, "cell_methods"))
 
 
 def _remedy(file: File) -> str:
     """Return what may be done with a file in which no current is known."""
-    standards = {standard_name(file, name): name for name in file.variables}
+    standards = {file.standard_name(name): name for name in file.variables}
     turned = next((name for standard, name in standards.items() if "direction" in standard), None)
     if "sea_water_speed" in standards and turned is not None:
         return (
@@ -138,44 +137,33 @@ def _remedy(file: File) -> str:
     swift = [
         name
         for name, variable in file.variables.items()
-        if variable.ndim > 1 and _is_current(file, name) and speed_factor(text(variable.attrs, "units"))
+        if variable.ndim > 1 and _is_current(file, name) and speed_factor(file.text(name, "units"))
     ]
     if len(swift) < 2:
-        passed = [name for pair in _PAIRS for name in pair if name in file.variables]
-        return (
-            f"; {', '.join(passed)} are by their attributes of wind, ice, waves or extremes" if passed else ""
-        )
+        passed = ", ".join(name for pair in _PAIRS for name in pair if name in file.variables)
+        return passed and f"; {passed} are by their attributes of wind, ice, waves or extremes"
     return (
         f"; speeds are {', '.join(swift[:8])}: rename the two that are eastward and northward, such as by "
         f"ncrename -v {swift[0]},uo -v {swift[1]},vo"
     )
 
 
-def _on_network(file: File, name: str) -> bool:
-    """Return whether a variable is given on a network of lines, such as the 1D part of D-Flow's rivers."""
-    mesh = file.variables.get(text(file.variables[name].attrs, "mesh"))
-    return mesh is not None and text(mesh.attrs, "topology_dimension") == "1"
-
-
 def _by_name(file: File) -> Names | None:
     for east, north in _PAIRS:
         if east in file.variables and north in file.variables:
-            names = [standard_name(file, name) for name in (east, north)]
+            names = [file.standard_name(name) for name in (east, north)]
             if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
                 stated = " and ".join(name or "none" for name in names)
-                raise CurrentError(f"{file.path}: {east} and {north} have standard names {stated}: in doubt")
-            if not any(map(_PART.fullmatch, names)) and all(
-                _is_current(file, name) for name in (east, north)
-            ):
+                raise file.fail(f"{east} and {north} have standard names {stated}: in doubt")
+            whole = not any(map(_PART.fullmatch, names))
+            if whole and _is_current(file, east) and _is_current(file, north):
                 return Names(east, north, None, "east" not in east)
-    if _BOTH in file.variables:
-        last = str(file.variables[_BOTH].dims[-1])
-        if file.variables[_BOTH].shape[-1] == 2:
-            return Names(_BOTH, _BOTH, last, True)
+    if _BOTH in file.variables and file.variables[_BOTH].shape[-1] == 2:
+        return Names(_BOTH, _BOTH, str(file.variables[_BOTH].dims[-1]), True)
     for east, north in _PAIRS:
         for present, missing in ((east, north), (north, east)):
             if present in file.variables and missing not in file.variables:
-                raise CurrentError(f"{file.path}: {present} has no partner {missing}")
+                raise file.fail(f"{present} has no partner {missing}")
     return None
 
 
@@ -191,8 +179,8 @@ def _best(file: File, names: Sequence[str]) -> str:
 
 def find_upward(file: File) -> str | None:
     """Return the vertical velocity, positive up, or None."""
-    named = [name for name in file.variables if standard_name(file, name) == "upward_sea_water_velocity"]
-    plain = [name for name in _UPWARD if name in file.variables and not standard_name(file, name)]
+    named = [name for name in file.variables if file.standard_name(name) == "upward_sea_water_velocity"]
+    plain = [name for name in _UPWARD if name in file.variables and not file.standard_name(name)]
     return (named + plain + [None])[0]
 
 
@@ -202,20 +190,14 @@ def require_field(file: File) -> None:
     Raises:
         CurrentError: the file says that it holds such.
     """
-    stated = text(file.attributes, "featureType") or next(
-        (
-            text(v.attrs, "cf_role")
-            for v in file.variables.values()
-            if text(v.attrs, "cf_role").endswith("_id")
-        ),
-        next(
-            (str(dim) for v in file.variables.values() for dim in v.dims if "station" in str(dim).lower()), ""
-        ),
-    )
-    if stated:
-        raise CurrentError(
-            f"{file.path}: holds single places ({stated}), between which the current is not known: a model's "
-            "output on a grid or a mesh is needed"
+    roles = [file.text(name, "cf_role") for name in file.variables]
+    dims = [str(dim) for variable in file.variables.values() for dim in variable.dims]
+    stated = [text(file.attributes, "featureType"), *(role for role in roles if role.endswith("_id"))]
+    stated += [dim for dim in dims if "station" in dim.lower()]
+    if any(stated):
+        raise file.fail(
+            f"holds single places ({next(filter(None, stated))}), between which the current is not known: a "
+            "model's output on a grid or a mesh is needed"
         )
 
 
@@ -234,24 +216,19 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
         pair = ("lon_rho", "lat_rho")
         for place in pair:
             if place not in file.variables or not np.nan_to_num(file.coordinate(place, missing=True)).any():
-                raise CurrentError(f"{file.path}: {name} is on a staggered grid, but {place} is missing")
+                raise file.fail(f"{name} is on a staggered grid, but {place} is missing")
         return pair
-    hints = text(file.variables[name].attrs, "coordinates").split()
-    found = [
-        _place(file, name, "longitude", _LONGITUDES, hints),
-        _place(file, name, "latitude", _LATITUDES, hints),
-    ]
-    if None in found:
-        projected = [_projected(file, name, axis) for axis in ("x", "y")]
-        if projected[0] is not None and projected[1] is not None:
-            return projected[0], projected[1]
-    for kind, place in zip(("longitude", "latitude"), found, strict=True):
+    found = {kind: _place(file, name, kind) for kind in _PLACES}
+    if None in found.values():
+        x, y = (_projected(file, name, axis) for axis in ("x", "y"))
+        if x is not None and y is not None:
+            return x, y
+    for kind, place in found.items():
         if place is None:
-            raise CurrentError(
-                f"{file.path}: {name} has no {kind}: name the model's grid file beside it in current.files, "
-                "if it has one"
+            raise file.fail(
+                f"{name} has no {kind}: name the model's grid file beside it in current.files, if it has one"
             )
-    return str(found[0]), str(found[1])
+    return str(found["longitude"]), str(found["latitude"])
 
 
 def _projected(file: File, of: str, axis: str) -> str | None:
@@ -264,55 +241,90 @@ def _projected(file: File, of: str, axis: str) -> str | None:
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims:
             continue
-        stated = standard_name(file, name) in standard[axis]
+        stated = file.standard_name(name) in standard[axis]
         if (stated or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
             found.append((not stated, name))
     return min(found)[1] if found else None
 
 
-def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence[str]) -> str | None:
-    order, dims, ranked = list(names), set(file.variables[of].dims), []
+def _place(file: File, of: str, kind: str) -> str | None:
+    """Return the longitude or latitude of a variable's points, or None.
+
+    Raises:
+        CurrentError: two are as likely as each other, but differ.
+    """
+    names, hints = _PLACES[kind], file.text(of, "coordinates").split()
+    dims, ranked = set(file.variables[of].dims), []
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims or name == of:
             continue
-        standard = standard_name(file, name) == kind
-        degrees = _DEGREES[kind].fullmatch(text(variable.attrs, "units")) is not None
-        if standard or degrees or name in order:
-            rank = (name not in hints, not standard, not degrees)
-            ranked.append((*rank, order.index(name) if name in order else len(order), name))
-    _require_one(file, of, kind, sorted(ranked)[:2])
-    for *_, name in sorted(ranked):
+        standard = file.standard_name(name) == kind
+        degrees = _DEGREES[kind].fullmatch(file.text(name, "units")) is not None
+        if standard or degrees or name in names:
+            order = names.index(name) if name in names else len(names)
+            ranked.append(((name not in hints, not standard, not degrees, order), name))
+    ranked.sort()
+    if len(ranked) > 1 and ranked[0][0] == ranked[1][0] and ranked[0][0][0]:
+        pair = [name for _, name in ranked[:2]]
+        one, two = (file.variables[name] for name in pair)
+        if one.ndim > 1 and one.dims == two.dims:
+            values = [np.nan_to_num(file.coordinate(name, missing=True)) for name in pair]
+            if all(part.any() for part in values) and not np.allclose(*values, rtol=0.0, atol=1e-6):
+                raise file.fail(
+                    f"the {kind} of {of} may be {pair[0]} or {pair[1]}: write which, such as by "
+                    f"ncatted -a coordinates,{of},o,c,'{pair[0]} ...'"
+                )
+    for _, name in ranked:
         # Models leave coordinates of grids that they do not write at zero.
         variable = file.variables[name]
-        if variable.ndim == 1 and variable.size == 1:
+        if variable.ndim == variable.size == 1:
             return name
         if np.nan_to_num(file.coordinate(name, missing=variable.ndim == 2)).any():
             return name
     return None
 
 
-def _require_one(file: File, of: str, kind: str, ranked: Sequence[tuple]) -> None:
-    """Refuse two coordinates that are as likely as each other, by their ranks, but differ."""
-    if len(ranked) < 2 or ranked[0][:-1] != ranked[1][:-1] or not ranked[0][0]:
-        return
-    one, two = (file.variables[entry[-1]] for entry in ranked)
-    if one.ndim < 2 or one.dims != two.dims:
-        return
-    values = [np.nan_to_num(file.coordinate(entry[-1], missing=True)) for entry in ranked]
-    if all(part.any() for part in values) and not np.allclose(*values, rtol=0.0, atol=1e-6):
-        names = [entry[-1] for entry in ranked]
-        raise CurrentError(
-            f"{file.path}: the {kind} of {of} may be {names[0]} or {names[1]}: write which, such as by "
-            f"ncatted -a coordinates,{of},o,c,'{names[0]} ...'"
-        )
-
-
 def find_floor(file: File, dims: Sequence[str]) -> str | None:
     """The sea bed on the dimensions of places: by standard name, ROMS' and FVCOM's h, D-Flow's altitude."""
     fitting = [name for name, variable in file.variables.items() if set(variable.dims) == set(dims)]
-    named = [name for name in fitting if standard_name(file, name) in _FLOOR_NAMES]
+    named = [name for name in fitting if file.standard_name(name) in _FLOOR_NAMES]
     plain = [name for name in ("h", "deptho", "bathymetry") if name in fitting]
     if "SCHISM_hgrid" in file.variables and "depth" in fitting:
         plain.append("depth")
-    plain += [n for n in fitting if n.endswith("flowelem_bl") and standard_name(file, n) == "altitude"]
+    plain += [n for n in fitting if n.endswith("flowelem_bl") and file.standard_name(n) == "altitude"]
     return (named + plain + [None])[0]
+
+
+def is_level(file: File, dim: str) -> bool:
+    """Return whether a file tells where levels along a dimension lie."""
+    return depth_axis(file, dim) is not None or any(
+        dim in variable.dims
+        and (name in (*HEIGHTS, *SIGMAS) or file.standard_name(name).startswith("ocean_s"))
+        for name, variable in file.variables.items()
+    )
+
+
+def is_vertical(file: File, name: str) -> bool:
+    """Return whether a variable says that it is a depth or a height."""
+    standard = file.standard_name(name)
+    known = standard == "depth" or standard.startswith(("height", "altitude"))
+    return known or bool(file.text(name, "positive") and length_factor(file.text(name, "units")))
+
+
+def depth_axis(file: File, dim: str) -> str | None:
+    """Return the variable that tells the depths along a dimension, None where there is none."""
+    found = []
+    for name, variable in file.variables.items():
+        if variable.dims != (dim,) or variable.dtype.kind not in "iuf":
+            continue
+        standard, named = is_vertical(file, name), "depth" in name.lower()
+        axis = file.text(name, "axis") == "Z" or file.text(name, "positive")
+        if not (standard or named or name == dim or axis):
+            continue
+        if not (standard or named or file.text(name, "units")):
+            # The numbers of levels, or members, from 0 or 1.
+            values = file.coordinate(name)
+            if values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all():
+                continue
+        found.append((standard, name == dim, name))
+    return max(found)[2] if found else None

@@ -6,20 +6,17 @@ from datetime import datetime
 from typing import Any, Self
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.currents.geometry import DEGREE, Curvilinear, Geometry, Regular, Window
+from auvplan.io.currents.files import Array, File, Paths, open_files
+from auvplan.io.currents.form import ABOUT, to_form
+from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.models import unified
-from auvplan.io.currents.names import Names, find_current, find_places, require_field
-from auvplan.io.currents.opening import File, Paths, open_files
-from auvplan.io.currents.projection import find_crs, in_degrees
-from auvplan.io.currents.series import Array, Series, in_order
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
-from auvplan.io.currents.triangles import Triangles, find_triangles
-from auvplan.io.currents.velocity import Velocity, find_velocity
-from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered
+from auvplan.io.currents.triangles import Geometry
 from auvplan.ocean.gridded import CurrentError
+from auvplan.scenario.provenance import ORIGIN
 
 #: More values at once are refused before they are read.
 MAX_VALUES = 300_000_000
@@ -34,8 +31,27 @@ _KINDS = {
     "roms": "curvilinear grid with components on the edges of its cells",
     "triangles": "mesh",
 }
-
 Triple = tuple[Array, Array, Array | None]
+
+
+@dataclass(frozen=True)
+class Block:
+    """What is read of some times and points, T times, K levels, P points.
+
+    Attributes:
+        east, north: [T, K, P] m/s; both NaN where there is no water.
+        depths: [1 or T, K, 1 or P] m below the surface, rising.
+        floor: [1 or T, P] m, the sea bed below the surface; None where it is not known.
+        up: [T, Ku, P] m/s, or None.
+        depths_up: [1 or T, Ku, 1 or P] m, those of `up`.
+    """
+
+    east: Array
+    north: Array
+    depths: Array
+    floor: Array | None
+    up: Array | None
+    depths_up: Array
 
 
 @dataclass(frozen=True)
@@ -45,42 +61,94 @@ class OceanData:
     Make one with `open_ocean`; it is also a context manager that closes the files.
 
     Attributes:
+        form: the current as one CF data set, see `auvplan.io.currents.form`.
+        geometry: the places of its points.
         kind: "regular", "curvilinear", "roms" (velocities on the edges of the cells) or "triangles".
         longitude, latitude: degrees; [nx] and [ny] where regular, [ny, nx] where curvilinear, else [P].
         times: [T] s since 1970-01-01 UTC.
         levels: [K] m below the surface, or None where they follow the sea bed.
         notes: what had to be assumed.
-        velocity: how the current is read.
+        label: the files' name for messages.
     """
 
+    form: xr.Dataset
+    geometry: Geometry
     kind: str
     longitude: Array
     latitude: Array
     times: Array
     levels: Array | None
     notes: tuple[str, ...]
-    velocity: Velocity
+    label: str
 
-    @property
-    def geometry(self) -> Geometry:
-        """The places of the points."""
-        return self.velocity.points.geometry
-
-    @property
-    def series(self) -> Series:
-        """The files."""
-        return self.velocity.points.series
-
-    @property
-    def level_count(self) -> int:
-        """Number of levels, 1 where there is no such dimension."""
-        part = self.velocity.east
-        return int(self.series.variables[part.name].sizes[part.levels.dim]) if part.levels.dim else 1
+    @classmethod
+    def of(cls, form: xr.Dataset, geometry: Geometry) -> Self:
+        """Return the current of a data set in the form, and of the places of its points."""
+        depth, places = form.variables["depth"], (geometry.kind, geometry.longitude, geometry.latitude)
+        levels = depth.values if depth.ndim == 1 else None
+        times = form.variables["time"].values
+        return cls(form, geometry, *places, times, levels, form.attrs["notes"], form.attrs["source"])
 
     @property
     def moments(self) -> tuple[datetime, ...]:
         """The times in UTC."""
         return tuple(moment_of(second) for second in self.times)
+
+    def source(self, name: str) -> str | None:
+        """Return the files' own name of one of the form's variables, None where they lack it."""
+        return self.form[name].encoding["source"] if name in self.form else None
+
+    def fail(self, words: str) -> CurrentError:
+        """Return an error that names the files."""
+        return CurrentError(f"{self.label}: {words}")
+
+    def field(self, name: str, frames: slice, window: Window) -> NDArray[Any]:
+        """Return values [T or 1, ..., P or 1] of a variable of the form at some times and a window's points.
+
+        Raises:
+            CurrentError: they cannot be read, or make no sense.
+        """
+        variable = self.form.variables[name]
+        picks = {"time": frames, **window.picks}
+        values = variable.isel({dim: pick for dim, pick in picks.items() if dim in variable.dims}).values
+        if not set(window.picks) & set(variable.dims):
+            return values[None, :, None]
+        values = values.reshape(*values.shape[: values.ndim - len(window.picks)], window.points)
+        return values if "time" in variable.dims else values[None]
+
+    def rise(self, frames: slice, window: Window) -> Array:
+        """Height [T or 1, P] m of the surface above the datum; 0 where it is not given."""
+        return self.field("zos", frames, window) if "zos" in self.form else np.zeros((1, window.points))
+
+    def read(self, frames: slice, window: Window) -> Block:
+        """Return everything about a window's points at some times.
+
+        Raises:
+            CurrentError: values cannot be read, or are no velocities of water.
+        """
+        form = self.form
+        east, north = (self.field(name, frames, window) for name in ("uo", "vo"))
+        land = ~(np.isfinite(east) & np.isfinite(north))
+        for name in ("mask", "wet", "flats"):
+            if name in form:
+                water = self.field(name, frames, window)
+                land |= ~(water if water.ndim == 3 else water[:, None])
+        if "angle" in form:
+            turn = self.field("angle", frames, window)[0]
+            cos, sin = np.cos(turn), np.sin(turn)
+            east, north = east * cos - north * sin, east * sin + north * cos
+        depths = self.field("depth", frames, window)
+        bed = next((name for name in ("bed", "deptho") if name in form), None)
+        floor = None if bed is None else self.field(bed, frames, window)
+        if floor is not None and self.levels is not None:
+            # Models without a fill value leave the levels below the bed at zero.
+            land |= (east == 0.0) & (north == 0.0) & (depths > floor[:, None])
+        up, depths_up = None, depths
+        if "wo" in form:
+            up = self.field("wo", frames, window)
+            depths_up = self.field("depth_w", frames, window) if "depth_w" in form else depths
+        east, north = (np.where(land, np.nan, values) for values in (east, north))
+        return Block(east, north, depths, floor, up, depths_up)
 
     def at(self, longitude: ArrayLike, latitude: ArrayLike, depth: ArrayLike, moment: Any) -> Triple:
         """Return the current at places and moments: linear in the horizontal, in depth and in time.
@@ -104,17 +172,16 @@ class OceanData:
         places = [np.broadcast_to(axis, shape).reshape(-1) for axis in given]
         east, north, down, seconds = places
         if not all(np.isfinite(axis).all() for axis in places) or (down < 0).any():
-            raise self.series.fail("places need finite numbers and depths that are not negative")
+            raise self.fail("places need finite numbers and depths that are not negative")
         if not len(east):
             empty = np.zeros(shape)
-            return empty, empty, None if self.velocity.up is None else empty
+            return empty, empty, None if "wo" not in self.form else empty
         weights = self.geometry.locate(east, latitude=north)
         if weights.outside.any():
-            raise self.series.fail(f"a place is outside the data, {describe(weights.beyond)}")
-        before, share = self._frames(seconds)
-        found = self._sampled(weights, down, before, share)
-        answer = [values.reshape(shape) for values in found]
-        return answer[0], answer[1], answer[2] if self.velocity.up is not None else None
+            raise self.fail(f"a place is outside the data, {describe(weights.beyond)}")
+        self.check_times(float(seconds.min()), float(seconds.max()))
+        to_east, to_north, up = (values.reshape(shape) for values in self._sampled(weights, down, seconds))
+        return to_east, to_north, up if "wo" in self.form else None
 
     def is_water(
         self, longitude: Array, latitude: Array, frames: slice, reach: float = 0.0
@@ -132,7 +199,7 @@ class OceanData:
         Raises:
             CurrentError: values cannot be read.
         """
-        wet = np.full(self.geometry.count, -1, np.int8)
+        wet = np.full(int(np.prod(self.geometry.shape)), -1, np.int8)
         found = np.zeros(len(longitude), bool)
         for first in range(0, len(longitude), _PLACES):
             part = slice(first, first + _PLACES)
@@ -143,18 +210,14 @@ class OceanData:
             used = np.unique(weights.index[there])
             new = used[wet[used] < 0]
             if len(new):
-                wet[new] = self._wet(new, frames)
+                window = self.geometry.window(new[:, None])
+                water = np.ones(window.points, bool)
+                for k in range(frames.start, frames.stop):
+                    water &= np.isfinite(self.read(slice(k, k + 1), window).east[0, 0])
+                wet[new] = water[window.index[:, 0]]
             left = (weights.weight * (wet[weights.index] > 0)).sum(axis=1)
             found[part] = there & (left >= ENOUGH)
         return found
-
-    def _wet(self, index: Index, frames: slice) -> NDArray[np.bool_]:
-        """[P] whether source points have water at the surface at all of some times."""
-        window = self.geometry.window(index[:, None])
-        wet = np.ones(window.points, bool)
-        for frame in range(frames.start, frames.stop):
-            wet &= np.isfinite(self.velocity.read(slice(frame, frame + 1), window).east[0, 0])
-        return wet[window.index[:, 0]]
 
     def sea_floor(self, longitude: Array, latitude: Array) -> Array | None:
         """Return the depth of the sea bed below the datum [M], m; None where the source does not tell it.
@@ -163,10 +226,9 @@ class OceanData:
         """
         weights = self.geometry.locate(longitude, latitude)
         window = self.geometry.window(weights.index)
-        floor = self.velocity.points.floor(window)
-        if floor is None:
+        if "deptho" not in self.form:
             return None
-        (depth,) = mix_gathered(weights.weight, floor[window.index])
+        (depth,) = mix_gathered(weights.weight, self.field("deptho", slice(0, 1), window)[0][window.index])
         return np.where(weights.outside, np.nan, depth)
 
     def frames(self, first: float, last: float) -> slice:
@@ -187,11 +249,11 @@ class OceanData:
             has = f"{stamp(self.times[0])} to {stamp(self.times[-1])}"
             if len(self.times) == 1:
                 has = f"{stamp(self.times[0])} only"
-            raise self.series.fail(f"the mission needs {wanted}, the file covers {has}")
+            raise self.fail(f"the mission needs {wanted}, the file covers {has}")
 
     def close(self) -> None:
         """Let go of the files."""
-        self.series.close()
+        self.form.close()
 
     def __enter__(self) -> Self:
         return self
@@ -199,26 +261,17 @@ class OceanData:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _frames(self, seconds: Array) -> tuple[np.ndarray, Array]:
-        """Return the time before each moment, and the share of the way to the next."""
-        self.check_times(float(seconds.min()), float(seconds.max()))
-        if len(self.times) == 1:
-            return np.zeros(len(seconds), np.int64), np.zeros(len(seconds))
-        held = np.clip(seconds, self.times[0], self.times[-1])
-        before = np.clip(np.searchsorted(self.times, held, side="right") - 1, 0, len(self.times) - 2)
-        share = (held - self.times[before]) / (self.times[before + 1] - self.times[before])
-        return before, share
-
-    def _sampled(self, weights: Weights, depth: Array, before: np.ndarray, share: Array) -> Array:
+    def _sampled(self, weights: Weights, depth: Array, seconds: Array) -> Array:
         """[3, M] m/s east, north and up, NaN where there is no water."""
         window = self.geometry.window(weights.index)
+        before, share, _ = along(self.times, seconds)
         ends = np.full((2, 3, len(depth)), np.nan)
         for frame in np.unique(np.concatenate([before, before[share > 0] + 1])):
             block = None
             for end in range(2):
                 wanted = np.flatnonzero((before + end == frame) & ((share > 0) if end else (share < 1)))
                 if len(wanted):
-                    block = block or self.velocity.read(slice(int(frame), int(frame) + 1), window)
+                    block = block or self.read(slice(int(frame), int(frame) + 1), window)
                     ends[end][:, wanted] = _gathered(block, window, weights, depth, wanted)
         values = (1.0 - share) * ends[0] + share * ends[1]
         return np.where(share <= 0, ends[0], np.where(share >= 1, ends[1], values))
@@ -255,8 +308,9 @@ def describe(beyond: Array) -> str:
 
 def misunderstood(label: str, error: Exception) -> CurrentError:
     """Return what no check has foreseen, as one line that names the file."""
-    line = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return CurrentError(f"{label}: cannot be understood ({line})")
+    return CurrentError(
+        f"{label}: cannot be understood ({type(error).__name__}: {' '.join(str(error).split())})"
+    )
 
 
 def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData:
@@ -289,115 +343,19 @@ def ocean_of(files: Sequence[File]) -> OceanData:
         CurrentError: as `open_ocean`.
     """
     try:
-        return _standardised(unified(files))
+        return OceanData.of(*to_form(files))
     except CurrentError:
         raise
     except Exception as error:
         raise misunderstood(files[0].path, error) from None
 
 
-def _standardised(files: Sequence[File]) -> OceanData:
-    names = find_current(files[0])
-    places = _places(files[0], names)
-    series = in_order(files, names.east, places or ())
-    notes = [*series.notes, *filter(None, [names.note])]
-    geometry = _geometry(series, names, places, notes)
-    if isinstance(geometry, Curvilinear) and geometry.folds:
-        grid = " and ".join(places or ())
-        raise series.fail(f"the grid of {grid} folds over itself: they contradict each other")
-    if isinstance(geometry, Triangles) and geometry.overlaps:
-        raise series.fail("the cells of the mesh lie over each other: places and connectivity contradict")
-    if torn := _torn(geometry):
-        notes.append(
-            f"{torn} sides or triangles of the grid are far longer than usual: there are no cells there"
-        )
-    velocity = find_velocity(series, names, geometry, notes)
-    return OceanData(
-        geometry.kind, geometry.longitude, geometry.latitude, series.times, velocity.east.levels.fixed,
-        tuple(dict.fromkeys(notes)), velocity,
-    )  # fmt: skip
-
-
-def _places(file: File, names: Names) -> tuple[str, str] | None:
-    """Longitude and latitude of the points; None where cells have none of their own."""
-    dims = [file.variables[name].dims[-2:] for name in (names.east, names.north)]
-    staggered = dims[0] != dims[1] and "lon_rho" in file.variables
-    try:
-        found = find_places(file, names.east, staggered)
-    except CurrentError:
-        if staggered or find_triangles(file, names.east, None, []) is None:
-            require_field(file)
-            raise
-        return None
-    if not staggered:
-        _require_same_places(file, names, found)
-    return found
-
-
-def _require_same_places(file: File, names: Names, found: tuple[str, str]) -> None:
-    """Refuse components on the same dimensions that lie at other places, by their `coordinates`."""
-    try:
-        others = find_places(file, names.north)
-    except CurrentError:
-        return
-    for name, other in zip(found, others, strict=True):
-        if name == other:
-            continue
-        one, two = (file.coordinate(place, missing=True) for place in (name, other))
-        if one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
-            raise CurrentError(
-                f"{file.path}: {names.east} lies at {name} and {names.north} at {other}, which differ: "
-                "interpolate both to the middles of the cells first"
-            )
-
-
-def _torn(geometry: Geometry) -> int:
-    """Return how many sides of cells are too long to be any."""
-    if isinstance(geometry, Curvilinear):
-        return sum(int((step > geometry.longest).sum()) for step in geometry.steps)
-    cells = geometry.cells if isinstance(geometry, Triangles) else None
-    return 0 if cells is None else int((~cells.whole).sum())
-
-
-def _geometry(series: Series, names: Names, places: tuple[str, str] | None, notes: list[str]) -> Geometry:
-    file = series.files[0]
-    if places is None:
-        found = find_triangles(file, names.east, None, notes)
-        assert found is not None
-        return found
-    longitude, latitude, crs = in_degrees(file, places)
-    dims = [tuple(str(dim) for dim in file.variables[name].dims) for name in places]
-    if crs is not None and dims[0] != dims[1]:
-        return Curvilinear((*dims[1], *dims[0]), longitude, latitude, crs=crs)
-    if longitude.ndim == 2:
-        if dims[0] != dims[1] or min(longitude.shape) < 2:
-            raise series.fail(f"{places[0]} and {places[1]} are no grid of rows and columns")
-        staggered = places[0] == "lon_rho" and dims[0][-1] not in file.variables[names.north].dims[-1:]
-        east_dims, north_dims = (file.variables[name].dims[-2:] for name in (names.east, names.north))
-        kind = "roms" if staggered or east_dims != north_dims else "curvilinear"
-        own = crs or find_crs(file, (names.east, *places))
-        return Curvilinear(dims[0], longitude, latitude, kind, own)
-    if dims[0] == dims[1] and longitude.ndim == 1:
-        found = find_triangles(file, names.east, places, notes)
-        assert found is not None
-        return found
-    if longitude.ndim > 1 or latitude.ndim > 1:
-        raise series.fail(f"{places[0]} and {places[1]} have other dimensions than each other")
-    for name, axis in zip(places, (np.unwrap(np.atleast_1d(longitude), period=360.0), latitude), strict=True):
-        steps = np.diff(np.atleast_1d(axis))
-        if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
-            raise series.fail(f"{name} neither rises nor falls throughout")
-    return Regular((dims[1][0], dims[0][0]), longitude, latitude)
-
-
 def summary_of(ocean: OceanData) -> dict[str, Any]:
     """Return kind, extent, times and levels of a current, ready for JSON."""
-    points = ocean.velocity.points
-    shape = ocean.longitude.shape if ocean.kind != "regular" else (len(ocean.latitude), len(ocean.longitude))
     found: dict[str, Any] = {
-        "files": ocean.series.label,
+        "files": ocean.label,
         "kind": _KINDS[ocean.kind],
-        "points": " x ".join(map(str, shape)),
+        "points": " x ".join(map(str, ocean.geometry.shape)),
         "longitude": _span(ocean.longitude),
         "latitude": _span(ocean.latitude),
         "times": len(ocean.times),
@@ -412,14 +370,88 @@ def summary_of(ocean: OceanData) -> dict[str, Any]:
         found["levels"] = f"one, {ocean.levels[0]:g} m"
     else:
         found["levels"] = f"{len(ocean.levels)}, {ocean.levels[0]:g} to {ocean.levels[-1]:g} m"
-    names = {
-        "components": f"{ocean.velocity.east.name}, {ocean.velocity.north.name}",
-        "vertical": None if ocean.velocity.up is None else ocean.velocity.up.name,
-        "sea_floor": points.floor_name(),
-        "surface_height": points.rise_name(),
+    names = {"vertical": "wo", "sea_floor": "deptho", "surface_height": "zos"}
+    return found | {
+        "components": f"{ocean.source('uo')}, {ocean.source('vo')}",
+        **{what: ocean.source(name) or "not given" for what, name in names.items()},
     }
-    return found | {name: value or "not given" for name, value in names.items()}
 
 
 def _span(values: Any) -> str:
     return f"{np.nanmin(values):.4f} to {np.nanmax(values):.4f}"
+
+
+def to_cf(ocean: OceanData) -> xr.Dataset:
+    """Return all of a current as CF-1.11, with a mesh as UGRID-1.0.
+
+    Args:
+        ocean: as `open_ocean` returns it.
+
+    Returns:
+        `uo`, `vo` and, where the source has it, `wo` [time, level, points] m/s, NaN where there is no water;
+        `deptho` [points] m where the bed is given; `zos` [time, points] m, the surface above the datum, where
+        it is given. Levels are `depth` [level] m, or `zcor` [time, level, points] m above the datum
+        where they follow the bed.
+
+    Raises:
+        CurrentError: values cannot be read, or are too many.
+    """
+    form, grid = ocean.form, ocean.geometry
+    times, levels, points = form.sizes["time"], form.sizes["level"], int(np.prod(grid.shape))
+    if times * levels * points > MAX_VALUES // 4:
+        raise ocean.fail(
+            f"{times} times, {levels} levels and {points} points are too many to be written at "
+            "once: cut what is needed out of them first, such as by ncks"
+        )
+    frames, window = (
+        slice(0, times),
+        Window({dim: slice(None) for dim in grid.dims}, np.arange(points), points),
+    )
+    block, rise = ocean.read(frames, window), ocean.rise(frames, window)
+    fields: dict[str, Any] = {"uo": block.east, "vo": block.north}
+    if block.up is not None and block.up.shape[1] == levels:
+        fields["wo"] = block.up
+    if "zos" in form:
+        fields["zos"] = rise
+    fields = {
+        name: np.broadcast_to(values, (times, *values.shape[1:])).astype(np.float32)
+        for name, values in fields.items()
+    }
+    if "deptho" in form:
+        fields["deptho"] = ocean.field("deptho", frames, window)[0]
+    if ocean.levels is None:
+        if "deptho" in form and block.floor is not None:
+            rise = block.floor - fields["deptho"]
+        fields["zcor"] = rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
+        fields["zcor"] = np.broadcast_to(fields["zcor"], (times, levels, points))
+    located: dict[str, Any] = {}
+    found: dict[str, Any] = {"time": ("time", ocean.times, ABOUT["time"])}
+    if ocean.levels is not None:
+        found["depth"] = "level", ocean.levels, ABOUT["depth"]
+    places = grid.coordinates
+    if "face_nodes" in places:
+        located = {"mesh": "mesh", "location": grid.dims[0]}
+        found["mesh"] = (), np.int32(0), ABOUT["mesh"]
+    for name, (dims, values) in places.items():
+        kind = next(
+            kind for kind in ("longitude", "latitude", "face_nodes") if name.endswith((kind, kind[:3]))
+        )
+        if name == "face_nodes":
+            values = values.astype(np.int32)
+        elif name == kind and ocean.kind == "triangles":
+            if located.get("location") == "node":
+                continue
+            name = f"{dims[0]}_{kind}"
+        found[name] = dims, values, ABOUT[kind]
+    leads, current = {"zos": ("time",), "deptho": ()}, {}
+    for name, values in fields.items():
+        about = ABOUT[name] | (located if name != "zcor" else {})
+        shaped = values.reshape(*values.shape[:-1], *grid.shape)
+        current[name] = (*leads.get(name, ("time", "level")), *grid.dims), shaped, about
+    attributes = {
+        "Conventions": "CF-1.11 UGRID-1.0",
+        "source": ocean.label,
+        "comment": "; ".join(ocean.notes),
+    }
+    origin = {name: str(value).strip() for name, value in form.attrs.items() if str(name).startswith(ORIGIN)}
+    return xr.Dataset(current, found, attributes | origin)

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from pyproj import CRS, Geod, Transformer
 
-from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.files import Array, File, text
 from auvplan.io.currents.units import length_factor
-from auvplan.io.currents.weights import Array
 from auvplan.ocean.gridded import CurrentError
 
 _EARTH, _SPHERE = Geod(ellps="WGS84"), Geod(ellps="sphere")
@@ -45,13 +44,11 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
             degrees.
     """
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
-    if all(text(file.variables[name].attrs, "units").lower().startswith("rad") for name in places):
+    if all(file.text(name, "units").lower().startswith("rad") for name in places):
         return np.rad2deg(x), np.rad2deg(y), None
     x, y = (
         -values
-        if re.fullmatch(
-            r"degrees?_?(w|west|south)|degrees?_s", text(file.variables[name].attrs, "units"), re.I
-        )
+        if re.fullmatch(r"degrees?_?(w|west|south)|degrees?_s", file.text(name, "units"), re.I)
         else values
         for name, values in zip(places, (x, y), strict=True)
     )
@@ -60,21 +57,21 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
         if not odd and finite.any():
             return x, y, None
-        if any(text(file.variables[name].attrs, "units").lower().startswith("deg") for name in places):
-            raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no degrees")
+        if any(file.text(name, "units").lower().startswith("deg") for name in places):
+            raise file.fail(f"{places[0]} and {places[1]} are no degrees")
     crs = find_crs(file, places)
     if crs is None:
-        raise CurrentError(
-            f"{file.path}: {places[0]} and {places[1]} are metres of a projection that the file does not "
+        raise file.fail(
+            f"{places[0]} and {places[1]} are metres of a projection that the file does not "
             "name: say current.crs, such as EPSG:32633"
         )
     if not (crs.is_projected or crs.is_derived):
-        raise CurrentError(
-            f"{file.path}: {places[0]} and {places[1]} are metres, {crs.name} is no projection"
-        )
+        raise file.fail(f"{places[0]} and {places[1]} are metres, {crs.name} is no projection")
+    degrees = [file.text(name, "units").lower().startswith("deg") for name in places]
+    factors = [1.0 if turned else file.metres(name) for name, turned in zip(places, degrees, strict=True)]
     x, y = (
-        values * _metres(file, name) / (1.0 if crs.is_geographic else _unit(crs))
-        for name, values in zip(places, (x, y), strict=True)
+        values * factor / (1.0 if crs.is_geographic else _unit(crs))
+        for values, factor in zip((x, y), factors, strict=True)
     )
     if file.variables[places[0]].dims != file.variables[places[1]].dims:
         x, y = np.meshgrid(x, y)
@@ -82,7 +79,7 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
     longitude, latitude = np.asarray(longitude, float), np.asarray(latitude, float)
     known = np.isfinite(longitude) & np.isfinite(latitude)
     if not known[np.isfinite(x) & np.isfinite(y)].all():
-        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} do not lie within {crs.name}")
+        raise file.fail(f"{places[0]} and {places[1]} do not lie within {crs.name}")
     return longitude, latitude, crs
 
 
@@ -93,7 +90,7 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         CurrentError: the file's own contradicts the argument, or makes no sense.
     """
     stated = None if file.crs is None else as_crs(file.crs)
-    mappings = [text(file.variables[name].attrs, "grid_mapping").split(":")[0] for name in names]
+    mappings = [file.text(name, "grid_mapping").split(":")[0] for name in names]
     listed = [name for name in mappings if name in file.variables]
     others = [
         name
@@ -105,7 +102,7 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         if own is None:
             continue
         if stated is not None and not own.equals(stated, ignore_axis_order=True):
-            raise CurrentError(f"{file.path}: {name} is {own.name}, not {stated.name} as current.crs says")
+            raise file.fail(f"{name} is {own.name}, not {stated.name} as current.crs says")
         return own
     return stated
 
@@ -139,21 +136,9 @@ def _from_east(x: Array, y: Array, to_x: Array, to_y: Array, earth: Geod) -> Arr
 
 
 def _is_projected(file: File, name: str) -> bool:
-    attributes = file.variables[name].attrs
-    standard, units = text(attributes, "standard_name").lower(), text(attributes, "units").lower()
-    return standard.startswith(("projection_", "grid_longitude", "grid_latitude")) or (
-        bool(units) and length_factor(units) is not None
-    )
-
-
-def _metres(file: File, name: str) -> float:
-    units = text(file.variables[name].attrs, "units")
-    factor = length_factor(units) if units and not units.lower().startswith("deg") else 1.0
-    if factor is None:
-        raise CurrentError(
-            f"{file.path}: {name} has units {units!r}, which are no length: set them to m or km"
-        )
-    return factor
+    units = file.text(name, "units")
+    stated = file.standard_name(name).startswith(("projection_", "grid_longitude", "grid_latitude"))
+    return stated or (bool(units) and length_factor(units) is not None)
 
 
 def _unit(crs: CRS) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +13,11 @@ from scipy.sparse import csr_array
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.doubts import check_times, check_values, percent
+from auvplan.io.currents.files import Array, Paths
+from auvplan.io.currents.geometry import Weights, mix
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
-from auvplan.io.currents.opening import Paths
-from auvplan.io.currents.series import Array
+from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, misunderstood, open_ocean
 from auvplan.io.currents.times import moment_of, seconds_of
-from auvplan.io.currents.velocity import Block
-from auvplan.io.currents.weights import Weights, mix
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site, swapped_hint
 
@@ -78,25 +76,55 @@ class CurrentFile:
 
 
 @dataclass(frozen=True, eq=False)
+class _Box:
+    """A box that is read: the source, and m north, east and depth of its corners about a site.
+
+    Attributes:
+        clamp: whether the nearest value holds beyond the data.
+        notes: get what has to be assumed.
+    """
+
+    source: OceanData
+    site: Site
+    low: Array
+    high: Array
+    clamp: bool
+    notes: list[str]
+
+    def grid(self, axes: tuple[Array, Array]) -> "_Grid":
+        """Return nodes by their axes."""
+        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        longitude, latitude = self.site.to_geographic(north, east)
+        weights = self.source.geometry.locate(longitude, latitude)
+        return _Grid(axes, north, east, longitude, latitude, weights)
+
+    def axes(self, step: float) -> tuple[Array, Array]:
+        """North and east of nodes from edge to edge, m, `step` apart at most."""
+        # A share of a spacing that rounding adds is no reason for one more node.
+        north, east = (
+            np.linspace(low, high, max(2, int(np.ceil((high - low) / step - _SAME)) + 1))
+            for low, high in zip(self.low[:2], self.high[:2], strict=True)
+        )
+        return north, east
+
+
+@dataclass(frozen=True, eq=False)
 class _Grid:
     """Nodes of a local grid, and where they are in the source.
 
     Attributes:
         axes: [X] north and [Y] east of the nodes, m, even.
+        north, east: [X Y] m.
         longitude, latitude: [X Y] degrees.
         weights: of the X Y nodes.
     """
 
     axes: tuple[Array, Array]
+    north: Array
+    east: Array
     longitude: Array
     latitude: Array
     weights: Weights
-
-    @classmethod
-    def of(cls, source: OceanData, site: Site, axes: tuple[Array, Array]) -> Self:
-        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        longitude, latitude = site.to_geographic(north, east)
-        return cls(axes, longitude, latitude, source.geometry.locate(longitude, latitude))
 
 
 def read_current(
@@ -121,8 +149,9 @@ def read_current(
     instantaneous surface.
 
     Args:
-        paths: one path, a glob pattern, an xarray dataset, or a list of such; files may be split over time,
-            and hold the components, the grid and the levels apart.
+        paths: one path, a glob pattern, an xarray dataset such as one made by hand in the form of
+            `auvplan.io.currents.form`, or a list of such; files may be split over time, and hold the
+            components, the grid and the levels apart.
         site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
         lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
         times: first and last s since the epoch that must be covered; all of the data's by default.
@@ -156,46 +185,43 @@ def read_current(
         raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
     source = open_ocean(paths, crs=crs, epoch=data_epoch)
     try:
-        return _read(source, site, low, high, times, spacing, depths, outside == "clamp", land)
+        box = _Box(source, site, low, high, outside == "clamp", list(source.notes))
+        return _read(box, times, spacing, depths, land)
     except CurrentError:
         source.close()
         raise
     except Exception as error:
         source.close()
-        raise misunderstood(source.series.label, error) from None
+        raise misunderstood(source.label, error) from None
 
 
 def _read(
-    source: OceanData,
-    site: Site,
-    low: Array,
-    high: Array,
+    box: _Box,
     times: tuple[float, float] | None,
     spacing: float | None,
     depths: ArrayLike | None,
-    clamp: bool,
     land: Land | None,
 ) -> CurrentFile:
-    notes = list(source.notes)
+    source, site, notes = box.source, box.site, box.notes
     epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
     start = float(seconds_of(epoch))
-    frames = _frames(source, start, times, clamp, notes)
-    step = _step(source, site, low, high, spacing)
-    grid = _Grid.of(source, site, _axes(low, high, step))
+    frames = _frames(box, start, times)
+    step = _step(box, spacing)
+    grid = box.grid(box.axes(step))
     if grid.weights.outside.any():
-        _check_cover(source, site, grid, land, clamp, notes)
-    wanted = _depths(source, high[2], depths, notes)
+        _check_cover(box, grid, land)
+    wanted = _depths(box, depths)
     if spacing is None:
         values = grid.weights.outside.size * len(wanted) * (frames.stop - frames.start)
         denser = float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
-        own = _source_grid(source, site, low, high)
+        own = _source_grid(box)
         if own is not None:
             grid = own
         elif denser > 1.0:
-            grid = _Grid.of(source, site, _axes(low, high, step / denser))
+            grid = box.grid(box.axes(step / denser))
     longitude, latitude, weights = grid.longitude, grid.latitude, grid.weights
     apart = (float(grid.axes[0][1] - grid.axes[0][0]), float(grid.axes[1][1] - grid.axes[1][0]))
-    velocities, floor, lowest = _gridded(source, weights, frames, wanted, notes)
+    velocities, floor, lowest = _gridded(box, weights, frames, wanted)
     bearing = site.true_north(longitude, latitude)
     cos, sin = np.cos(bearing), np.sin(bearing)
     to_north, to_east, down = velocities
@@ -203,14 +229,14 @@ def _read(
     u = (to_north * cos - to_east * sin).reshape(shape)
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
-        raise source.series.fail("the current is missing everywhere in the box: there is land only")
-    check_times(source.series, frames)
+        raise source.fail("the current is missing everywhere in the box: there is land only")
+    check_times(source, frames)
 
     def place(i: int, j: int) -> str:
         k = i * shape[3] + j
         return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
 
-    check_values(source.series, frames, wanted, source.levels is None, u, v, place)
+    check_values(source, frames, wanted, u, v, place)
     origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
@@ -218,57 +244,39 @@ def _read(
     )  # fmt: skip
     covered = ~weights.outside
     if source.kind != "triangles" and not covered.all():
-        covered = np.hypot(*weights.beyond.T) <= _source_spacing(source, site, low, high) / 2.0
+        covered = np.hypot(*weights.beyond.T) <= _source_spacing(box) / 2.0
     covered = np.asarray(covered.reshape(shape[2:]))
     sea_floor, low_water = (
         None if values is None else np.where(covered, values.reshape(shape[2:]), np.nan)
         for values in (floor, lowest)
     )
     water = np.asarray(np.isfinite(u[:, 0]).all(axis=0)) & covered
-    return CurrentFile(
-        field,
-        epoch,
-        water,
-        covered,
-        sea_floor,
-        low_water,
-        origin,
-        apart,
-        tuple(dict.fromkeys(notes)),
-        site,
-        source,
-    )
+    told = tuple(dict.fromkeys(notes))
+    return CurrentFile(field, epoch, water, covered, sea_floor, low_water, origin, apart, told, site, source)
 
 
-def _check_cover(
-    source: OceanData,
-    site: Site,
-    grid: _Grid,
-    land: Land | None,
-    clamp: bool,
-    notes: list[str],
-) -> None:
+def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
     """Refuse a box that the data does not cover, or note what holds beyond it.
 
     Raises:
         CurrentError: a node lies beyond the data where there is water, or all do.
     """
-    weights, outside = grid.weights, grid.weights.outside
-    north, east = (axis.ravel() for axis in np.meshgrid(*grid.axes, indexing="ij"))
-    mesh = source.kind == "triangles"
+    weights, outside, notes = grid.weights, grid.weights.outside, box.notes
+    mesh = box.source.kind == "triangles"
     if callable(land):
-        dry = np.asarray(land(north, east), bool)
+        dry = np.asarray(land(grid.north, grid.east), bool)
     else:
-        dry = np.full(len(north), mesh and land == "mesh")
+        dry = np.full(len(outside), mesh and land == "mesh")
     lacking = outside & ~dry
-    if outside.all() or (lacking.any() and not clamp):
+    if outside.all() or (lacking.any() and not box.clamp):
         lacking = outside if outside.all() else lacking
 
         def fits(other: Site) -> bool:
-            return not source.geometry.locate(*other.to_geographic(north, east)).outside.any()
+            places = other.to_geographic(grid.north, grid.east)
+            return not box.source.geometry.locate(*places).outside.any()
 
-        far, hint = describe(weights.beyond[lacking]), swapped_hint(site, fits)
-        raise source.series.fail(
+        far, hint = describe(weights.beyond[lacking]), swapped_hint(box.site, fits)
+        raise box.source.fail(
             f"{percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
@@ -278,54 +286,45 @@ def _check_cover(
         notes.append(f"{percent(outside)} of the box lies beyond the data's area, where there is land")
 
 
-def _frames(
-    source: OceanData, start: float, times: tuple[float, float] | None, clamp: bool, notes: list[str]
-) -> slice:
+def _frames(box: _Box, start: float, times: tuple[float, float] | None) -> slice:
     """Return the data's times that are needed."""
+    source = box.source
     if times is None:
         return slice(0, len(source.times))
     if len(times) != 2 or not np.isfinite(times).all() or times[0] > times[1]:
         raise CurrentError(f"times must be the first and the last, s, got {times}")
     first, last = start + times[0], start + times[1]
-    if clamp:
-        try:
-            source.check_times(first, last)
-        except CurrentError as error:
-            if first > source.times[-1] or last < source.times[0]:
-                line = f"{error}: none of it is covered, the nearest time holds throughout (current.outside)"
-                warnings.warn(line, ScenarioWarning, stacklevel=2)
-            notes.append("beyond the data's times its nearest value holds")
-    else:
+    try:
         source.check_times(first, last)
+    except CurrentError as error:
+        if not box.clamp:
+            raise
+        if first > source.times[-1] or last < source.times[0]:
+            line = f"{error}: none of it is covered, the nearest time holds throughout (current.outside)"
+            warnings.warn(line, ScenarioWarning, stacklevel=2)
+        box.notes.append("beyond the data's times its nearest value holds")
     return source.frames(first, last)
 
 
-def _step(source: OceanData, site: Site, low: Array, high: Array, spacing: float | None) -> float:
+def _step(box: _Box, spacing: float | None) -> float:
     """M between nodes, at most."""
-    extent = high[:2] - low[:2]
     if spacing is None:
-        return max(_source_spacing(source, site, low, high), float(extent.max()) / (MAX_NODES - 1))
+        return max(_source_spacing(box), float((box.high - box.low)[:2].max()) / (MAX_NODES - 1))
     if not (np.isfinite(spacing) and spacing > 0):
         raise CurrentError(f"spacing must be positive, got {spacing}")
-    count = max(map(len, _axes(low, high, float(spacing))))
+    count = max(map(len, box.axes(float(spacing))))
     if count > MAX_NODES:
         makes = f"{spacing:g} m makes {count} nodes a side, more than {MAX_NODES}"
         raise CurrentError(makes, field="spacing")
     return float(spacing)
 
 
-def _axes(low: Array, high: Array, step: float) -> tuple[Array, Array]:
-    """North and east of nodes from edge to edge of the box, m."""
-    # A share of a spacing that rounding adds is no reason for one more node.
-    counts = [max(2, int(np.ceil(length / step - _SAME)) + 1) for length in (high - low)[:2]]
-    return np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1])
-
-
-def _source_grid(source: OceanData, site: Site, low: Array, high: Array) -> _Grid | None:
+def _source_grid(box: _Box) -> _Grid | None:
     """Return the source's own rows and columns in and around the box; None where they are not even ones.
 
     Interpolation between them is that of the source, and not one between values that were interpolated.
     """
+    source, site, low, high = box.source, box.site, box.low, box.high
     middle = (np.atleast_1d(axis) for axis in site.to_geographic(*(0.5 * (low + high)[:2])))
     index = source.geometry.locate(*middle).index
     if index.shape[1] != 4:
@@ -340,71 +339,73 @@ def _source_grid(source: OceanData, site: Site, low: Array, high: Array) -> _Gri
     if skew > _OFF * step.min() or counts.max() > MAX_NODES:
         return None
     axes = first[0] + step[0] * np.arange(counts[0]), first[1] + step[1] * np.arange(counts[1])
-    grid = _Grid.of(source, site, axes)
+    grid = box.grid(axes)
     nearest = grid.weights.weight.max(axis=1)[~grid.weights.outside]
     return grid if len(nearest) and (nearest >= 1.0 - 2.0 * _OFF).all() else None
 
 
-def _source_spacing(source: OceanData, site: Site, low: Array, high: Array) -> float:
+def _source_spacing(box: _Box) -> float:
     """Median distance, m, between neighbours among the source's points around the box."""
-    axes = [np.linspace(low[k], high[k], 24) for k in range(2)]
-    north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-    weights = source.geometry.locate(*site.to_geographic(north, east))
-    index = weights.index
+    north, east = (np.linspace(box.low[k], box.high[k], 24) for k in range(2))
+    index = box.grid((north, east)).weights.index
     ring = (0, 1, 2, 0) if index.shape[1] == 3 else (0, 1, 3, 2, 0)
     pairs = np.concatenate([index[:, [a, b]] for a, b in pairwise(ring)])
     pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-    ends = [np.stack(site.to_local(*source.geometry.places(pairs[:, k])), axis=1) for k in range(2)]
+    ends = [np.stack(box.site.to_local(*box.source.geometry.places(pairs[:, k])), axis=1) for k in range(2)]
     length = np.linalg.norm(ends[0] - ends[1], axis=1)
     length = length[length > 1e-3]
-    return float(np.median(length)) if len(length) else float((high - low)[:2].max())
+    return float(np.median(length)) if len(length) else float((box.high - box.low)[:2].max())
 
 
-def _depths(source: OceanData, deepest: float, depths: ArrayLike | None, notes: list[str]) -> Array:
+def _depths(box: _Box, depths: ArrayLike | None) -> Array:
     """Depths of the local grid, m."""
     if depths is not None:
         wanted = np.atleast_1d(np.asarray(depths, float))
         if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted, prepend=-1e-9) <= 0).any():
             raise CurrentError("depths must be rising numbers that are not negative")
         return wanted
-    levels = np.asarray(STANDARD_DEPTHS, float) if source.levels is None else source.levels
-    if source.levels is not None and deepest > levels[-1]:
-        notes.append(f"below {levels[-1]:g} m the deepest level is extrapolated")
+    known, deepest = box.source.levels, box.high[2]
+    levels = np.asarray(STANDARD_DEPTHS, float) if known is None else known
+    if known is not None and deepest > levels[-1]:
+        box.notes.append(f"below {levels[-1]:g} m the deepest level is extrapolated")
     return levels[: int(np.searchsorted(levels, deepest)) + 1]
 
 
 def _gridded(
-    source: OceanData, weights: Weights, frames: slice, wanted: Array, notes: list[str]
+    box: _Box, weights: Weights, frames: slice, wanted: Array
 ) -> tuple[tuple[Array, Array, Array | None], Array | None, Array | None]:
     """North, east and down [T, D, M] m/s at M places and D depths, the sea bed and the lowest water [M] m."""
+    source = box.source
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
-    each = window.points * max(1, source.level_count)
-    values = count * each * (2 if source.velocity.up is None else 3)
+    each = window.points * source.form.sizes["level"]
+    values = count * each * (3 if "wo" in source.form else 2)
     grid = count * len(wanted) * len(weights.index) * 3
     if max(values, grid) > MAX_VALUES:
-        raise source.series.fail(
+        raise source.fail(
             f"{count} times and {window.points} points are {max(values, grid)} values, more than {MAX_VALUES}"
         )
     matrix = Weights(window.index, weights.weight, weights.beyond).matrix(window.points)
     step = max(1, _CHUNK // each)
     parts = [
-        _block_at(source.velocity.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
+        _block_at(source.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
         for k in range(frames.start, frames.stop, step)
     ]
     east, north, up = (np.concatenate(part) for part in zip(*parts, strict=True))
-    floor = source.velocity.points.floor(window)
-    if floor is not None:
-        floor = mix(matrix, floor[None])[0][0]
-    lowest = source.velocity.points.lowest(frames, window)
-    if lowest is not None:
-        lowest = mix(matrix, lowest[None])[0][0]
-    if source.velocity.up is None:
+    floor, lowest = None, None
+    if "deptho" in source.form:
+        floor = mix(matrix, source.field("deptho", frames, window))[0][0]
+    if "zos" in source.form:
+        lowest = source.rise(frames, window).min(axis=0, keepdims=True)
+        if "mask" in source.form:
+            lowest = np.where(source.field("mask", frames, window), lowest, np.nan)
+        lowest = mix(matrix, lowest)[0][0]
+    if "wo" not in source.form:
         return (north, east, None), floor, lowest
     # The field's mask is one for all components.
     lacking = np.isnan(up) & np.isfinite(east)
     if lacking.any():
-        notes.append("where the level current is given and the vertical one is not, that is taken as 0")
+        box.notes.append("where the level current is given and the vertical one is not, that is taken as 0")
     return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
 
 
@@ -427,7 +428,7 @@ def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Ar
         pair = at_depth(level, depths, np.full(1, depth), floor)
         found[:2, :, k] = mix(matrix, *(values.reshape(count, points) for values in pair))
         found[2, :, k] = np.nan
-        if block.up is not None and block.depths_up is not None:
+        if block.up is not None:
             (up,) = at_depth((columns(block.up),), columns(block.depths_up), np.full(1, depth), floor)
             (found[2, :, k],) = mix(matrix, up.reshape(count, points))
     return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])

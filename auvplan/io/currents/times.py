@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from auvplan.io.currents.opening import MAX_COORDINATE, File, text
+from auvplan.io.currents.files import MAX_COORDINATE, Array, File
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import as_utc
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_REAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian", "julian")
 #: Calendars that xarray decodes by itself.
 _WITHOUT_CFTIME = ("", "standard", "gregorian", "proleptic_gregorian")
 #: Misspelt names of calendars.
@@ -42,86 +40,78 @@ def find_time(file: File, dims: tuple[str, ...]) -> str:
     Raises:
         CurrentError: there is none.
     """
-    found = []
+    found, plain = [], []
     for name, variable in file.variables.items():
-        fits = variable.ndim == 0 or (variable.ndim == 1 and variable.dims[0] in dims)
-        if not fits or " since " not in f" {text(variable.attrs, 'units')} ".lower():
-            continue
-        likely = (
-            text(variable.attrs, "standard_name") == "time",
-            name in _NAMES,
-            text(variable.attrs, "axis") == "T",
-            name in variable.dims,
-            variable.ndim,
+        units, named = file.text(name, "units"), name in _NAMES
+        along = variable.ndim == 1 and variable.dims[0] in dims
+        standard = file.text(name, "standard_name") == "time"
+        if (along or variable.ndim == 0) and " since " in f" {units} ".lower():
+            likely = standard, named, file.text(name, "axis") == "T", name in variable.dims, variable.ndim
+            # HYCOM's tau, "hours since analysis", is no date.
+            if any(likely[:4]) or any(letter.isdigit() for letter in units):
+                found.append((likely, name))
+        if along and (named or (standard and variable.dims == (name,))):
+            plain.append(name)
+    plain += [name for name in file.variables if _is_text_of(file, name, dims)]
+    if not (found or plain):
+        raise file.fail(
+            "no time coordinate with units like 'seconds since 1970-01-01': give it one, such as by ncap2"
         )
-        # HYCOM's tau, "hours since analysis", is no date.
-        if any(likely[:4]) or any(letter.isdigit() for letter in text(variable.attrs, "units")):
-            found.append((likely, name))
-    if not found:
-        plain = [
-            name
-            for name, variable in file.variables.items()
-            if variable.ndim == 1
-            and variable.dims[0] in dims
-            and (name in _NAMES or variable.dims == (name,))
-            and (name in _NAMES or text(variable.attrs, "standard_name") == "time")
-        ]
-        plain += [name for name in file.variables if _is_text_of(file, name, dims)]
-        if plain:
-            return plain[0]
-        raise CurrentError(
-            f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01': give it "
-            "one, such as by ncap2"
-        )
-    return max(found)[1]
+    return max(found)[1] if found else plain[0]
 
 
-def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]:
+def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
     """Seconds since 1970-01-01 UTC of the values of a time coordinate [T], and notes on how they were read.
 
     Raises:
         CurrentError: dates are missing, cannot be understood, or run backwards.
     """
-    variable = file.variables[name]
-    units = re.sub(
-        r"(.*)\bsince\b", lambda found: found[0].lower(), text(variable.attrs, "units"), flags=re.I
-    )
-    calendar = text(variable.attrs, "calendar").lower()
+    variable, notes = file.variables[name], []
+    units = re.sub(r"(.*)\bsince\b", lambda found: found[0].lower(), file.text(name, "units"), flags=re.I)
+    calendar = file.text(name, "calendar").lower()
     calendar = _MISSPELT.get(calendar, calendar)
-    notes = []
-    exact = _modified_julian(file, variable.dims)
-    if exact is None:
-        exact = _written_out(file, variable.dims, name)
-    if exact is None and "since" not in units:
+    seconds = _modified_julian(file, variable.dims)
+    if seconds is None:
+        seconds = _written_out(file, variable.dims, name)
+    if seconds is None and "since" not in units:
         for words, days in _JULIAN.items():
             if units.lower().replace("_", " ").startswith(words):
                 units, calendar = days, "proleptic_gregorian"
-    if exact is None and "%Y%m%d" in units:
-        exact = _digits(file, name)
-    if exact is None and "since" not in units:
-        units = _since_stated(file, name, units, notes)
-    if exact is not None:
-        seconds = exact
-    else:
+    if seconds is None and "%Y%m%d" in units:
+        seconds = _digits(file, name)
+    if seconds is None and "since" not in units:
+        if file.epoch is None:
+            raise file.fail(
+                f"{name} does not tell the date that it counts from: say current.epoch, such as "
+                "2026-05-01T00:00:00Z"
+            )
+        if not units:
+            notes.append(f"{name} has no units: taken as seconds since current.epoch")
+        unit = units.split()[0].lower() if units else "seconds"
+        units = f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
+    if seconds is None:
         if variable.size > MAX_COORDINATE:
-            raise CurrentError(f"{file.path}: {name} has {variable.size} values, which are not read")
+            raise file.fail(f"{name} has {variable.size} values, which are not read")
         values = np.atleast_1d(file.read(name) if variable.size else np.zeros(0))
         if not values.size:
-            raise CurrentError(f"{file.path}: {name} has no times")
+            raise file.fail(f"{name} has no times")
         if not np.isfinite(values).all():
-            raise CurrentError(f"{file.path}: {name} has missing dates")
+            raise file.fail(f"{name} has missing dates")
         # 1e30 and the like would overflow before it is refused.
-        if np.abs(values).max() > 1e17:
-            far = np.abs(values).max()
-            raise CurrentError(f"{file.path}: {name} has dates that are none: {far:g} {units}")
+        if (far := np.abs(values).max()) > 1e17:
+            raise file.fail(f"{name} has dates that are none: {far:g} {units}")
         seconds = _decoded(file, name, values, units, calendar)
-        _note_coarse(variable, name, values, seconds, notes)
-    if calendar not in _REAL_CALENDARS:
+        steps = np.diff(values)
+        if variable.encoding.get("dtype", variable.dtype) == np.float32 and steps.any():
+            ulp = float(np.spacing(np.float32(far))) * np.median(np.diff(seconds)) / np.median(steps)
+            if ulp > _COARSE:
+                notes.append(
+                    f"{name} is in single precision, in steps of {ulp:.0f} s: its moments are no better known"
+                )
+    if calendar not in (*_WITHOUT_CFTIME, "julian"):
         notes.append(f"{name}: dates of the calendar {calendar} are taken as UTC dates by their fields")
     if (np.diff(seconds) < 0).any():
-        raise CurrentError(
-            f"{file.path}: {name} does not rise: sort the file by it, such as by xarray's sortby"
-        )
+        raise file.fail(f"{name} does not rise: sort the file by it, such as by xarray's sortby")
     return seconds, notes
 
 
@@ -130,7 +120,7 @@ def moment_of(seconds: float) -> datetime:
     return _EPOCH + timedelta(seconds=float(seconds))
 
 
-def seconds_of(moment: Any) -> NDArray[np.float64]:
+def seconds_of(moment: Any) -> Array:
     """Return seconds since 1970 of datetimes, datetime64 or such seconds, of any shape.
 
     Datetimes without a time zone are UTC.
@@ -162,21 +152,16 @@ def stamp(seconds: float) -> str:
     return moment_of(round(float(seconds))).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _decoded(
-    file: File, name: str, values: NDArray[np.float64], units: str, calendar: str
-) -> NDArray[np.float64]:
+def _decoded(file: File, name: str, values: Array, units: str, calendar: str) -> Array:
     attributes = {"units": units} | ({"calendar": calendar} if calendar else {})
     reference = units.partition(" since ")[2]
     zone = _ZONE.search(reference)
     if zone is not None and zone[1].upper() not in _UTC:
-        raise CurrentError(
-            f"{file.path}: {name}: the time zone {zone[1]} in {units!r} is in doubt: write it as an "
-            "offset, such as +02:00"
+        raise file.fail(
+            f"{name}: the time zone {zone[1]} in {units!r} is in doubt: write it as an offset, such as +02:00"
         )
     if _DAY_FIRST.match(reference):
-        raise CurrentError(
-            f"{file.path}: {name}: {units!r} may begin with the day or the month: write it as YYYY-MM-DD"
-        )
+        raise file.fail(f"{name}: {units!r} may begin with the day or the month: write it as YYYY-MM-DD")
     try:
         with file.guarded(name):
             found = xr.decode_cf(xr.Dataset({"time": ("time_", values, attributes)}))["time"].values
@@ -185,50 +170,26 @@ def _decoded(
                 return np.round((found - np.datetime64(0, "s")) / np.timedelta64(1, "us")) / 1e6
     except CurrentError:
         if calendar not in _WITHOUT_CFTIME and find_spec("cftime") is None:
-            raise CurrentError(
-                f"{file.path}: {name}: calendar {calendar} needs a further package: "
-                "pip install 'auvplan[readers]'"
+            raise file.fail(
+                f"{name}: calendar {calendar} needs a further package: pip install 'auvplan[readers]'"
             ) from None
-        raise CurrentError(
-            f"{file.path}: {name}: dates cannot be understood: {units!r}: units such as 'hours since "
+        raise file.fail(
+            f"{name}: dates cannot be understood: {units!r}: units such as 'hours since "
             "2026-05-01' are needed"
         ) from None
     if found.dtype != object:
-        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}")
-    return np.asarray([_by_fields(file, name, date, calendar) for date in found])
-
-
-def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
-    """Return seconds since 1970 of a cftime date.
-
-    A Julian one stands for its day, others for their fields.
-    """
-    fields = (date.year, date.month, date.day, date.hour, date.minute, date.second, date.microsecond)
-    if calendar == "julian":
-        date = date.change_calendar("proleptic_gregorian")
-        fields = (date.year, date.month, date.day, date.hour, date.minute, date.second, date.microsecond)
-    try:
-        return (datetime(*fields, tzinfo=UTC) - _EPOCH).total_seconds()
-    except ValueError:
-        day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
-        raise CurrentError(f"{file.path}: {name}: {day} of the calendar {calendar} is no UTC date") from None
-
-
-def _since_stated(file: File, name: str, units: str, notes: list[str]) -> str:
-    """Return units of times that count from the moment given for the file.
-
-    Raises:
-        CurrentError: none was given, or the units are no time.
-    """
-    if file.epoch is None:
-        raise CurrentError(
-            f"{file.path}: {name} does not tell the date that it counts from: say current.epoch, such as "
-            "2026-05-01T00:00:00Z"
-        )
-    unit = units.split()[0].lower() if units else "seconds"
-    if not units:
-        notes.append(f"{name} has no units: taken as seconds since current.epoch")
-    return f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
+        raise file.fail(f"{name}: dates cannot be understood: {units!r}")
+    moments = []
+    for date in found:
+        # A Julian date stands for its day, others for their fields.
+        same = date.change_calendar("proleptic_gregorian") if calendar == "julian" else date
+        fields = same.year, same.month, same.day, same.hour, same.minute, same.second, same.microsecond
+        try:
+            moments.append(datetime(*fields, tzinfo=UTC))
+        except ValueError:
+            day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
+            raise file.fail(f"{name}: {day} of the calendar {calendar} is no UTC date") from None
+    return seconds_of(moments)
 
 
 def _is_text_of(file: File, name: str, dims: tuple[str, ...]) -> bool:
@@ -238,7 +199,7 @@ def _is_text_of(file: File, name: str, dims: tuple[str, ...]) -> bool:
     return fits and ("time" in name.lower() or "date" in name.lower())
 
 
-def _written_out(file: File, dims: tuple, name: str) -> NDArray[np.float64] | None:
+def _written_out(file: File, dims: tuple, name: str) -> Array | None:
     """Dates as text to the microsecond, of the times or of FVCOM's Times; None where there are none.
 
     Raises:
@@ -258,54 +219,33 @@ def _written_out(file: File, dims: tuple, name: str) -> NDArray[np.float64] | No
         dates = [datetime.fromisoformat(row.strip(" \0").replace("_", "T").removesuffix("Z")) for row in rows]
     except ValueError:
         if found[0] == name:
-            raise CurrentError(
-                f"{file.path}: {name}: dates cannot be understood: {rows[0]!r}: write them as "
-                "2026-05-01T00:00:00"
+            raise file.fail(
+                f"{name}: dates cannot be understood: {rows[0]!r}: write them as 2026-05-01T00:00:00"
             ) from None
         return None
-    return np.asarray([(as_utc(date) - _EPOCH).total_seconds() for date in dates])
+    return seconds_of(dates)
 
 
-def _digits(file: File, name: str) -> NDArray[np.float64]:
+def _digits(file: File, name: str) -> Array:
     """Return s since 1970 of numbers such as 20260501.25, a quarter into a day."""
     values = np.atleast_1d(file.coordinate(name))
     days = np.floor(values + 1e-7)
     try:
         dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
     except ValueError:
-        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {values[0]:.10g}") from None
-    whole = np.asarray([(date - _EPOCH).total_seconds() for date in dates])
-    return whole + np.round((values - days) * 86400.0, 1)
+        raise file.fail(f"{name}: dates cannot be understood: {values[0]:.10g}") from None
+    return seconds_of(dates) + np.round((values - days) * 86400.0, 1)
 
 
-def _note_coarse(
-    variable: xr.Variable,
-    name: str,
-    values: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-    notes: list[str],
-) -> None:
-    """Note times in single precision that cannot tell moments apart."""
-    steps = np.diff(values)
-    if variable.encoding.get("dtype", variable.dtype) != np.float32 or not steps.any():
-        return
-    ulp = float(np.spacing(np.float32(np.abs(values).max()))) * np.median(np.diff(seconds)) / np.median(steps)
-    if ulp > _COARSE:
-        notes.append(
-            f"{name} is in single precision, in steps of {ulp:.0f} s: its moments are no better known"
-        )
-
-
-def _modified_julian(file: File, dims: tuple) -> NDArray[np.float64] | None:
+def _modified_julian(file: File, dims: tuple) -> Array | None:
     """FVCOM's whole days and milliseconds, where it gives them: its float32 days are minutes off."""
     days, rest = (file.variables.get(name) for name in ("Itime", "Itime2"))
     if days is None or rest is None or days.dims != dims or rest.dims != dims:
         return None
-    if not text(days.attrs, "units").lower().startswith("days since 1858-11-17"):
-        return None
-    if not text(rest.attrs, "units").lower().startswith("msec"):
+    units = [file.text(name, "units").lower() for name in ("Itime", "Itime2")]
+    if not (units[0].startswith("days since 1858-11-17") and units[1].startswith("msec")):
         return None
     seconds = (file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0
     if not np.isfinite(seconds).all():
-        raise CurrentError(f"{file.path}: Itime has missing dates")
+        raise file.fail("Itime has missing dates")
     return np.atleast_1d(seconds)

@@ -8,12 +8,26 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
-from auvplan.io.currents.geometry import Window, bounds, edge_lengths, metres, nearest, offset, within
+from auvplan.io.currents.files import File
+from auvplan.io.currents.geometry import (
+    Array,
+    Coordinates,
+    Curvilinear,
+    Index,
+    Regular,
+    Weights,
+    Window,
+    bounds,
+    edge_lengths,
+    find_triangle,
+    metres,
+    nearest,
+    offset,
+    triangulate,
+    within,
+)
 from auvplan.io.currents.names import require_field
-from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import in_degrees
-from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
-from auvplan.ocean.gridded import CurrentError
 
 #: Cells that together are so many times their convex hull lie over each other.
 _MORE = 1.2
@@ -63,25 +77,46 @@ class Triangles:
     """Points without rows and columns.
 
     Attributes:
-        dims: of the points.
         longitude, latitude: [P] degrees.
         cells: the grid's cells, whose nodes or middles the points are; None where the file has none.
         in_cells: whether the points are the cells' middles.
-        crs: the projection whose axes the grid's coordinates count along; None for degrees.
     """
 
-    dims: tuple[str, ...]
     longitude: Array
     latitude: Array
     cells: Cells | None = None
     in_cells: bool = False
-    crs: CRS | None = None
     kind: str = "triangles"
 
     @property
-    def count(self) -> int:
+    def dims(self) -> tuple[str, ...]:
+        """The form's dimension of the points."""
+        return ("face" if self.in_cells else "node",)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
         """Number of points."""
-        return self.longitude.size
+        return self.longitude.shape
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The form's variables that tell the places and, where they are known, the cells."""
+        found: Coordinates = {
+            "latitude": (self.dims, self.latitude),
+            "longitude": (self.dims, self.longitude),
+        }
+        if self.cells is not None:
+            found["face_nodes"] = ("face", "corner"), self.cells.corners
+            found |= {
+                "node_lat": (("node",), self.cells.latitude),
+                "node_lon": (("node",), self.cells.longitude),
+            }
+        return found
+
+    @property
+    def torn(self) -> int:
+        """How many triangles of the cells have sides that are too long to be any."""
+        return 0 if self.cells is None else int((~self.cells.whole).sum())
 
     @cached_property
     def triangles(self) -> Index:
@@ -126,8 +161,12 @@ class Triangles:
         """
         middle, apart = bounds(longitude, latitude)
         near = _near(self, self.triangles, middle, apart)
-        triangles = self.triangles[near] if len(near) else np.full((1, 3), nearest(self, middle))
-        found = within(self, triangles, middle, longitude, latitude)
+        triangles = (
+            self.triangles[near]
+            if len(near)
+            else np.full((1, 3), nearest(self.longitude, self.latitude, middle))
+        )
+        found = within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
         index, weight, beyond = found.index.copy(), found.weight.copy(), found.beyond.copy()
         dry = found.outside
         if self.in_cells and self.cells is not None:
@@ -170,6 +209,10 @@ class Triangles:
         return self.longitude[index], self.latitude[index]
 
 
+#: The places of a source's points, in degrees.
+Geometry = Regular | Curvilinear | Triangles
+
+
 def cell_means(cells: Cells, values: Array, index: Index) -> Array:
     """Means [..., M] of nodes' values [..., nodes] over the corners of some cells."""
     corners = cells.corners[index]
@@ -179,7 +222,7 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
 
 def find_triangles(
     file: File, name: str, places: tuple[str, str] | None, notes: list[str]
-) -> Triangles | None:
+) -> tuple[Triangles, str, CRS | None] | None:
     """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
@@ -188,76 +231,68 @@ def find_triangles(
         places: longitude and latitude of its values; None where they are not given.
         notes: get what has to be assumed.
 
+    Returns:
+        The geometry; the file's dimension of the points; and the projection that its coordinates count along,
+        None for degrees.
+
     Raises:
         CurrentError: the connectivity does not fit the nodes.
     """
-    cells = find_cells(file)
+    cells = _cells(file)
     if places is None:
         if cells is None or cells.cell_dim not in file.variables[name].dims:
             return None
         named = _face_coordinates(file, cells.cell_dim)
         if named is not None:
             longitude, latitude, crs = in_degrees(file, named)
-            return Triangles((cells.cell_dim,), longitude, latitude, cells, True, crs)
+            return Triangles(longitude, latitude, cells, True), cells.cell_dim, crs
         notes.append("the places of the cells' middles are not given: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the date line have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))
         longitude = np.rad2deg(np.angle(cell_means(cells, turned, everything)))
         latitude = cell_means(cells, cells.latitude, everything)
-        return Triangles((cells.cell_dim,), longitude, latitude, cells, True, cells.crs)
+        return Triangles(longitude, latitude, cells, True), cells.cell_dim, cells.crs
     dim = str(file.variables[places[0]].dims[0])
     longitude, latitude, crs = in_degrees(file, places)
     if longitude.shape != latitude.shape or len(longitude) < 3:
-        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no three places or more")
-    if cells is not None and dim == cells.dim:
-        return Triangles((dim,), longitude, latitude, cells, crs=crs)
-    if cells is not None and dim == cells.cell_dim:
-        return Triangles((dim,), longitude, latitude, cells, True, crs)
+        raise file.fail(f"{places[0]} and {places[1]} are no three places or more")
+    if cells is not None and dim in (cells.dim, cells.cell_dim):
+        return Triangles(longitude, latitude, cells, dim != cells.dim), dim, crs
     require_field(file)
     notes.append(
         f"the cells between the points along {dim} are not given: joined to triangles, over land too"
     )
-    return Triangles((dim,), longitude, latitude, crs=crs)
+    return Triangles(longitude, latitude), dim, crs
 
 
 def has_cells(file: File) -> bool:
-    """Return whether a file tells the cells of a mesh, of which nothing is read.
-
-    Raises:
-        CurrentError: the mesh topology names what is missing.
-    """
-    return _topology(file) is not None or _by_name(file) is not None
+    """Return whether a file tells the cells of a mesh, of which nothing is read; errors as `_cells`."""
+    return (_topology(file) or _by_name(file)) is not None
 
 
-def find_cells(file: File) -> Cells | None:
-    """Return the cells that a file tells.
-
-    They are those of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names.
-
-    Raises:
-        CurrentError: the connectivity does not fit the nodes.
-    """
+def _cells(file: File) -> Cells | None:
+    """Return the cells of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names."""
     found = _topology(file) or _by_name(file)
     if found is None:
         return None
     name, places = found
     variable = file.variables[name]
     if variable.ndim != 2:
-        raise CurrentError(f"{file.path}: connectivity {name} has {variable.ndim} dimensions, not 2")
+        raise file.fail(f"connectivity {name} has {variable.ndim} dimensions, not 2")
     rows, columns = variable.shape
     by_corner = rows < columns or (rows == columns and name == "nv")
     dims = [str(dim) for dim in variable.dims]
     values = file.read(name, dims=dims[::-1] if by_corner else dims)
     nodes = file.variables[places[0]].size
     finite = values[np.isfinite(values)]
-    start = text(variable.attrs, "start_index")
+    start = file.text(name, "start_index")
     # UGRID counts from 0 without word of it; models from 1, also where a cut lost the last node.
     counted = bool(len(finite)) and (finite.max() == nodes or (name in _CONNECTIVITY and finite.min() > 0))
     first = float(start) if start else float(counted)
     corners = np.where(np.isfinite(values) & (values >= first), values - first, -1.0).astype(np.int64)
     if corners.shape[1] < 3 or (corners[:, :3] < 0).any() or corners.max() >= nodes:
-        raise CurrentError(f"{file.path}: connectivity {name} does not fit the {nodes} nodes of {places[0]}")
+        raise file.fail(f"connectivity {name} does not fit the {nodes} nodes of {places[0]}")
     fans = [(k, np.flatnonzero(corners[:, k + 1] >= 0)) for k in range(1, corners.shape[1] - 1)]
     triangles = [np.stack([corners[at, 0], corners[at, k], corners[at, k + 1]], axis=1) for k, at in fans]
     node_dim, cell_dim = str(file.variables[places[0]].dims[0]), dims[1 if by_corner else 0]
@@ -266,18 +301,24 @@ def find_cells(file: File) -> Cells | None:
     return Cells(node_dim, cell_dim, longitude, latitude, np.concatenate(triangles), cell, corners, crs)
 
 
+def _meshes(file: File) -> list[str]:
+    """Return UGRID's topologies of two-dimensional meshes."""
+    stated = [name for name in file.variables if file.text(name, "cf_role") == "mesh_topology"]
+    return [name for name in stated if file.text(name, "topology_dimension") != "1"]
+
+
 def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
-    for mesh, variable in file.variables.items():
-        one_dimensional = text(variable.attrs, "topology_dimension") == "1"
-        if text(variable.attrs, "cf_role") != "mesh_topology" or one_dimensional:
-            continue
-        name = text(variable.attrs, "face_node_connectivity") or _connectivity(file, mesh)
-        nodes = text(variable.attrs, "node_coordinates").split()
+    """Return the connectivity, and x and y of the nodes, that a mesh topology names; None without one."""
+    for mesh in _meshes(file):
+        roles = [name for name in file.variables if file.text(name, "cf_role") == "face_node_connectivity"]
+        own = [name for name in roles if file.text(name, "mesh") in ("", mesh)]
+        name = next(filter(None, [file.text(mesh, "face_node_connectivity"), *own]), "")
+        nodes = file.text(mesh, "node_coordinates").split()
         if not name:
-            raise CurrentError(f"{file.path}: the mesh topology {mesh} names no face_node_connectivity")
+            raise file.fail(f"the mesh topology {mesh} names no face_node_connectivity")
         for missing in [part for part in (name, *nodes) if part not in file.variables]:
-            raise CurrentError(
-                f"{file.path}: the mesh topology {mesh} names {missing}, which is missing: name the model's "
+            raise file.fail(
+                f"the mesh topology {mesh} names {missing}, which is missing: name the model's "
                 "grid file beside it in current.files, if it has one"
             )
         if len(nodes) == 2:
@@ -288,42 +329,30 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
 
 def _face_coordinates(file: File, cell_dim: str) -> tuple[str, str] | None:
     """Return x and y of the cells' middles as UGRID's mesh topology names them, None where it does not."""
-    for variable in file.variables.values():
-        names = text(variable.attrs, "face_coordinates").split()
-        if text(variable.attrs, "cf_role") != "mesh_topology" or len(names) != 2:
-            continue
-        if all(name in file.variables and file.variables[name].dims == (cell_dim,) for name in names):
+    for mesh in _meshes(file):
+        names = file.text(mesh, "face_coordinates").split()
+        known = [
+            name for name in names if name in file.variables and file.variables[name].dims == (cell_dim,)
+        ]
+        if len(names) == len(known) == 2:
             turned = _is_latitude(file, names[0]) and "lon" in names[1].lower()
             return (names[1], names[0]) if turned else (names[0], names[1])
     return None
 
 
-def _connectivity(file: File, mesh: str) -> str:
-    """Return the variable whose role is a mesh's cells, empty where there is none."""
-    roles = [
-        name
-        for name, variable in file.variables.items()
-        if text(variable.attrs, "cf_role") == "face_node_connectivity"
-        and text(variable.attrs, "mesh") in ("", mesh)
-    ]
-    return roles[0] if roles else ""
-
-
 def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
     for name in _CONNECTIVITY:
-        variable = file.variables.get(name)
-        if variable is None or variable.ndim != 2:
+        if name not in file.variables or file.variables[name].ndim != 2:
             continue
         for places in _NODES:
-            known = [file.variables.get(place) for place in places]
-            flat = all(place is not None and place.ndim == 1 for place in known)
+            flat = all(place in file.variables and file.variables[place].ndim == 1 for place in places)
             if flat and any(file.coordinate(place).any() for place in places):
                 return name, places
     return None
 
 
 def _is_latitude(file: File, name: str) -> bool:
-    words = text(file.variables[name].attrs, "standard_name") + text(file.variables[name].attrs, "units")
+    words = file.text(name, "standard_name") + file.text(name, "units")
     return "lat" in words or "north" in words or ("lat" in name.lower() and "lon" not in name.lower())
 
 

@@ -3,37 +3,46 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from auvplan.files import OutputError, write_dataset
-from auvplan.io.currents.ocean import ocean_of
-from auvplan.io.currents.opening import File
-from auvplan.io.forecasts.copernicus import open_copernicus
-from auvplan.io.forecasts.cutting import Cut, Indices, cut_of, reference_time
-from auvplan.io.forecasts.erddap import open_erddap
-from auvplan.io.forecasts.opendap import open_opendap
-from auvplan.io.forecasts.remote import Remote
+from auvplan.io.currents.files import File, text
+from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
+from auvplan.io.currents.ocean import OceanData, describe, ocean_of
+from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
+from auvplan.io.forecasts.servers import OPENERS, Remote
 from auvplan.scenario.provenance import ORIGIN
 
 #: Bytes that are fetched at most, and about so many with one request.
 _MOST, _AT_ONCE = 2_000_000_000, 50_000_000
-_OPENERS: dict[str, Callable[[Request, float], Remote]] = {
-    "copernicus": open_copernicus,
-    "erddap": open_erddap,
-    "thredds": open_opendap,
-}
 #: How attributes begin that tell of a storage format, of the server's own work and its time of day, or of the
 #: extent of the whole data set.
 _UNWANTED = (
     "history", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DODS", "actual_range", "geospatial_",
     "time_coverage_", "Northernmost_", "Southernmost_", "Easternmost_", "Westernmost_",
 )  # fmt: skip
+#: Places along a side of the box at which the grid's cells are looked up.
+_ALONG = 201
+#: s by which times of a request may lie beyond the data's.
+_SLACK = 0.5
+#: What belongs to a grid beside places and levels, by name: angle, masks and the parameters of s-levels.
+_GRID = (
+    *MASKS, "angle", "ANGLE", "wetdry_mask_rho", "wetdry_mask",
+    "s_rho", "sc_r", "Cs_r", "Cs_rho", "hc", "Vtransform", "s_w", "sc_w", "Cs_w",
+)  # fmt: skip
+_RUN = "forecast_reference_time"
+_RUN_ATTRIBUTES = (
+    "forecast_reference_time", "bulletin_date", "model_initialization_time", "analysis_time", "run_time",
+)  # fmt: skip
+
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,24 @@ class Fetched:
     """
 
     path: Path
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A part of a data set.
+
+    Attributes:
+        names: of the variables, each once.
+        picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
+            not named are taken whole.
+        seam: the longitudes, where the part reaches over the seam of a grid round the globe; or None.
+        notes: what is to be noted of it.
+    """
+
+    names: tuple[str, ...]
+    picks: dict[str, Indices]
+    seam: str | None
     notes: tuple[str, ...]
 
 
@@ -73,15 +100,15 @@ def fetch_current(
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
     progress(0.0, f"asking {request.dataset}")
-    remote = _OPENERS[request.server](request, timeout)
-    cut = cut_of(remote.file, request)
+    remote = OPENERS[request.server](request, timeout)
+    cut = _cut_of(remote.file, request)
     data = _fetched(remote, cut, request, progress)
     _require_current(data, request)
-    data.attrs |= origin_of(request, remote.file)
+    data.attrs |= _origin_of(request, remote.file)
     return Fetched(write_dataset(data, target), cut.notes)
 
 
-def origin_of(request: Request, head: File) -> dict[str, str]:
+def _origin_of(request: Request, head: File) -> dict[str, str]:
     """Return the attributes that tell where a current is from."""
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
@@ -89,7 +116,7 @@ def origin_of(request: Request, head: File) -> dict[str, str]:
     stated = {
         "server": server,
         "dataset": dataset,
-        "run": reference_time(head),
+        "run": _reference_time(head),
         "request": request.text,
         "request_sha256": request.sha256,
     }
@@ -97,7 +124,7 @@ def origin_of(request: Request, head: File) -> dict[str, str]:
 
 
 def _fetched(
-    remote: Remote, cut: Cut, request: Request, progress: Callable[[float, str], None]
+    remote: Remote, cut: _Cut, request: Request, progress: Callable[[float, str], None]
 ) -> xr.Dataset:
     """Return the values of a part of a data set as the server stores them."""
     sizes = {name: _size(remote.raw[name], cut.picks) for name in cut.names}
@@ -122,42 +149,180 @@ def _fetched(
     return xr.Dataset(variables, attrs=_plain(remote.attributes))
 
 
-def _picked(variable: xr.Variable, picks: Mapping[str, Indices]) -> dict[str, Indices]:
-    """Indices along each dimension of a variable."""
-    return {
-        str(dim): picks[str(dim)] if dim in picks else np.arange(size) for dim, size in variable.sizes.items()
-    }
+def _cut_of(file: File, request: Request) -> _Cut:
+    """Return the part of a data set that holds a request, with a rim of a cell around its box.
+
+    Args:
+        file: the head of the data set.
+        request: box, times and depths.
+
+    Raises:
+        ForecastError: one line; the box or the times lie outside the data, or the grid cannot be cut.
+        CurrentError: the data set has no current that can be read.
+    """
+    ocean = ocean_of((file,))
+    east, north = (ocean.form.variables[name].encoding for name in ("uo", "vo"))
+    places, notes = ocean.form.variables["longitude"].encoding, list(ocean.notes)
+    if ocean.kind == "triangles":
+        raise request.fail(
+            "is a mesh, which is not cut: download its files whole, and name them in current.files"
+        )
+    rows, columns = _around(ocean, request)
+    picks = dict(zip(places["dims"], (rows, columns), strict=True))
+    if ocean.kind == "roms":
+        # Edges lie between points: there is one less of them.
+        picks |= dict(zip(east["dims"], (rows, columns[:-1]), strict=True))
+        picks |= dict(zip(north["dims"], (rows[:-1], columns), strict=True))
+    times = _times(ocean, request)
+    if (time_dim := ocean.form.variables["time"].encoding["dims"]) is not None:
+        picks[time_dim] = times
+    if (level := east["level"]) is not None:
+        picks[level] = _levels(ocean, request, notes)
+    names = _names(file, ocean, set(picks))
+    for name in names:
+        for dim, size in file.variables[name].sizes.items():
+            if dim in picks and picks[str(dim)].max(initial=0) >= size:
+                raise request.fail(
+                    f"{name} lies on the edges of cells in a way that is not cut: download its files whole, "
+                    "and name them in current.files"
+                )
+    over = ocean.kind == "regular" and (np.diff(columns) < 0).any()
+    return _Cut(names, picks, places["source"] if over else None, tuple(notes))
+
+
+def _reference_time(file: File) -> str:
+    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set tells; else "".
+
+    Where it holds several runs, it is the latest one's.
+    """
+    for name in file.variables:
+        if file.standard_name(name) == _RUN and file.variables[name].ndim < 2:
+            seconds, _ = decode_times(file, name)
+            return stamp(seconds.max())
+    stated = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
+    return next((value for value in stated if value), "")
+
+
+def _around(ocean: OceanData, request: Request) -> list[Indices]:
+    """Rows and columns of the points around a box, with one more at each end where there is one."""
+    grid, (west, south, east, north) = ocean.geometry, request.box
+    along = np.linspace(0.0, 1.0, _ALONG)
+    x, y = west + along * ((east - west) % 360.0), south + along * (north - south)
+    sides = (x, np.full_like(x, south)), (x, np.full_like(x, north)), (np.full_like(y, west), y)
+    sides += ((np.full_like(y, x[-1]), y),)
+    weights = grid.locate(*(np.concatenate(axis) for axis in zip(*sides, strict=True)))
+    if weights.outside.any():
+        least, most = np.nanmin(grid.longitude), np.nanmax(grid.longitude)
+        low, high = np.nanmin(grid.latitude), np.nanmax(grid.latitude)
+        raise request.fail(
+            f"the box reaches beyond the data {describe(weights.beyond)}: they cover longitudes {least:.6g} "
+            f"to {most:.6g} and latitudes {low:.6g} to {high:.6g}"
+        )
+    found = []
+    for (dim, pick), size in zip(grid.window(weights.index).picks.items(), grid.shape, strict=True):
+        run = np.arange(pick.start, pick.stop) if isinstance(pick, slice) else pick
+        wider = np.arange(run[0] - 1, run[0] + len(run) + 1)
+        if dim == "longitude" and _closed(grid.longitude):
+            found.append(wider % size if len(wider) < size else np.arange(size))
+        else:
+            found.append(wider[(wider >= 0) & (wider < size)])
+    return found
+
+
+def _closed(longitude: NDArray[np.float64]) -> bool:
+    """Return whether columns go round the globe."""
+    steps = np.abs(np.diff(np.unwrap(longitude, period=360.0)))
+    step = float(np.median(steps)) if len(steps) else np.nan
+    return abs(float(steps.sum()) + step - 360.0) < 0.5 * step
+
+
+def _times(ocean: OceanData, request: Request) -> Indices:
+    """Indices of the times from the last before the request to the first after it."""
+    begin, end = request.times
+    times = ocean.times
+    if begin < times[0] - _SLACK or end > times[-1] + _SLACK:
+        raise request.fail(
+            f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
+            f"{stamp(times[0])} to {stamp(times[-1])}"
+        )
+    found = ocean.form.variables["time"].encoding["frames"][ocean.frames(begin, end)]
+    return np.arange(found.min(), found.max() + 1)
+
+
+def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
+    """Indices of the levels around the depths asked for; all where they follow the sea bed."""
+    levels, count = ocean.levels, ocean.form.sizes["level"]
+    if request.depths is None:
+        return np.arange(count)
+    if levels is None:
+        notes.append("the levels follow the sea bed: all of them are taken")
+        return np.arange(count)
+    least, most = request.depths
+    if least > levels[-1] + 1e-6:
+        raise request.fail(f"--depth begins at {least:g} m, and the deepest level is {levels[-1]:g} m")
+    if most > levels[-1] + 1e-6:
+        notes.append(f"the deepest level is {levels[-1]:g} m, {most:g} m were asked for")
+    first = max(int(np.searchsorted(levels, least + 1e-6, "right")) - 1, 0)
+    last = min(int(np.searchsorted(levels, most - 1e-6)), count - 1)
+    return np.sort(
+        np.arange(count)[ocean.form.variables["uo"].encoding["order"]][first : max(first, last) + 1]
+    )
+
+
+def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
+    """Velocities, the height of the surface, and what tells where and when they are."""
+    form = ocean.form.variables
+    level = form["uo"].encoding["level"]
+    wanted = ["uo", "vo", "zos", "deptho", "longitude", "latitude"]
+    if "wo" in form and (form["wo"].encoding["level"] in dims or ocean.levels is None):
+        wanted.insert(2, "wo")
+    stated = [form[name].encoding["source"] for name in wanted if name in form]
+    stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
+    hints: set[str] = set()
+    for name in filter(file.variables.__contains__, stated):
+        attributes: Any = {**file.variables[name].encoding, **file.variables[name].attrs}
+        hints |= set(text(attributes, "grid_mapping").replace(":", " ").split())
+        scalar = text(attributes, "coordinates").split()
+        hints |= {hint for hint in scalar if hint in file.variables and not file.variables[hint].ndim}
+    for name, variable in file.variables.items():
+        grid = name in _GRID or file.standard_name(name) in (*MASK_NAMES, _RUN)
+        axis = (
+            name in dims or variable.dims == (level,) or (level in variable.dims and is_vertical(file, name))
+        )
+        if grid or axis or name in hints:
+            stated.append(name)
+    return tuple(dict.fromkeys(name for name in stated if name in file.variables))
 
 
 def _size(variable: xr.Variable, picks: Mapping[str, Indices]) -> int:
     """Bytes of a part of a variable."""
-    count = math.prod(len(indices) for indices in _picked(variable, picks).values())
-    return count * variable.dtype.itemsize
+    counts = (len(picks[str(dim)]) if dim in picks else size for dim, size in variable.sizes.items())
+    return math.prod(counts) * variable.dtype.itemsize
 
 
 def _portions(variable: xr.Variable, picks: Mapping[str, Indices]) -> Iterator[dict[str, Indices]]:
-    """Parts along the first dimension that are small enough for one request."""
-    wanted = _picked(variable, picks)
+    """Yield indices of parts along the first dimension that are small enough for one request."""
+    wanted = {str(dim): picks.get(str(dim), np.arange(size)) for dim, size in variable.sizes.items()}
     if not wanted:
         yield {}
         return
     first, *_ = wanted
-    rows = len(wanted[first])
-    step = max(1, _AT_ONCE // max(_size(variable, picks) // max(rows, 1), 1))
-    for start in range(0, rows, step):
-        yield wanted | {first: wanted[first][start : start + step]}
+    rows = wanted[first]
+    step = max(1, _AT_ONCE // max(_size(variable, picks) // max(len(rows), 1), 1))
+    for start in range(0, len(rows), step):
+        yield wanted | {first: rows[start : start + step]}
 
 
 def _read(remote: Remote, name: str, picks: Mapping[str, Indices], request: Request) -> np.ndarray:
     """Return values at indices, each run of which is a request of its own."""
-    runs = [np.split(indices, np.flatnonzero(np.diff(indices) != 1) + 1) for indices in picks.values()]
-    shape = [len(indices) for indices in picks.values()]
-    found = np.empty(shape, remote.raw[name].dtype.newbyteorder("="))
-    starts = [np.cumsum([0, *(len(run) for run in parts)]) for parts in runs]
-    for numbers in product(*(range(len(parts)) for parts in runs)):
-        chosen = [parts[k] for parts, k in zip(runs, numbers, strict=True)]
+    found = np.empty([len(each) for each in picks.values()], remote.raw[name].dtype.newbyteorder("="))
+    runs = []
+    for each in picks.values():
+        ends = [0, *(np.flatnonzero(np.diff(each) != 1) + 1), len(each)]
+        runs.append([slice(int(a), int(b)) for a, b in pairwise(ends)])
+    for place in product(*runs):
+        chosen = [each[part] for each, part in zip(picks.values(), place, strict=True)]
         ranges = {dim: slice(int(run[0]), int(run[-1]) + 1) for dim, run in zip(picks, chosen, strict=True)}
-        place = tuple(slice(at[k], at[k + 1]) for at, k in zip(starts, numbers, strict=True))
         values = remote.read(name, ranges)
         if values.shape != found[place].shape:
             raise request.fail(f"the server broke off its answer at {name}: try again, or a smaller request")
@@ -182,5 +347,5 @@ def _require_current(data: xr.Dataset, request: Request) -> None:
     decoded = xr.decode_cf(data, decode_times=False, decode_coords=False, decode_timedelta=False)
     variables = {str(name): variable for name, variable in decoded.variables.items()}
     ocean = ocean_of((File(request.dataset, variables, decoded.attrs, lambda: None),))
-    if not np.isfinite(variables[ocean.velocity.east.name].values).any():
+    if not np.isfinite(variables[str(ocean.source("uo"))].values).any():
         raise request.fail("the box holds no water at these times: look at --box")

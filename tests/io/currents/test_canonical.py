@@ -28,6 +28,29 @@ REAL = [
 ]
 
 
+@pytest.mark.parametrize("kind", MADE)
+def test_the_form_has_the_current_of_every_model_at_its_points(tmp_path, kind):
+    with open_ocean(MADE[kind](tmp_path / "made.nc")) as ocean:
+        form, points = ocean.form, ocean.geometry.dims
+        assert form["uo"].dims == form["vo"].dims == ("time", "level", *points)
+        assert form["depth"].dims in (("level",), ("level", *points), ("time", "level", *points))
+        assert form["time"].values.tolist() == ocean.times.tolist()
+        depth = form["depth"].broadcast_like(form["uo"]).transpose(*form["uo"].dims).values
+        assert (np.diff(np.where(np.isfinite(depth), depth, 1e9), axis=1) >= 0.0).all()
+        place = {name: form[name].broadcast_like(form["uo"]).transpose(*form["uo"].dims).values.ravel()
+                 for name in ("longitude", "latitude", "time")}  # fmt: skip
+        turn = form["angle"].values if "angle" in form else 0.0
+        water = form["mask"].values if "mask" in form else True
+        both = np.where(
+            water, (form["uo"].values + 1j * form["vo"].values) * np.exp(1j * turn), np.nan
+        ).ravel()
+        there = np.isfinite(both) & np.isfinite(depth.ravel())
+        assert there.mean() > 0.5
+        found = ocean.at(*(place[n][there] for n in ("longitude", "latitude")), depth.ravel()[there],
+                         place["time"][there])  # fmt: skip
+        np.testing.assert_allclose(found[0] + 1j * found[1], both[there], atol=1e-9)
+
+
 def compare(paths, tmp_path, count=300):
     """Both at random places, depths and times within the first."""
     rng = np.random.default_rng(0)

@@ -132,8 +132,9 @@ def test_what_is_no_speed(units):
 
 
 def test_units_of_length():
-    found = [length_factor(units) for units in ("m", "Meter", "metres", "cm", "km", "dbar", "level", "1")]
-    assert found == [1.0, 1.0, 1.0, 0.01, 1000.0, None, None, None]
+    lengths = {"m": 1.0, "Meter": 1.0, "metres": 1.0, "cm": 0.01, "km": 1000.0, "100 km": 1e5}
+    assert {units: length_factor(units) for units in lengths} == lengths
+    assert [length_factor(units) for units in ("dbar", "level", "1", "100")] == [None] * 4
 
 
 def test_missing_units_are_metres_a_second(tmp_path):
@@ -218,27 +219,6 @@ def test_other_calendars(tmp_path, calendar):
         assert ocean.moments[0] == datetime(2019, *first, tzinfo=UTC)
         np.testing.assert_allclose(np.diff(ocean.times), [3600.0, 7200.0], atol=1e-3)
         assert any(calendar in note for note in ocean.notes) == (calendar != "julian")
-
-
-@pytest.mark.parametrize(
-    "units",
-    ["seconds since 1970-01-01", "days since 0001-01-01 00:00:00", "minutes since 2019-12-31T23:00:00-01:00",
-     "hours since 1968-05-23 00:00:00 GMT", "days since 1950-01-01"],
-)  # fmt: skip
-def test_spellings_of_times(tmp_path, units):
-    data = regular(hours=[0.0, 1.0])
-    moments = np.array(["2020-01-01T00", "2020-01-01T01"], "datetime64[ns]")
-    hours = (moments[0] - np.datetime64("1968-05-23")) / np.timedelta64(1, "h")
-    values = {"seconds": START, "minutes": 0.0, "hours": hours}.get(units.split()[0])
-    if values is None and "1950" in units:
-        values = (moments[0] - np.datetime64("1950-01-01")) / np.timedelta64(1, "D")
-    elif values is None:
-        # Days since year 1 in CF's default calendar, which has Julian years before 1582.
-        values = datetime(2020, 1, 1).toordinal() + 1.0
-    step = {"seconds": 3600.0, "minutes": 60.0, "hours": 1.0, "days": 1.0 / 24.0}[units.split()[0]]
-    data["time"] = ("time", values + np.array([0.0, step]), {"units": units})
-    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
-        np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.0]), atol=1e-3)
 
 
 def test_single_level_and_no_depth(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from auvplan.io.currents import open_ocean, read_current
-from auvplan.io.currents.s_levels import s_depths
+from auvplan.io.currents.levels import s_depths
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
 from tests.io.currents.samples import (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.io.currents import files as files_module
 from auvplan.io.currents import open_ocean, read_current, reader
-from auvplan.io.currents import opening as opening_module
 from auvplan.ocean.gridded import CurrentError
 from tests.io.currents.samples import (
     BOX,
@@ -253,7 +253,7 @@ def test_absurd_sizes_are_refused_before_they_are_read(tmp_path, monkeypatch):
     path = write(regular(), tmp_path / "a.nc")
     monkeypatch.setattr(reader, "MAX_VALUES", 100)
     refused(path, "values, more than 100")
-    monkeypatch.setattr(opening_module, "MAX_COORDINATE", 5)
+    monkeypatch.setattr(files_module, "MAX_COORDINATE", 5)
     refused(path, "coordinate longitude has 8 values, more than 5 are not read")
 
 
@@ -300,7 +300,7 @@ def test_places_and_moments_outside(tmp_path):
             ocean.at(LON, LAT, 0.0, START - 3600.0)
         with pytest.raises(CurrentError, match="not negative"):
             ocean.at(LON, LAT, -1.0, START)
-        assert isinstance(ocean.series.variables["uo"], xr.Variable)
+        assert isinstance(ocean.form.variables["uo"], xr.Variable)
 
 
 @pytest.mark.parametrize("how", ["link", "group", "stored", "virtual"])

@@ -8,10 +8,9 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvplan.io.currents import open_ocean, read_current
-from auvplan.io.currents import weights as weights_module
+from auvplan.io.currents import geometry, open_ocean, read_current
+from auvplan.io.currents.geometry import barycentric, find_triangle
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.weights import barycentric, find_triangle
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
 from tests.io.currents.samples import (
@@ -227,9 +226,9 @@ def test_grids_that_overlap_themselves_are_searched(monkeypatch):
     points = np.stack([(lat - LAT) * 111e3, (lon - LON) * 55e3], axis=1)
     rng = np.random.default_rng(8)
     places = rng.uniform([-500.0, -500.0], [7000.0, 4500.0], (400, 2))
-    monkeypatch.setattr(weights_module, "_SLACK", 0.0)
+    monkeypatch.setattr(geometry, "_SLACK", 0.0)
     quick = find_triangle(points, triangles, places)
-    slow = weights_module.search(points, triangles, np.arange(len(triangles)), places)
+    slow = geometry.search(points, triangles, np.arange(len(triangles)), places)
     np.testing.assert_array_equal(quick, slow)
     assert 0.5 < (quick >= 0).mean() < 1.0
     found = barycentric(points, triangles, places)

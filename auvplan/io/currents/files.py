@@ -1,22 +1,25 @@
-"""Opening NetCDF files and Zarr folders: lazily, by the first bytes, with one clear line on what is wrong."""
+"""NetCDF files and Zarr folders: opened by their first bytes, read lazily, one line on what is wrong."""
 
 import contextlib
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from glob import glob
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from xarray import conventions
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
 from auvplan.files import require_whole
+from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: Coordinates with more values are refused before they are read.
@@ -24,10 +27,11 @@ MAX_COORDINATE = 50_000_000
 #: Up to so many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
+Array = NDArray[np.float64]
 Source = str | Path | xr.Dataset
 Paths = Source | Sequence[Source]
 #: Which indices of a dimension are wanted.
-Pick = slice | NDArray[np.int64]
+Pick = int | slice | NDArray[np.int64]
 
 _ZARR_FILES = ("zarr.json", ".zgroup", ".zmetadata")
 #: What other files begin with, what they are and what would do.
@@ -59,9 +63,40 @@ class File:
     crs: Any = None
     epoch: float | None = None
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the dimensions."""
+        return {
+            str(dim): size for variable in self.variables.values() for dim, size in variable.sizes.items()
+        }
+
+    def fail(self, words: str) -> CurrentError:
+        """Return an error that names the file."""
+        return CurrentError(f"{self.path}: {words}")
+
+    def text(self, name: str, key: str) -> str:
+        """Return an attribute of a variable as text without blanks around it; empty where there is none."""
+        return text(self.variables[name].attrs, key)
+
+    def metres(self, name: str) -> float:
+        """Return metres in a variable's unit of length; variables without units are in metres.
+
+        Raises:
+            CurrentError: the unit is no length.
+        """
+        units = self.text(name, "units")
+        factor = length_factor(units) if units else 1.0
+        if factor is None:
+            raise self.fail(f"{name} has units {units!r}, which are no length: metres are needed")
+        return factor
+
+    def standard_name(self, name: str) -> str:
+        """Return a variable's CF standard name in lower case, without a modifier; empty without one."""
+        return next(iter(self.text(name, "standard_name").lower().split()), "")
+
     def read(
         self, name: str, picks: Mapping[str, Pick] | None = None, dims: Sequence[str] | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Return a variable's values, or those of some indices of its dimensions.
 
         Args:
@@ -73,7 +108,7 @@ class File:
             CurrentError: the values cannot be read or are no numbers.
         """
         if name not in self.variables:
-            raise CurrentError(f"{self.path}: has no {name}")
+            raise self.fail(f"has no {name}")
         variable = self.variables[name]
         chosen = {dim: pick for dim, pick in (picks or {}).items() if dim in variable.dims}
         after: dict[str, NDArray[np.int64]] = {}
@@ -90,13 +125,13 @@ class File:
                 part = part.transpose(*dims)
             values = np.asarray(part.values)
         if values.dtype.kind not in "fiub":
-            raise CurrentError(f"{self.path}: variable {name} holds no numbers")
-        values = values.astype(float)
+            raise self.fail(f"variable {name} holds no numbers")
+        values = values.astype(float, copy=False)
         for dim, pick in after.items():
             values = np.take(values, pick, axis=part.dims.index(dim))
         return values
 
-    def coordinate(self, name: str, missing: bool = False) -> NDArray[np.float64]:
+    def coordinate(self, name: str, missing: bool = False) -> Array:
         """Return all values of a coordinate.
 
         Args:
@@ -108,12 +143,10 @@ class File:
         """
         size = self.variables[name].size
         if size > MAX_COORDINATE:
-            raise CurrentError(
-                f"{self.path}: coordinate {name} has {size} values, more than {MAX_COORDINATE} are not read"
-            )
+            raise self.fail(f"coordinate {name} has {size} values, more than {MAX_COORDINATE} are not read")
         values = self.read(name)
         if not (np.isfinite(values).any() if missing else np.isfinite(values).all()):
-            raise CurrentError(f"{self.path}: coordinate {name} has values that are not finite")
+            raise self.fail(f"coordinate {name} has values that are not finite")
         return values
 
     @contextlib.contextmanager
@@ -126,7 +159,103 @@ class File:
         except CurrentError:
             raise
         except Exception as error:
-            raise CurrentError(f"{self.path}: variable {name} cannot be read ({_line(error)})") from None
+            raise self.fail(f"variable {name} cannot be read ({_line(error)})") from None
+
+
+class Lazy(BackendArray):
+    """Values that are read, and brought to the form, where they are indexed."""
+
+    def __init__(self, shape: Sequence[int], read: Callable[..., NDArray[Any]], dtype: Any) -> None:
+        """Take a shape, and what reads values by slices or arrays of indices along each dimension."""
+        self.shape, self.read, self.dtype = tuple(shape), read, np.dtype(dtype)
+
+    def __getitem__(self, key: Any) -> Any:
+        return indexing.explicit_indexing_adapter(
+            key, self.shape, indexing.IndexingSupport.OUTER, self._outer
+        )
+
+    def _outer(self, key: tuple) -> NDArray[Any]:
+        one = [isinstance(part, int | np.integer) for part in key]
+        ranges = [slice(part, part + 1) if single else part for part, single in zip(key, one, strict=True)]
+        return self.read(*ranges)[tuple(0 if single else slice(None) for single in one)]
+
+    @classmethod
+    def variable(cls, dims: Sequence[str], shape: Sequence[int], read: Callable, dtype: Any) -> xr.Variable:
+        """Return a variable of such values."""
+        return xr.Variable(dims, indexing.LazilyIndexedArray(cls(shape, read, dtype)))
+
+
+@dataclass(frozen=True)
+class Series(File):
+    """Files of one model run with the same variables on the same grid, as one.
+
+    Attributes:
+        time_dim: the dimension of time; None where the files have one time and no such dimension.
+        times: [T] s since 1970, rising strictly.
+        frames: [T, 2], the file of each time, and the index in it.
+        parts: the files, in order of time.
+    """
+
+    time_dim: str | None = None
+    times: Array = field(default_factory=lambda: np.zeros(0))
+    frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    parts: tuple[File, ...] = ()
+
+    @classmethod
+    def of(cls, files: Sequence[File], time_dim: str | None, times: Array, frames: NDArray[np.int64]) -> Self:
+        """Return files, in order of time, as one; attributes as above."""
+        first, *rest = files
+        variables = dict(first.variables)
+
+        def close() -> None:
+            for file in files:
+                file.close()
+
+        if rest or len(frames) != first.sizes.get(str(time_dim), 1):
+            for name, variable in first.variables.items():
+                if time_dim in variable.dims:
+                    variables[name] = _joined(files, name, str(time_dim), frames)
+        label = f"{first.path} and {len(rest)} more" if rest else first.path
+        return cls(
+            label,
+            variables,
+            first.attributes,
+            close,
+            first.crs,
+            first.epoch,
+            time_dim,
+            times,
+            frames,
+            tuple(files),
+        )
+
+    def dims(self, name: str) -> tuple[str, ...]:
+        """Dimensions of a variable without time."""
+        return tuple(str(dim) for dim in self.variables[name].dims if dim != self.time_dim)
+
+    def at(self, frames: Pick, name: str, picks: Mapping[str, Pick], dims: Sequence[str]) -> Array:
+        """Return values [T, *dims] at some times, or [1, *dims] of a variable that knows no time."""
+        if self.time_dim is None or self.time_dim not in self.variables[name].dims:
+            return self.read(name, picks, dims)[None]
+        return self.read(name, {**picks, self.time_dim: frames}, (self.time_dim, *dims))
+
+
+def _joined(files: Sequence[File], name: str, time_dim: str, frames: NDArray[np.int64]) -> xr.Variable:
+    """Return a variable of files in order of time as one."""
+    first = files[0].variables[name]
+    dims, axis = tuple(map(str, first.dims)), first.dims.index(time_dim)
+
+    def read(*keys: Any) -> Array:
+        wanted, parts = frames[keys[axis]], []
+        for number in dict.fromkeys(wanted[:, 0].tolist()):
+            picks = dict(zip(dims, keys, strict=True)) | {time_dim: wanted[wanted[:, 0] == number, 1]}
+            parts.append(files[number].read(name, picks, dims))
+        return np.concatenate(parts, axis)
+
+    shape = [len(frames) if dim == time_dim else size for dim, size in first.sizes.items()]
+    joined = Lazy.variable(dims, shape, read, first.dtype)
+    joined.attrs, joined.encoding = first.attrs, first.encoding
+    return joined
 
 
 def text(attributes: Mapping[str, Any], name: str) -> str:
