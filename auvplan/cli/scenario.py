@@ -152,8 +152,8 @@ def _plain(found: "Examination") -> dict[str, Any]:
         "scenario": str(found.source),
         "valid": not faults,
         "faults": faults,
-        "warnings": [str(line) for line in found.warnings],
-        "notes": list(found.notes),
+        "warnings": found.warnings,
+        "notes": found.notes,
     }
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from auvplan.errors import AuvplanError, RuleError, ScenarioError
-from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.findings import Finding, finding_at, in_order
 from auvplan.scenario.places import OffEarthError, localised
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
 from auvplan.scenario.yaml_lines import Document, Path, short, value_at
@@ -28,7 +28,7 @@ Concerns = tuple[Path, ...]
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Fault]]:
+def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Finding]]:
     """Return a document as a model, or all that is wrong with its fields, in their order in the file."""
     checked, faults, _ = check_what_is_left(document, model)
     return (None if faults else checked), faults
@@ -36,19 +36,19 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
 
 def check_what_is_left(
     document: Document, model: type[_Model]
-) -> tuple[_Model | None, list[Fault], set[Path]]:
+) -> tuple[_Model | None, list[Finding], set[Path]]:
     """Return a document as a model without the values that are at fault, the faults, and what was taken out.
 
     The model is None where nothing sound is left.
     """
-    faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
+    faults = [finding_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
         line = f"must be a mapping of fields, got {what}"
-        return None, faults or [Fault("", line, document.place(()))], set()
+        return None, faults or [Finding("", line, document.place(()))], set()
     plain = deepcopy(document.data)
     bad = _bad_places(plain) | _truths(plain, model)
-    faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
+    faults += [finding_at(path, reason, document) for path, reason in bad.items() if reason]
     for path in bad:
         value_at(plain, path[:-1])[path[-1]] = _NOTHING
     taken: set[Path] = {path[:2] for path, _, _ in document.faults if value_at(document.data, path) is None}
@@ -60,13 +60,13 @@ def check_what_is_left(
             found = _merged(error, plain, model)
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
-            return None, in_order([*faults, fault_at((), line, document)]), taken
+            return None, in_order([*faults, finding_at((), line, document)]), taken
         before = _count(plain), len(taken)
         for path, reason, kind, concerns in found:
             if not _follows(path, kind, concerns, taken):
                 hint = _swap_hint(path, reason, document.data)
                 key = document.keys.get(path) if kind == "extra_forbidden" else None
-                faults.append(fault_at(path, reason + hint, document, key))
+                faults.append(finding_at(path, reason + hint, document, key))
         for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:

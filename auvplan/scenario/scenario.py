@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
-from auvplan.scenario.faults import Fault, first_of
 from auvplan.scenario.fields import check_fields
+from auvplan.scenario.findings import Finding, first_of
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
@@ -60,7 +60,7 @@ class Scenario(Section):
     planning: PlanningSettings = PlanningSettings()
 
     _folder: str = PrivateAttr(default=".")
-    _doubts: tuple[str, ...] = PrivateAttr(default=())
+    _warnings: tuple[str, ...] = PrivateAttr(default=())
 
     @property
     def folder(self) -> str:
@@ -68,19 +68,19 @@ class Scenario(Section):
         return self._folder
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What can hardly be meant in the scenario's file, a line each."""
-        return self._doubts
+        return self._warnings
 
     @property
     def fingerprint(self) -> str:
         """All settings as text."""
         return self.model_dump_json()
 
-    def in_folder(self, folder: str | Path, doubts: tuple[str, ...] = ()) -> "Scenario":
-        """Return the same settings with relative paths from `folder`, and what is doubtful in them."""
+    def in_folder(self, folder: str | Path, warnings: tuple[str, ...] = ()) -> "Scenario":
+        """Return the same settings with relative paths from `folder`, and what may not be meant in them."""
         moved = self.model_copy()
-        moved._folder, moved._doubts = str(folder), doubts
+        moved._folder, moved._warnings = str(folder), warnings
         return moved
 
     def with_(self, changes: Mapping[str, Any]) -> "Scenario":
@@ -239,10 +239,10 @@ def change_scenario(
         source = (sources or {}).get(given[0][1], source) if given else source
         raise ScenarioError(first_of(faults, source, is_file=False))
     warn_of_overrides(changed)
-    return changed.in_folder(scenario.folder, scenario.doubts)
+    return changed.in_folder(scenario.folder, scenario.warnings)
 
 
-def _concerns(fault: Fault, name: str) -> bool:
+def _concerns(fault: Finding, name: str) -> bool:
     """Return whether a fault is one of a field, of its section, or of something within it."""
     return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 

@@ -1,4 +1,4 @@
-"""Warnings: fields of a scenario that are valid and can hardly be meant."""
+"""Plausibility: fields of a scenario that are valid and can hardly be meant."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.findings import Finding, finding_at, in_order
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import Document, Path
 from auvplan.site import Site, as_utc, swapped
@@ -20,8 +20,8 @@ _FLAT = 0.087
 _FAR = 200_000.0
 
 
-def doubts(scenario: Scenario, document: Document) -> list[Fault]:
-    """Fields that can hardly be meant, in their order in the file, as faults that are none.
+def implausible(scenario: Scenario, document: Document) -> list[Finding]:
+    """Return warnings of fields that can hardly be meant, in their order in the file.
 
     Args:
         scenario: of the document.
@@ -35,7 +35,7 @@ def doubts(scenario: Scenario, document: Document) -> list[Fault]:
         line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
         found.append((("vehicle", "speed"), f"{line}: in still water no leg can be executed"))
     found += _vertical(scenario)
-    return in_order(fault_at(path, reason, document) for path, reason in found)
+    return in_order(finding_at(path, reason, document, severity="warning") for path, reason in found)
 
 
 def unreachable(scenario: Scenario) -> str:

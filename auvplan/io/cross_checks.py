@@ -1,7 +1,7 @@
 """Whether chart, sea bed and current agree on where land is, and jobs on where the area is."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -73,7 +73,10 @@ _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
 
 
 def warn_of_contradictions(
-    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, current: "CurrentFile | None"
+    scenario: Scenario,
+    chart: Chart | None,
+    seabed: Seabed | None,
+    currents: "Sequence[CurrentFile | None]",
 ) -> None:
     """Compare where chart, sea bed and current have land.
 
@@ -83,7 +86,7 @@ def warn_of_contradictions(
         scenario: that names them.
         chart: without closed areas; None for open water.
         seabed: None where there is none.
-        current: None where it is of no file.
+        currents: the forecast and the true one; None where they are of no file.
 
     Warns:
         ScenarioWarning: the share of the area on which two contradict each other, and whether the chart seems
@@ -94,7 +97,7 @@ def warn_of_contradictions(
     counts = np.maximum(np.ceil(_PLACES * extent / extent.max()).astype(int), 8)
     step = extent / counts
     north, east = (low[k] + step[k] * (np.arange(counts[k]) + 0.5) for k in range(2))
-    first, *others = _sources(scenario, chart, seabed, current)
+    first, *others = _sources(scenario, chart, seabed, currents)
     for other in others:
         room = _CELLS * max(first.cell, other.cell) / step
         theirs = other.at(north, east)
@@ -115,7 +118,10 @@ def warn_of_contradictions(
 
 
 def _sources(
-    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, current: "CurrentFile | None"
+    scenario: Scenario,
+    chart: Chart | None,
+    seabed: Seabed | None,
+    currents: "Sequence[CurrentFile | None]",
 ) -> list[_Land]:
     """Return what tells of land, each file once; the chart first, then the sea bed."""
     found, source = [], scenario.chart.source
@@ -137,9 +143,13 @@ def _sources(
         dry = np.zeros((1, 1), bool)
         name = "open water (chart.source 'none')"
         found.append(_Land(name, dry, dry, np.zeros(2), np.full(2, np.inf), 0.0))
-    if current is not None and source != "current" and scenario.bathymetry.source != "current":
-        files = scenario.current.files
-        name = f"the current ({files if isinstance(files, str) else ', '.join(files or ())})"
+    own = source == "current" or scenario.bathymetry.source == "current"
+    of, settings = {}, scenario.current
+    for current, files in zip(currents, (settings.files, settings.truth), strict=True):
+        if current is not None and not own:
+            of.setdefault(current, files or ())
+    for current, files in of.items():
+        name = f"the current ({files if isinstance(files, str) else ', '.join(files)})"
         size = np.asarray(current.spacing, float)
         dry = ~current.water
         corner = np.asarray(current.origin, float) - size / 2.0
@@ -209,7 +219,9 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
         _warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
 
 
-def check_obstacles(obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None) -> None:
+def warn_of_idle_obstacles(
+    obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None
+) -> None:
     """Warn where no obstacle of a file comes near the area, or one stands where no vehicle goes.
 
     Args:
