@@ -70,7 +70,7 @@ def load_area(
     files = AreaFiles(scenario, folder, until)
     with heard() as lines:
         area = files.area()
-    noted = (*scenario.warnings, *scenario.overrides, *lines, *_lacking(scenario), *area.notes)
+    noted = (*scenario.warnings, *scenario.overrides, *lines, *area.notes)
     return replace(area, notes=tuple(dict.fromkeys(noted)))
 
 
@@ -280,11 +280,11 @@ class AreaFiles:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed of the files that can be read, a line each."""
+        """What is not known, and what was assumed of the files that can be read, a line each."""
         found = [self.readable(part) for part in ("current", "truth", "jobs", "land")]
         notes = [note for part in found if part is not None for note in part.notes]
         _, of_seabed = self.readable("seabed") or (None, ())
-        return tuple(dict.fromkeys((*notes, *of_seabed)))
+        return tuple(dict.fromkeys((*_lacking(self.scenario), *notes, *of_seabed)))
 
     @property
     def site(self) -> Site | None:
@@ -610,9 +610,14 @@ class AreaFiles:
 
     def _closed(self) -> Chart | None:
         """Return the chart of the area on which areas that are always closed are coast."""
-        return self.chart if self.scenario.chart.no_go is None else self.closed_on(self.land.chart)
+        return self.chart if self.scenario.chart.no_go is None else self._closed_on(self.land.chart)
 
-    def closed_on(self, wide: Chart | None) -> Chart:
+    @_Part
+    def closed_water(self) -> Chart | None:
+        """Areas of `no_go` that are always closed, alone on a chart; None where the scenario names none."""
+        return None if self.scenario.chart.no_go is None else self._closed_on(None)
+
+    def _closed_on(self, wide: Chart | None) -> Chart:
         """Return a chart of the area on which areas that are always closed are coast, beside that of another.
 
         Args:

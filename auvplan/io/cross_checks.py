@@ -10,13 +10,12 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.io.geo.geojson import is_place
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
-from auvplan.site import Site
+from auvplan.site import Site, is_place
 
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile

@@ -231,16 +231,14 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
     from auvplan.scenario.area import OperatingArea
     from auvplan.scenario.waypoints import misplaced
 
-    scenario, closed = files.scenario, None
-    if scenario.chart.no_go is not None and files.readable("closures") is not None:
-        closed = OperatingArea(chart=files.closed_on(None))
+    scenario, closed = files.scenario, OperatingArea(chart=files.readable("closed_water"))
     mission, asked = scenario.mission, scenario.safety.coast
 
     def wrong_with(position: Any) -> str:
         """What is wrong with a place and where it is; or nothing."""
         at = np.asarray(position)
         wrong = misplaced(at, scenario, area)
-        if not wrong and closed is not None and misplaced(at, scenario, closed):
+        if not wrong and misplaced(at, scenario, closed):
             wrong = f"lies in a closed area ({scenario.chart.no_go})"
         if not wrong and area.chart is not None:
             away = float(distance_to_land(area.chart, *at[:2]))  # type: ignore[arg-type]

@@ -193,14 +193,11 @@ class Scenario(Section):
 
 
 def _site(given: dict[str, Any]) -> Site | None:
-    """Return the site of plain data.
-
-    None where there is none or it is at fault, which its validation tells.
-    """
+    """Return the site of plain data, or any where it is at fault, which its validation tells."""
     try:
         return None if given.get("site") is None else SiteSettings.model_validate(given["site"]).site
     except ValueError:
-        return None
+        return Site(0.0, 0.0)
 
 
 def change_scenario(

@@ -2,10 +2,18 @@
 
 import math
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar, get_args
 from zoneinfo import available_timezones
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
@@ -41,6 +49,18 @@ class Section(BaseModel):
     """Base of all sections: unknown keys are faults, values do not change."""
 
     model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth(cls, given: Any, info: ValidationInfo) -> Any:
+        """Refuse true and false, for which YAML takes yes, no, on and off too, where a number is wanted."""
+        annotation = cls.model_fields[info.field_name or ""].annotation
+        if bool not in (annotation, *get_args(annotation)):
+            for entry in given if isinstance(given, list) else [given]:
+                if isinstance(entry, bool):
+                    shown = str(entry).lower()
+                    raise ValueError(f"must not be true or false (nor yes, no, on, off), got {shown}")
+        return given
 
 
 def _check_required(section: Any, field: str, *sources: str) -> None:

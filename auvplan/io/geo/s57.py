@@ -24,7 +24,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import ScenarioWarning, reason_of
 from auvplan.io.geo.charts import Zone
 from auvplan.io.geo.error import GeoError, as_chart, reading
-from auvplan.io.geo.geojson import MAX_BYTES
+from auvplan.io.geo.features import MAX_BYTES, Feature
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
@@ -93,23 +93,6 @@ class Cells:
     hazards: tuple[KnownObstacle, ...]
     closed: tuple[Zone, ...]
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Object:
-    """An object of a cell.
-
-    Attributes:
-        where: file, class and number, as messages name it.
-        kind: acronym of its class.
-        shape: longitude and latitude, degrees.
-        stated: its attributes, without those that have no value.
-    """
-
-    where: str
-    kind: str
-    shape: Any
-    stated: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -334,7 +317,7 @@ def _header(path: Path, source: Path) -> _Cell:
         raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
     with _unharmed(f"{path}:"):
         layers = tuple(str(name) for name, _ in list_layers(source))
-    stated = next((part.stated for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
+    stated = next((part.properties for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
     for name, wanted, what in (
         ("DSPM_HDAT", _WGS84, "its positions are not on WGS 84"),
         ("DSPM_DUNI", _METRES, "its depths are not in metres"),
@@ -344,7 +327,7 @@ def _header(path: Path, source: Path) -> _Cell:
     coverage = [
         one.shape
         for one in (_read(path, source, "M_COVR") if "M_COVR" in layers else ())
-        if int(one.stated.get("CATCOV", 1)) == 1
+        if int(one.properties.get("CATCOV", 1)) == 1
     ]
     if not coverage:
         raise GeoError(f"{path}: does not tell where it has data (M_COVR)")
@@ -416,7 +399,7 @@ def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
     return found
 
 
-def _read(path: Path, source: Path, layer: str) -> Iterator[_Object]:
+def _read(path: Path, source: Path, layer: str) -> Iterator[Feature]:
     """Yield the objects of a class.
 
     Args:
@@ -439,7 +422,7 @@ def _read(path: Path, source: Path, layer: str) -> Iterator[_Object]:
         where = f"{path}: {layer} {stated.get('FIDN', row + 1)}"
         if layer != "DSID" and (shape is None or shape.is_empty):
             raise GeoError(f"{where}: is damaged: it has no place")
-        yield _Object(where, layer, shape, stated)
+        yield Feature(where, row + 1, layer, properties=stated, shape=shape)
 
 
 @contextmanager
@@ -496,13 +479,13 @@ def _collect(
             found.dry.append(_grown(local, radius, _LINE))
         elif one.kind == "UNSARE" or (one.kind in _DEPTHS and _shallow(one, safety_depth)):
             found.shut.append(_areas(local))
-            if "DRVAL1" not in one.stated:
+            if "DRVAL1" not in one.properties:
                 unknown.append(_areas(local))
                 found.unknown += one.kind in _DEPTHS
         elif one.kind in _HAZARDS:
             _collect_hazard(one, local, found, deepest, radius)
-        if one.kind in _DEPTHS and "DRVAL1" in one.stated:
-            found.depths.setdefault(float(one.stated["DRVAL1"]), []).append(_areas(local))
+        if one.kind in _DEPTHS and "DRVAL1" in one.properties:
+            found.depths.setdefault(float(one.properties["DRVAL1"]), []).append(_areas(local))
         _collect_restriction(one, local, found)
     gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
     found.depths.setdefault(0.0, []).extend([gap, *unknown])
@@ -512,39 +495,43 @@ def _collect(
         found.gap += within.area / _box(grid).area
 
 
-def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[_Object]:
+def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[Feature]:
     for kind in dict.fromkeys(kinds):
         if kind in cell.layers:
             yield from _read(cell.path, cell.source, kind)
 
 
-def _shallow(one: _Object, safety_depth: float) -> bool:
-    return not float(one.stated.get("DRVAL1", -np.inf)) >= safety_depth
+def _shallow(one: Feature, safety_depth: float) -> bool:
+    return not float(one.properties.get("DRVAL1", -np.inf)) >= safety_depth
 
 
-def _collect_hazard(one: _Object, local: Any, found: _Found, deepest: float, radius: float) -> None:
+def _collect_hazard(one: Feature, local: Any, found: _Found, deepest: float, radius: float) -> None:
     """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
     # What is of unknown depth, or may show above water, reaches up to the surface.
-    shown = int(one.stated.get("WATLEV", 3)) in _SHOWN or int(one.stated.get("CATWRK", 0)) in _STANDING
-    top = 0.0 if shown else max(float(one.stated.get("VALSOU", 0.0)), 0.0)
+    shown = (
+        int(one.properties.get("WATLEV", 3)) in _SHOWN or int(one.properties.get("CATWRK", 0)) in _STANDING
+    )
+    top = 0.0 if shown else max(float(one.properties.get("VALSOU", 0.0)), 0.0)
     if top > deepest + _UNDER:
         return
     points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
-    name = str(one.stated.get("OBJNAM") or f"{_HAZARDS[one.kind]} {one.stated.get('FIDN', '')}").strip()
+    name = str(
+        one.properties.get("OBJNAM") or f"{_HAZARDS[one.kind]} {one.properties.get('FIDN', '')}"
+    ).strip()
     found.hazards += [KnownObstacle(name, (point.x, point.y), radius, top) for point in points]
     extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
     found.shut += [_grown(part, radius, radius) for part in extended]
 
 
-def _collect_restriction(one: _Object, local: Any, found: _Found) -> None:
+def _collect_restriction(one: Feature, local: Any, found: _Found) -> None:
     """Add an area that is closed, or count one that may be entered under conditions."""
-    stated = one.stated.get("RESTRN", ())
+    stated = one.properties.get("RESTRN", ())
     values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
     area = _areas(local)
     if area.is_empty:
         return
     if values & {_PROHIBITED, _AVOIDED}:
-        name = str(one.stated.get("OBJNAM") or f"{one.kind} {one.stated.get('FIDN', '')}").strip()
+        name = str(one.properties.get("OBJNAM") or f"{one.kind} {one.properties.get('FIDN', '')}").strip()
         found.closed.append(Zone(name, area, one.where))
     elif _HINDERED in values:
         found.hindered += 1

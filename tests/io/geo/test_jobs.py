@@ -118,7 +118,7 @@ def test_the_same_jobs_from_both(tmp_path):
         ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
         ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
         ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
-        ("north,east,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
+        ("north,east,line\n1,2,a\n", "line 'a': needs at least 2 positions, got 1"),
         ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
         ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
         (

@@ -1,7 +1,9 @@
-"""Polygons of GeoPackage, Shapefile, FlatGeobuf and what else GDAL reads, in longitude and latitude."""
+"""Polygons in longitude and latitude: of GeoJSON, GeoPackage, Shapefile, FlatGeobuf and what GDAL reads."""
 
 import warnings
 import zlib
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -11,9 +13,16 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import reason_of
-from auvplan.io.geo.error import GeoError
+from auvplan.errors import ScenarioWarning, reason_of
+from auvplan.io.geo.error import Faults, GeoError
+from auvplan.io.geo.features import Feature, check_place, positions, read_features
 
+#: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
+_CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
+# Edges from one turn of longitude to the next close a polygon around a pole.
+_AROUND = 360.0 - 1e-6
+# Edges that are looked up at a time, at most.
+_TOGETHER = 256
 _STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
 _SHAPEFILE = b"\0\0\x27\x0a"
 # An edge of a projection in pieces of so many metres is straight in degrees too.
@@ -25,6 +34,154 @@ _AREAS = ("Polygon", "Surface", "Unknown", "GeometryCollection")
 _SUFFIXES = (".shp", ".gpkg", ".fgb", ".zip")
 
 
+def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
+    """Return the polygons of a GeoJSON, GeoPackage or Shapefile, whose shapes are in degrees.
+
+    Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there, and
+    one that crosses itself a few times is repaired.
+
+    Args:
+        path: of the file.
+        area: shapely geometry in degrees; polygons that reach nowhere near it may be faulty and are then
+            left out. None for everywhere.
+
+    Raises:
+        GeoError: see `read_features` and `read_vector_polygons`; rings that are not closed or cross often, no
+            area, or every one is empty.
+
+    Warns:
+        ScenarioWarning: a ring that was parted or repaired.
+    """
+    if is_vector_file(path):
+        features = read_vector_polygons(path)
+    else:
+        features = [one for one in read_features(path, ("Polygon", "MultiPolygon")) if one.coordinates != []]
+        if not features:
+            raise GeoError(f"{path}: every polygon is empty")
+        features = _each(features, lambda one: replace(one, shape=_shape(one)))
+
+    def sound(feature: Feature) -> Feature | None:
+        if shapely.is_valid(feature.shape):
+            return feature
+        near = area is None or shapely.intersects(shapely.box(*feature.shape.bounds), area)
+        return replace(feature, shape=_repaired(feature)) if near else None
+
+    return _each(features, sound)
+
+
+def _each(features: list[Feature], change: Callable[[Feature], Feature | None]) -> list[Feature]:
+    """Return features that are changed, without those of which nothing is left.
+
+    Raises:
+        GeoError: its `lines` are what is wrong with them all.
+    """
+    found, faults = [], Faults()
+    for feature in features:
+        with faults.kept():
+            found.append(change(feature))
+    faults.refuse(len(features))
+    return [feature for feature in found if feature is not None]
+
+
+def _shape(feature: Feature) -> Polygon | MultiPolygon:
+    """Return the shape of a Polygon or MultiPolygon of GeoJSON, valid or not.
+
+    Raises:
+        GeoError: rings that are not closed, or coordinates off the Earth.
+    """
+    where, polygons = feature.where, []
+    parts = feature.coordinates if feature.kind == "MultiPolygon" else [feature.coordinates]
+    if not isinstance(parts, list) or not parts:
+        raise GeoError(f"{where}: a {feature.kind} without coordinates")
+    for rings in parts:
+        if not isinstance(rings, list) or not rings:
+            raise GeoError(f"{where}: a polygon without rings")
+        closed = []
+        for ring in rings:
+            places = positions(feature, [] if ring is None else ring, 4)[:, :2]
+            if (places[0] != places[-1]).any():
+                raise GeoError(f"{where}: a ring is not closed: its last position is not its first")
+            _refuse_leap(where, places)
+            closed.append(places)
+        polygons.append(Polygon(closed[0], closed[1:]))
+    return polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
+
+
+def _repaired(feature: Feature) -> Polygon | MultiPolygon:
+    """Part a ring where it touches itself, and fill what one that crosses itself may stand for.
+
+    Parting adds no land and takes none. Of a ring that crosses, all that lies inside by either reading is
+    kept: by the number of times that it goes around a place, and by whether that number is odd.
+
+    Raises:
+        GeoError: it crosses too often, is faulty otherwise, or has no area.
+
+    Warns:
+        ScenarioWarning: a ring was repaired.
+    """
+    shape = feature.shape
+    reason = shapely.is_valid_reason(shape)
+    line = f"{feature.where}: {_fault(reason)}"
+    done, repaired = "parted there", None
+    if reason.startswith("Ring Self-intersection"):
+        repaired = shapely.make_valid(shape)
+    elif reason.startswith(("Self-intersection", "Nested shells")) and _crosses_seldom(shape):
+        readings = (
+            shapely.make_valid(shape),
+            shapely.make_valid(shape, method="structure", keep_collapsed=False),
+        )
+        parts = [part for reading in readings for part in shapely.get_parts(reading)]
+        repaired = shapely.union_all([part for part in parts if isinstance(part, Polygon)])
+        done = "repaired, with all inside that may be meant"
+    if not isinstance(repaired, Polygon | MultiPolygon) or repaired.is_empty:
+        raise GeoError(line)
+    warnings.warn(f"{line}: it is {done}", ScenarioWarning, stacklevel=3)
+    return repaired
+
+
+def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
+    """Return whether the edges of a shape cross or cover each other so seldom that it can be made valid.
+
+    Of many crossings that takes hours, and gigabytes.
+    """
+    rings = shapely.get_rings(shapely.get_parts(shape))
+    if len(rings) > _RINGS or shapely.get_num_coordinates(shape) > _CORNERS:
+        return False
+    ends = [shapely.get_coordinates(ring) for ring in rings]
+    pairs = np.concatenate([np.stack([at[:-1], at[1:]], axis=1) for at in ends])
+    edges = np.asarray(shapely.linestrings(pairs), object)
+    tree, met, start, count = shapely.STRtree(edges), 0, 0, 2
+    while start < len(edges):
+        some = edges[start : start + count]
+        start, count = start + count, min(2 * count, _TOGETHER)
+        met += len(tree.query(some, "crosses")[0]) + len(tree.query(some, "overlaps")[0])
+        if met > 2 * _CROSSINGS:  # each is found from both sides
+            return False
+    return True
+
+
+def _refuse_leap(where: str, places: np.ndarray) -> None:
+    """Refuse a ring [n, 2] an edge of which spans more than half of the Earth, but not all of it.
+
+    Raises:
+        GeoError: one does; it may go either way around.
+    """
+    leap = np.abs(np.diff(places[:, 0])).max(initial=0.0)
+    if 180.0 < leap < _AROUND:
+        raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
+
+
+def _fault(said: str) -> str:
+    """Shapely's reason in words of the field, with the place."""
+    what, _, place = said.partition("[")
+    words = {
+        "Self-intersection": "the polygon crosses itself",
+        "Ring Self-intersection": "a ring touches itself",
+    }
+    stated = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
+    return f"{stated} at ({', '.join(place.rstrip(']').split())})" if place else stated
+
+
 def is_vector_file(path: str | Path) -> bool:
     """Return whether a file is of a vector format other than GeoJSON, by its name or first bytes."""
     if Path(path).suffix.lower() in _SUFFIXES:
@@ -33,14 +190,14 @@ def is_vector_file(path: str | Path) -> bool:
         return file.read(16).startswith(_STARTS)
 
 
-def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Polygon | MultiPolygon]]:
-    """Return the polygons of a file: number from 1, properties, shape in degrees.
+def read_vector_polygons(path: str | Path) -> list[Feature]:
+    """Return the polygons of a GeoPackage, Shapefile or the like, valid or not, whose shapes are in degrees.
 
     Rings that cross the antimeridian have longitudes beyond 180 or -180 degrees, but for those of WGS 84.
 
     Raises:
         GeoError: one line; the file cannot be read, tells no reference system, has no polygons, several
-            layers of them, or something else among them.
+            layers of them, something else among them, or one lies off the Earth.
     """
     try:
         from pyogrio import list_layers, raw
@@ -89,7 +246,14 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
             continue
         values = {name: column[number - 1] for name, column in zip(names, columns, strict=True)}
         kept = {name: getattr(value, "item", lambda v=value: v)() for name, value in values.items()}
-        found.append((number, {name: value for name, value in kept.items() if value is not None}, shape))
+        where = f"{path}: feature {number}"
+        west, south, east, north = shape.bounds
+        for longitude, latitude in ((west, south), (east, north)):
+            check_place(where, longitude, latitude)
+        for ring in shapely.get_rings(shape):
+            _refuse_leap(where, shapely.get_coordinates(ring))
+        properties = {name: value for name, value in kept.items() if value is not None}
+        found.append(Feature(where, number, shape.geom_type, properties=properties, shape=shape))
     if not found:
         raise GeoError(f"{path}: every polygon is empty")
     return found
