@@ -336,10 +336,8 @@ class AreaFiles:
         settings = self.scenario.chart
         if settings.no_go is None:
             return ()
-        assert self._given is not None
-        lower, upper = (corner[:2] for corner in self._box)
         with blaming("chart", "no_go"):
-            zones = geo.read_zones(self._path(settings.no_go), self._given, lower=lower, upper=upper)
+            zones = geo.read_zones(self._path(settings.no_go), self._on_earth, **self._sides)
         if settings.no_go_windows is None:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
@@ -351,18 +349,9 @@ class AreaFiles:
         if not self.no_go:
             return ()
         assert self.site is not None
-        lower, upper = (corner[:2] for corner in self._box)
-        size, margin = self.scenario.chart.pixel_size, self.scenario.safety.closing
+        how = {"pixel_size": self.scenario.chart.pixel_size, "margin": self.scenario.safety.closing}
         with blaming("chart", "no_go"):
-            return geo.closures_of(
-                self.no_go,
-                self.site,
-                lower=lower,
-                upper=upper,
-                pixel_size=size,
-                margin=margin,
-                until=self.until,
-            )
+            return geo.closures_of(self.no_go, self.site, **self._sides, **how, until=self.until)
 
     @_Part
     def current(self) -> "CurrentFile | None":
@@ -370,9 +359,8 @@ class AreaFiles:
         files = self.scenario.current.files
         if self.scenario.current.source != "file" or files is None:
             return None
-        assert self._given is not None
         with blaming("current", "files"):
-            return self._current_of(files, self._given)
+            return self._current_of(files, self._on_earth)
 
     @_Part
     def truth(self) -> "CurrentFile | None":
@@ -389,9 +377,8 @@ class AreaFiles:
         constituents = self.scenario.current.constituents
         if constituents is None:
             return None
-        assert self._given is not None
         with blaming("current", "constituents"):
-            return read_tide(self._path(constituents), self._given, self.until)
+            return read_tide(self._path(constituents), self._on_earth, self.until)
 
     @_Part
     def jobs(self) -> Jobs | None:
@@ -409,9 +396,8 @@ class AreaFiles:
         file = self.scenario.obstacles.file
         if file is None:
             return ()
-        assert self._given is not None
         with blaming("obstacles", "file"):
-            named = geo.read_obstacles(self._path(file), self._given)
+            named = geo.read_obstacles(self._path(file), self._on_earth)
             warn_of_idle_obstacles(named, self.scenario, self.dry_land)
         return named
 
@@ -442,12 +428,11 @@ class AreaFiles:
             corner, size = cells.land.lower, float(cells.land.pixel_size)
             depth = cells.depth + np.float32(low)
         else:
-            assert self._given is not None
             assert settings.file is not None
-            path, place = self._path(settings.file), {"lower": box[0][:2], "upper": box[1][:2]}
+            path = self._path(settings.file)
             told = {name: getattr(settings, name) for name in ("pixel_size", "variable", "positive", "crs")}
             with blaming("bathymetry", "file"):
-                found = geo.read_bathymetry(path, self._given, **place, **told)
+                found = geo.read_bathymetry(path, self._on_earth, **self._sides, **told)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
                         f"{path}: no pixel of the area lies below the sea surface: say by "
@@ -469,6 +454,17 @@ class AreaFiles:
     @property
     def _box(self) -> Corners:
         return self.scenario.box
+
+    @property
+    def _sides(self) -> dict[str, Any]:
+        """Corners of the area, (north, east) m, by the names that readers give them."""
+        return {"lower": self._box[0][:2], "upper": self._box[1][:2]}
+
+    @property
+    def _on_earth(self) -> Site:
+        """The site, which scenarios with files of places have."""
+        assert self._given is not None
+        return self._given
 
     @property
     def _place(self) -> Site | None:
@@ -515,27 +511,25 @@ class AreaFiles:
         if settings.source == "none":
             return _Land()
         box, size, notes, cells = self._box, settings.pixel_size, (), None
-        beyond = _beyond(box, size)
+        beyond, file = _beyond(box, size), self._path(settings.file or "")
         if settings.source in ("whitsunday", "image"):
             with blaming("chart", "image"):
                 coast, chart, notes = self._picture(settings)
         elif settings.source == "enc":
-            assert self._given is not None
-            assert settings.file is not None
-            place = {"lower": box[0][:2], "upper": box[1][:2], "deepest": box[1][2], "beyond": beyond}
             names = "pixel_size", "safety_depth", "hazard_radius"
-            told = {name: getattr(settings, name) for name in names}
+            told = {name: getattr(settings, name) for name in names} | {
+                "deepest": box[1][2],
+                "beyond": beyond,
+            }
             with blaming("chart", "file"):
-                cells = geo.read_cells(self._path(settings.file), self._place, **place, **told)  # type: ignore[arg-type]
+                cells = geo.read_cells(file, replace(self._on_earth, epoch=None), **self._sides, **told)
             coast, chart, notes = cells.coast, cells.chart, cells.notes
         elif settings.source == "current":
             assert current is not None
             coast = chart = _water_chart(current, box, size)
         else:
-            assert self._given is not None
-            assert settings.file is not None
-            place = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size, "beyond": beyond}
-            file, site = self._path(settings.file), replace(self._given, epoch=None)
+            place: dict[str, Any] = {**self._sides, "pixel_size": size, "beyond": beyond}
+            site = replace(self._on_earth, epoch=None)
             with blaming("chart", "file"):
                 if settings.source == "raster":
                     colours = settings.colours.given
@@ -598,14 +592,11 @@ class AreaFiles:
 
     def _cropped(self, chart: Chart) -> Chart:
         """Return what a chart of a file with a place has of the area; distances to what lies beyond stay."""
-        box = self._box
         if self.scenario.chart.source not in ("polygons", "raster", "enc", "none"):
             return chart
-        size, low = float(chart.pixel_size), np.asarray(box[0][:2])
+        size, (low, high) = float(chart.pixel_size), (np.asarray(corner[:2]) for corner in self._box)
         i, j = np.rint((low - np.asarray(chart.lower, float)) / size).astype(int).tolist()
-        north, east = np.maximum(
-            np.ceil((np.asarray(box[1][:2]) - low) / size - 1e-6).astype(int), 1
-        ).tolist()
+        north, east = np.maximum(np.ceil((high - low) / size - 1e-6).astype(int), 1).tolist()
         return replace(chart.crop(i, j, north, east), origin=jnp.asarray(low, jnp.float32))
 
     def _closed(self) -> Chart | None:

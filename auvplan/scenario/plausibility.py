@@ -18,6 +18,17 @@ _HOURS = 100.0
 _FLAT = 0.087
 #: Farther from the site, m, its local metres are not those of the sea.
 _FAR = 200_000.0
+#: Fields of sections that count with some sources alone, and these.
+_COUNTS_WITH: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("chart", ("fringe",), ("polygons",)),
+    ("chart", ("safety_depth", "hazard_radius"), ("enc",)),
+    ("chart", ("crs",), ("raster",)),
+    ("bathymetry", ("variable", "positive", "crs"), ("file",)),
+    ("bathymetry", ("pixel_size",), ("file", "current")),
+    ("current", ("outside", "spacing"), ("file",)),
+    ("current", ("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
+    ("current", ("center_std", "radius_std", "strength_std"), ("vortices",)),
+)
 
 
 def implausible(scenario: Scenario, document: Document) -> list[Finding]:
@@ -143,41 +154,21 @@ def _straight(scenario: Scenario) -> float | None:
 
 def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
     """Fields that are given and count for nothing beside others."""
-    chart, current = scenario.chart.source, scenario.current
-    bed = scenario.bathymetry.source
-    idle: dict[str, tuple[str, str]] = {}
-    if chart != "polygons":
-        idle["chart.fringe"] = "chart.source", chart
-    if chart != "enc":
-        idle |= {f"chart.{name}": ("chart.source", chart) for name in ("safety_depth", "hazard_radius")}
-    if chart != "raster":
-        idle["chart.crs"] = "chart.source", chart
-    if chart == "whitsunday" or (chart == "none" and scenario.chart.no_go is None):
-        idle["chart.pixel_size"] = "chart.source", chart
-    if bed != "file":
-        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive", "crs")}
-    if bed in ("none", "chart"):
-        idle["bathymetry.pixel_size"] = "bathymetry.source", bed
-    if current.source == "file":
-        names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]
-        names += ["center_std", "radius_std", "strength_std"]
-        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
-    elif current.source == "harmonic":
-        names = ["outside", "spacing", "layers", "vertical_scale", "uniform", "update_rate", "center_std"]
-        names += ["peak_speed", "radius_std", "strength_std"]
-        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
-    else:
-        names = ["outside", "spacing"]
-    idle |= {f"current.{name}": ("current.source", current.source) for name in names}
-    if scenario.mission.jobs is not None:
-        stated = "mission.jobs", scenario.mission.jobs
-        given = (
-            "waypoints",
-            "priority",
-            "duration",
-        )
-        idle |= {f"mission.{name}": stated for name in given}
-    for field, (other, value) in idle.items():
-        section, name = field.split(".")
+    sources = {section: getattr(scenario, section).source for section, _, _ in _COUNTS_WITH}
+    idle = {
+        (section, name): (f"{section}.source", sources[section])
+        for section, names, needed in _COUNTS_WITH
+        for name in names
+        if sources[section] not in needed
+    }
+    if sources["chart"] == "whitsunday" or (sources["chart"] == "none" and scenario.chart.no_go is None):
+        idle["chart", "pixel_size"] = "chart.source", sources["chart"]
+    if sources["current"] != "vortices" and scenario.current.forecast_error == 0.0:
+        vortices = (("current", name) for name in ("vortices", "radius"))
+        idle |= dict.fromkeys(vortices, ("current.source", sources["current"]))
+    if (jobs := scenario.mission.jobs) is not None:
+        drawn = (("mission", name) for name in ("waypoints", "priority", "duration"))
+        idle |= dict.fromkeys(drawn, ("mission.jobs", jobs))
+    for (section, name), (other, value) in idle.items():
         if name in sections.get(section, {}):
             yield (section, name), f"counts for nothing with {other} {value!r}"
