@@ -216,7 +216,9 @@ def _jobs_of(
     name = str(stated.get("name", "")).strip() or str(feature.number)
     job = where if repr(name) in where else f"{where}, job {name!r}"
     places = _places(feature, site, numbers["depth"], default_depth)
-    falls = read_falls(job, stated, site, priority)
+    falls = ()
+    with faults.kept():
+        falls = read_falls(job, stated, site, priority)
     if feature.kind == "LineString":
         for k, (a, b) in enumerate(pairwise(places), 1):
             if a == b:
@@ -247,8 +249,8 @@ def _places(feature: Feature, site: Site | None, depth: float | None, default_de
         if not np.isfinite((north, east)).all():
             raise GeoError(f"{feature.where}: has no place in the site's local metres")
     return [
-        (float(n), float(e), _depth(feature.where, depth, elevation, default_depth))
-        for n, e, elevation in zip(north, east, at[:, 2], strict=True)
+        (n, e, _depth(feature.where, depth, elevation, default_depth))
+        for n, e, elevation in np.stack([north, east, at[:, 2]], axis=1).tolist()
     ]
 
 
