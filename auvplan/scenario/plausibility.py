@@ -123,7 +123,7 @@ def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
             f"{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}",
         )
     elif way is None and time <= _HOURS:
-        yield path, f"{time:g} s is hardly a mission{_as_hours(time)}"
+        yield path, f"{time:g} s is very short for a mission{_as_hours(time)}"
 
 
 def _vertical(scenario: Scenario) -> Iterator[tuple[Path, str]]:
@@ -153,7 +153,7 @@ def _straight(scenario: Scenario) -> float | None:
 
 
 def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
-    """Fields that are given and count for nothing beside others."""
+    """Fields that are given and have no effect beside others."""
     sources = {section: getattr(scenario, section).source for section, _, _ in _COUNTS_WITH}
     idle = {
         (section, name): (f"{section}.source", sources[section])
@@ -171,4 +171,4 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
         idle |= dict.fromkeys(drawn, ("mission.jobs", jobs))
     for (section, name), (other, value) in idle.items():
         if name in sections.get(section, {}):
-            yield (section, name), f"counts for nothing with {other} {value!r}"
+            yield (section, name), f"has no effect with {other} {value!r}"

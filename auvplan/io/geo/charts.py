@@ -283,7 +283,7 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
     west, south, east, north = shapely.total_bounds(np.asarray(shapes, object))
     hint = swapped_hint(site, lambda other: not shapely.is_empty(near(shapes, other, grid, 0.0)))
     warnings.warn(
-        f"{path}: none of its polygons reaches into the area, which has no {what} therefore: they lie at "
+        f"{path}: none of its polygons reaches into the area, so it has no {what}: they lie at "
         f"longitudes {west:.2f} to {east:.2f} and latitudes {south:.2f} to {north:.2f}{hint}",
         ScenarioWarning,
         stacklevel=2,

@@ -43,7 +43,7 @@ _GEOMETRIES = (
     "MultiPolygon",
     "GeometryCollection",
 )
-#: KML's altitudes that count from the surface of the sea, and those that count for nothing.
+#: KML's altitudes that count from the surface of the sea, and those that are ignored.
 _ABSOLUTE, _CLAMPED = ("absolute", "relativeToGround"), ("", "clampToGround")
 _OTHER_SHAPES = ("Polygon", "Track", "MultiTrack", "Model", "LinearRing")
 #: MAVLink's commands for a place to visit; their first parameter is the time spent there, s.
@@ -243,7 +243,7 @@ def _gpx(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
     if not points:
         raise GeoError(f"{path}: has no waypoints (wpt): its routes and tracks are not read as jobs")
     if any(True for _ in _children(root, "rte", "trk")):
-        line = f"{path}: routes and tracks are left unread: jobs are its waypoints (wpt)"
+        line = f"{path}: routes and tracks are ignored: jobs are its waypoints (wpt)"
         warnings.warn(line, ScenarioWarning, stacklevel=2)
     for number, point in enumerate(points, 1):
         name = _text_of(point, "name")
@@ -280,7 +280,7 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
                 else:
                     yield Feature(where, number, "LineString", places, own)
     if flat:
-        notes.append(f"{path}: altitudes above the ground that KML lays places on count for nothing")
+        notes.append(f"{path}: altitudes above the ground that KML lays places on are ignored")
 
 
 def _extended(mark: Element) -> dict[str, str]:
@@ -347,7 +347,7 @@ def _plan(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
             else:
                 left.append(f"{number} ({item.get('complexItemType') or item.get('command')})")
     if left:
-        notes.append(f"{path}: items that are no waypoints or surveys are left unread: {', '.join(left)}")
+        notes.append(f"{path}: items that are no waypoints or surveys are ignored: {', '.join(left)}")
     elif not items:
         raise GeoError(f"{path}: has no mission items")
 

@@ -119,7 +119,7 @@ def read_jobs(
 
     Warns:
         ScenarioWarning: columns x and y, headings that look as if they were to mean something, and routes and
-            tracks of a GPX file, which are left unread.
+            tracks of a GPX file, which are ignored.
     """
     if not (np.isfinite(default_depth) and default_depth >= 0.0):
         raise GeoError(f"default_depth must not be negative, got {default_depth}")
@@ -355,7 +355,7 @@ def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[
         _warn_all(check_headings(str(path), given, _HEADINGS).values())
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
-    faults.lines += [f"{path}: two columns tell {name}" for name, count in used.items() if count > 1]
+    faults.lines += [f"{path}: two columns map to {name}" for name, count in used.items() if count > 1]
     # A column whose heading is all but one that is known is checked as that one.
     for number, name in enumerate(given):
         meant = _HEADINGS.get(slip_of(name, _HEADINGS)) if columns[number] is None else None
@@ -454,7 +454,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
 
     Returns:
         By name, what to warn of: it is another word for something that is not given, or asks for what jobs do
-        not have; it is left unread.
+        not have; it is ignored.
 
     Raises:
         GeoError: a name differs from a known one by a slip of the pen, an abbreviation or a unit.
@@ -462,7 +462,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     names = list(dict.fromkeys(given))
     stated = {known[name] for name in names if name in known}
     slips = [
-        f"{where}: {name!r} means nothing here: {meant!r} does{_in_words(known[meant])}"
+        f"{where}: unknown name {name!r}, did you mean {meant!r}{_in_words(known[meant])}?"
         for name in names
         if name not in known and (meant := slip_of(name, known))
     ]
@@ -477,10 +477,10 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
         if name in known:
             continue
         if meant and meant not in stated:
-            doubts[name] = f"{where}: {name!r} is left unread: is {meant!r} meant{_in_words(meant)}?"
+            doubts[name] = f"{where}: {name!r} is ignored: did you mean {meant!r}{_in_words(meant)}?"
         elif plain in _UNHEEDED.split():
             what = "jobs have a place, priority, duration, name and time windows alone"
-            doubts[name] = f"{where}: {name!r} is left unread: {what}"
+            doubts[name] = f"{where}: {name!r} is ignored: {what}"
     return doubts
 
 

@@ -89,7 +89,7 @@ def _line(where: str, found: Any) -> str:
     if found["type"] == "extra_forbidden":
         near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
         hint = f": did you mean {near[0]!r}?" if near else ""
-        what = f"means nothing here; an obstacle has {', '.join(_Properties.model_fields)}{hint}"
+        what = f"is unknown; an obstacle has {', '.join(_Properties.model_fields)}{hint}"
     elif found["type"] == "missing":
         what = "is missing"
     return f"{where}: {name} {what}".replace(":  ", ": ")

@@ -224,9 +224,7 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
     except Exception as error:  # whatever GDAL stumbles over
         raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
     if not meta["crs"]:
-        raise GeoError(
-            f"{path}: tells no coordinate reference system: a Shapefile's is in the .prj beside it"
-        )
+        raise GeoError(f"{path}: has no coordinate reference system: a Shapefile's is in the .prj beside it")
     crs = CRS.from_user_input(meta["crs"])
     shapes = [None if shape is None else _areas(shape) for shape in shapely.from_wkb(geometries)]
     for number, shape in enumerate(shapes, 1):

@@ -330,7 +330,7 @@ def _header(path: Path, source: Path) -> _Cell:
         if int(one.properties.get("CATCOV", 1)) == 1
     ]
     if not coverage:
-        raise GeoError(f"{path}: does not tell where it has data (M_COVR)")
+        raise GeoError(f"{path}: has no coverage (M_COVR)")
     scale = float(stated.get("DSPM_CSCL") or np.inf)
     edition = f"edition {stated.get('DSID_EDTN', '?')}, update {stated.get('DSID_UPDN', '0')}"
     if issued := str(stated.get("DSID_ISDT", "")):

@@ -67,7 +67,7 @@ def test_what_is_refused(tmp_path):
     bare = written(tmp_path / "bare.shp", [square()])
     bare.with_suffix(".prj").unlink()
     with pytest.raises(
-        ChartError, match=r"tells no coordinate reference system: a Shapefile's is in the \.prj"
+        ChartError, match=r"has no coordinate reference system: a Shapefile's is in the \.prj"
     ):
         chart_from_polygons(bare, SITE, **AREA)
     (tmp_path / "broken.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
