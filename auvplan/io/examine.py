@@ -96,21 +96,30 @@ def examine_scenario(source: str | Path) -> Examination:
     Raises:
         ScenarioError: the file cannot be read as text; one line that names it.
     """
-    scenario, found, document = check_scenario(source)
+    sound, found, document = check_scenario(source)
     folder = Path(source).parent if Path(source).is_file() else Path(".")
     missing = _missing(document, folder)
     found += missing.values()
-    if scenario is None:
-        found += _file_faults(document, folder, set(missing))
+    scenario, _, taken = check_what_is_left(document, Scenario)
+    sections = {str(path[0]) for path in taken if path not in _APART}
+    if scenario is None or sections & {"site", "area"}:
         return Examination(str(source), tuple(in_order(found)))
-    from auvplan.io.area import heard
+    from auvplan.io.area import AreaFiles, heard
 
-    files = _files(scenario, folder, set(missing))
+    if ("chart", "uncertain") in missing:
+        plain = scenario.chart.model_copy(update={"uncertain": None})
+        scenario = scenario.model_copy(update={"chart": plain})
+    unread = {part for part, section in AreaFiles.PARTS.items() if section in sections}
+    unread |= {_PARTS[field] for field in missing.keys() & _PARTS.keys()}
+    files = AreaFiles(scenario, folder, unread=unread)
     with heard(show=False) as lines:
-        found += _attempt(files, document)
+        wrong = _attempt(files, document)
+        found += [one for one in wrong if one.field.partition(".")[0] not in sections]
+        if sound is None:
+            return Examination(str(source), tuple(in_order(found)))
         area, closed = _readable(files)
         found += _misplaced(files, area, document)
-        if short := unreachable(scenario):
+        if short := unreachable(sound):
             found.append(finding_at(("mission", "time_available"), short, document))
         if not found:
             try:
@@ -118,11 +127,11 @@ def examine_scenario(source: str | Path) -> Examination:
             except AuvplanError as error:
                 found += _errors(error, "mission", document)
     at_fault = {one.field for one in found}
-    found = in_order(found) + [one for one in implausible(scenario, document) if one.field not in at_fault]
+    found = in_order(found) + [one for one in implausible(sound, document) if one.field not in at_fault]
     found += [Finding("", line, None, "warning") for line in lines]
     notes = (note for note in files.notes if note not in lines)
-    found += [Finding("", line, None, "note") for line in (*scenario.overrides, *notes)]
-    return Examination(str(source), tuple(dict.fromkeys(found)), scenario, area, closed)
+    found += [Finding("", line, None, "note") for line in (*sound.overrides, *notes)]
+    return Examination(str(source), tuple(dict.fromkeys(found)), sound, area, closed)
 
 
 def examine_folder(folder: Path) -> Iterator[Examination]:
@@ -158,33 +167,6 @@ def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Finding]
                 more = f" (nor {len(gone) - 1} more)" if len(gone) > 1 else ""
                 found[section, name] = finding_at((section, name), f"{gone[0]}: {what}{more}", document)
     return found
-
-
-def _files(
-    scenario: Scenario, folder: Path, missing: set[tuple[str, str]], at_fault: set[str] | None = None
-) -> "AreaFiles":
-    """Return the files of a scenario but those that are missing, and those of sections that are at fault."""
-    from auvplan.io.area import AreaFiles
-
-    if ("chart", "uncertain") in missing:
-        plain = scenario.chart.model_copy(update={"uncertain": None})
-        scenario = scenario.model_copy(update={"chart": plain})
-    unread = {part for part, section in AreaFiles.PARTS.items() if section in (at_fault or ())}
-    unread |= {_PARTS[field] for field in missing & _PARTS.keys()}
-    return AreaFiles(scenario, folder, unread=unread)
-
-
-def _file_faults(document: Document, folder: Path, missing: set[tuple[str, str]]) -> list[Finding]:
-    """Return what is wrong with the files of sections that are sound where fields elsewhere are at fault."""
-    scenario, _, taken = check_what_is_left(document, Scenario)
-    at_fault = {str(path[0]) for path in taken if path not in _APART}
-    if scenario is None or at_fault & {"site", "area"}:
-        return []
-    from auvplan.io.area import heard
-
-    with heard(show=False):
-        found = _attempt(_files(scenario, folder, missing, at_fault), document)
-    return [one for one in found if one.field.partition(".")[0] not in at_fault]
 
 
 def _attempt(files: "AreaFiles", document: Document) -> list[Finding]:
