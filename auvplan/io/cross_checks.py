@@ -192,11 +192,10 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
             which has a priority.
     """
     file, every = scenario.mission.jobs, [*jobs.points, *jobs.lines]
-    places = [point.position for point in jobs.points]
-    places += [position for line in jobs.lines for position in line.positions]
-    if not places:
+    if not every:
         return
-    _require_about(str(file), np.asarray(places), site, scenario.box)
+    places = np.asarray([position for _, position in jobs.places])
+    _require_about(str(file), places, site, scenario.box)
     time = scenario.mission.time_available
     long = [job for job in every if job.duration > time]
     if long:

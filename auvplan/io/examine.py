@@ -208,7 +208,6 @@ def _readable(files: "AreaFiles") -> "tuple[OperatingArea, tuple[Zone, ...]]":
 
 def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) -> Iterator[Finding]:
     """Start, goal and jobs that no vehicle can go to."""
-    from auvplan.mission.jobs import Jobs
     from auvplan.path.clearance import distance_to_land
     from auvplan.scenario.area import OperatingArea
     from auvplan.scenario.waypoints import misplaced
@@ -236,10 +235,7 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
     for name, point in (("start", mission.start), ("goal", mission.goal)):
         if point is not None and (wrong := wrong_with(point)):
             yield finding_at(("mission", name), wrong, document)
-    jobs = area.jobs or Jobs()
-    places = [(job.name, job.position) for job in jobs.points]
-    places += [(job.name, position) for job in jobs.lines for position in job.positions]
-    for name, position in places:
+    for name, position in () if area.jobs is None else area.jobs.places:
         if wrong := wrong_with(position):
             yield finding_at(("mission", "jobs"), f"{mission.jobs}: job {name!r} at {wrong}", document)
 

@@ -13,6 +13,7 @@ from auvplan.scenario.findings import Finding, first_of
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
+    PRESETS,
     Area,
     BathymetrySettings,
     ChartSettings,
@@ -177,12 +178,19 @@ class Scenario(Section):
         """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
         if self.planning.preset != "paper":
             return []
+        fixed = ((name, getattr(self.planning, name), value) for name, value in PRESETS["paper"].items())
+        found = [
+            f"planning.{name} is {given!r}, preset 'paper' has {value!r}"
+            for name, given, value in fixed
+            if given is not None and given != value
+        ]
         limits = ((name, getattr(self.vehicle, name)) for name in VERTICAL_LIMITS)
-        return self.planning.overrides + [
-            f"vehicle.{name} is {given!r}, preset 'paper' has no such limit: the mission is not the paper's"
+        found += [
+            f"vehicle.{name} is {given!r}, preset 'paper' has no such limit"
             for name, given in limits
             if given not in (None, "none")
         ]
+        return [f"{line}: the mission is not the paper's" for line in found]
 
     @property
     def box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -691,15 +691,3 @@ class PlanningSettings(Section):
     def late(self, t_path: Any, t_task: Any, t_expected: Any) -> Any:
         """Whether legs took longer than expected (3.3.2); of numbers or arrays, s; of `resolved` settings."""
         return t_path + (0.0 if self.task_time == "clock" else t_task) > t_expected
-
-    @property
-    def overrides(self) -> list[str]:
-        """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
-        if self.preset != "paper":
-            return []
-        fixed = ((name, getattr(self, name), value) for name, value in PRESETS["paper"].items())
-        return [
-            f"planning.{name} is {given!r}, preset 'paper' has {value!r}: the mission is not the paper's"
-            for name, given, value in fixed
-            if given is not None and given != value
-        ]
