@@ -70,14 +70,14 @@ class Examination:
         return self._lines("error")
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> tuple[str, ...]:
         """A line for each thing that can hardly be meant."""
-        return self._lines("warning")
+        return tuple(self._lines("warning"))
 
     @property
-    def notes(self) -> list[str]:
+    def notes(self) -> tuple[str, ...]:
         """A line an assumption."""
-        return self._lines("note")
+        return tuple(self._lines("note"))
 
     def _lines(self, severity: str) -> list[str]:
         return [one.line(self.source) for one in self.findings if one.severity == severity]
