@@ -2,22 +2,21 @@
 
 import warnings
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, blaming
 from auvplan.io import currents, geo
 from auvplan.io.cross_checks import check_jobs, warn_of_contradictions, warn_of_idle_obstacles
+from auvplan.io.land import Corners, Land, beyond, cropped, in_folder, on_land, pixels_of, read_land
 from auvplan.io.tides import read_tide
 from auvplan.mission.jobs import Jobs, Position
 from auvplan.ocean import whitsunday
-from auvplan.ocean.chart import Chart, classify_file, settled
+from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.gridded import GriddedCurrent
@@ -26,21 +25,14 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.settings import ChartSettings
 from auvplan.site import Site
 
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-#: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
-_LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
-#: Pixels of a raster made from a current's file at most.
-_MAX_PIXELS = 16_000_000
 #: What was read last is kept, so many pieces of it.
 _KEPT = 12
 
-Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 _Read = TypeVar("_Read")
 
 _kept: dict[Any, tuple[Any, list[warnings.WarningMessage]]] = {}
@@ -100,7 +92,7 @@ def load_jobs(
 
     with blaming("mission", "jobs"):
         return geo.read_jobs(
-            _path(folder, scenario.mission.jobs),
+            in_folder(folder, scenario.mission.jobs),
             site,
             default_depth=scenario.box[0][2],
             until=scenario.mission.time_available if until is None else until,
@@ -188,22 +180,6 @@ class _Part(Generic[_Read]):
         if error is not None:
             raise error
         return found
-
-
-class _Land(NamedTuple):
-    """What a chart's file has of the area and around it.
-
-    Attributes:
-        coast: coast and uncertain areas; None for open water.
-        chart: the same with the areas that the file closes.
-        notes: what was assumed, a line each.
-        cells: what S-57 cells have, where they are the chart.
-    """
-
-    coast: Chart | None = None
-    chart: Chart | None = None
-    notes: tuple[str, ...] = ()
-    cells: geo.Cells | None = None
 
 
 class AreaFiles:
@@ -300,18 +276,18 @@ class AreaFiles:
     @property
     def dry_land(self) -> Chart | None:
         """The chart of the area without closed areas and water; None where it cannot be read."""
-        land = self.readable("land") or _Land()
+        land = self.readable("land") or Land()
         if land.cells is not None:
             return land.cells.land
-        return None if land.chart is None else self._cropped(land.chart)
+        return None if land.chart is None else cropped(land.chart, self.scenario.chart, self._box)
 
     @_Part
-    def land(self) -> _Land:
-        """What the chart's file has, as far beyond the area as it and `_beyond` do."""
+    def land(self) -> Land:
+        """What the chart's file has of the area and around it."""
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
         key = settings, self._place, self._box, self.home, current
-        return _once(lambda: self._land_of(settings, current), "land", *key)
+        return _once(lambda: read_land(*key), "land", *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -319,7 +295,7 @@ class AreaFiles:
         wide, area = self.land.chart, self.scenario.area
         if wide is None:
             return None
-        chart = self._cropped(wide)
+        chart = cropped(wide, self.scenario.chart, self._box)
         low, high = np.asarray(chart.lower), np.asarray(chart.upper)
         asked = (np.asarray(corner[:2]) for corner in (area.lower, area.upper))
         if any(((corner < low - 1e-3) | (corner > high + 1e-3)).any() for corner in asked):
@@ -416,7 +392,7 @@ class AreaFiles:
                     "'current': the current's files do not tell the depth", field="bathymetry.source"
                 )
             size, corner = settings.pixel_size or min(current.spacing) / 2.0, box[0][:2]
-            pixels = _pixels(box, size, "bathymetry.pixel_size")
+            pixels = pixels_of(box, size, "bathymetry.pixel_size")
             centres = (corner[k] + size * (np.arange(count) + 0.5) for k, count in enumerate(pixels))
             grid = np.meshgrid(*centres, indexing="ij")
             depth = current.source.sea_floor(*current.site.to_geographic(*(axis.ravel() for axis in grid)))
@@ -472,7 +448,7 @@ class AreaFiles:
         return self._given and replace(self._given, epoch=None)
 
     def _path(self, name: str) -> str:
-        return _path(self.home, name)
+        return in_folder(self.home, name)
 
     def _current_of(self, files: str | tuple[str, ...], site: Site) -> "CurrentFile":
         """Read files of a current on the box, clear of the coast."""
@@ -480,7 +456,7 @@ class AreaFiles:
         land = "mesh"
         if chart.source != "current":
             own = self.readable("land")
-            land = None if own is None or own.chart is None else _land_of_chart(own.chart)
+            land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
         names = (files,) if isinstance(files, str) else files
         paths = [self._path(name) for name in names]
@@ -506,99 +482,6 @@ class AreaFiles:
             return self._current_of(files, replace(site, epoch=found.epoch))
         return found
 
-    def _land_of(self, settings: ChartSettings, current: "CurrentFile | None") -> _Land:
-        """Read a chart's file."""
-        if settings.source == "none":
-            return _Land()
-        box, size, notes, cells = self._box, settings.pixel_size, (), None
-        beyond, file = _beyond(box, size), self._path(settings.file or "")
-        if settings.source in ("whitsunday", "image"):
-            with blaming("chart", "image"):
-                coast, chart, notes = self._picture(settings)
-        elif settings.source == "enc":
-            names = "pixel_size", "safety_depth", "hazard_radius"
-            told = {name: getattr(settings, name) for name in names} | {
-                "deepest": box[1][2],
-                "beyond": beyond,
-            }
-            with blaming("chart", "file"):
-                cells = geo.read_cells(file, replace(self._on_earth, epoch=None), **self._sides, **told)
-            coast, chart, notes = cells.coast, cells.chart, cells.notes
-        elif settings.source == "current":
-            assert current is not None
-            coast = chart = _water_chart(current, box, size)
-        else:
-            place: dict[str, Any] = {**self._sides, "pixel_size": size, "beyond": beyond}
-            site = replace(self._on_earth, epoch=None)
-            with blaming("chart", "file"):
-                if settings.source == "raster":
-                    colours = settings.colours.given
-                    chart, notes = geo.chart_and_notes(file, site, crs=settings.crs, colours=colours, **place)
-                else:
-                    uncertain = None if settings.uncertain is None else self._path(settings.uncertain)
-                    chart = geo.chart_from_polygons(
-                        file, site, fringe=settings.fringe, uncertain=uncertain, **place
-                    )
-            coast = chart
-        if settings.source in ("raster", "image"):
-            dry = float((np.asarray(self._cropped(chart).passability) == 0.0).mean())
-            if dry in (0.0, 1.0):
-                what = "no land" if dry == 0.0 else "nothing but land"
-                picture = settings.file or settings.image
-                line = (
-                    f"{picture}: shows {what} in the area: land and water are distinguished by their colours"
-                )
-                warnings.warn(line, ScenarioWarning, stacklevel=2)
-        return _Land(coast, chart, notes, cells)
-
-    def _picture(self, settings: ChartSettings) -> tuple[Chart, Chart, tuple[str, ...]]:
-        """Return all of a picture as a chart, its window, and what was assumed of it, a line each.
-
-        Raises:
-            ScenarioError: the window does not fit the picture.
-            ChartError: the picture cannot be read, or what is water in it is in doubt.
-        """
-        notes: tuple[str, ...] = ()
-        if settings.source == "whitsunday":
-            chart = whitsunday.whitsunday_chart()
-        else:
-            assert settings.image is not None
-            path = self._path(settings.image)
-            found = settled(classify_file(path, colours=settings.colours.given), path)
-            chart = Chart.from_classified(found, settings.pixel_size)
-            notes = (
-                *(f"{path}: {note}" for note in found.notes),
-                *(f"{path} {line}" for line in found.warnings),
-            )
-            with suppress(geo.GeoError):  # the place of such a picture is not used
-                stated = geo.pixel_size(path)
-                if stated is not None and abs(stated.metres / settings.pixel_size - 1.0) > 0.01:
-                    size = (
-                        f"chart.pixel_size is {settings.pixel_size:g} m, the file says {stated.metres:.4g} m"
-                    )
-                    notes += (f"{path}: {size}",)
-        if settings.window is None:
-            return chart, chart, notes
-        # The window counts rows from the north, the raster from the south.
-        (row, column, rows, columns), (north, east) = settings.window, chart.shape
-        if min(row, column) < 0 or min(rows, columns) < 2 or row + rows > north or column + columns > east:
-            raise ScenarioError(
-                f"{settings.window} does not fit a chart of {chart.shape} pixels", field="chart.window"
-            )
-        part = chart.crop(north - row - rows, column, rows, columns)
-        # Local metres count from the window's corner.
-        whole = replace(chart, origin=chart.origin - part.origin)
-        return whole, replace(part, origin=jnp.zeros_like(part.origin)), notes
-
-    def _cropped(self, chart: Chart) -> Chart:
-        """Return what a chart of a file with a place has of the area; distances to what lies beyond stay."""
-        if self.scenario.chart.source not in ("polygons", "raster", "enc", "none"):
-            return chart
-        size, (low, high) = float(chart.pixel_size), (np.asarray(corner[:2]) for corner in self._box)
-        i, j = np.rint((low - np.asarray(chart.lower, float)) / size).astype(int).tolist()
-        north, east = np.maximum(np.ceil((high - low) / size - 1e-6).astype(int), 1).tolist()
-        return replace(chart.crop(i, j, north, east), origin=jnp.asarray(low, jnp.float32))
-
     def _closed(self) -> Chart | None:
         """Return the chart of the area on which areas that are always closed are coast."""
         return self.chart if self.scenario.chart.no_go is None else self._closed_on(self.land.chart)
@@ -616,12 +499,13 @@ class AreaFiles:
         """
         settings, box = self.scenario.chart, self._box
         always, size = [zone for zone in self.no_go if not zone.hours], settings.pixel_size
-        more = size * np.ceil(_beyond(box, size) / size)
+        more = size * np.ceil(beyond(box, size) / size)
         corners = {"lower": np.subtract(box[0][:2], more), "upper": np.add(box[1][:2], more)}
 
         def burnt() -> Chart:
             with blaming("chart", "no_go"):
-                return self._cropped(geo.with_no_go(wide, always, **corners, pixel_size=size))
+                closed = geo.with_no_go(wide, always, **corners, pixel_size=size)
+            return cropped(closed, settings, box)
 
         current = self.readable("current") if settings.source == "current" else None
         return _once(burnt, "closed", settings, self._place, box, self.home, current, wide is None)
@@ -669,65 +553,3 @@ def _site(scenario: Scenario) -> Site | None:
     size, half = whitsunday.EXTENT / whitsunday.PIXELS, whitsunday.EXTENT / 2.0
     south = (whitsunday.PIXELS - row - rows) * size
     return Site(*whitsunday.CENTRE, origin=(half - south, half - column * size))
-
-
-def _path(folder: str | Path, name: str) -> str:
-    """Return a path relative to the scenario's folder; patterns and absolute paths as they are."""
-    return str(Path(folder) / Path(name).expanduser())
-
-
-def _land_of_chart(chart: Chart) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return where a chart has land, as `read_current` takes it."""
-    low, high = (np.asarray(corner, float) for corner in (chart.lower, chart.upper))
-
-    def land(north: np.ndarray, east: np.ndarray) -> np.ndarray:
-        # Rounding may put the nodes on the chart's edge beyond it.
-        return ~chart.is_water(np.clip(north, low[0], high[0]), np.clip(east, low[1], high[1]))
-
-    return land
-
-
-def _beyond(box: Corners, size: float) -> float:
-    """Return how far beyond the area land is read, m: as far as a distance to it is stated.
-
-    That is as far as the area is wide, and fewer pixels than make a chart slow.
-    """
-    sides = np.subtract(box[1][:2], box[0][:2])
-    metres = min(float(sides.max()), _LOOK)
-    while metres > _NEAR and np.prod((sides + 2.0 * metres) / size) > _WIDE_PIXELS:
-        metres *= 0.8
-    return metres
-
-
-def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
-    """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
-    pixels = _pixels(box, size, "chart.pixel_size")
-    source, site = current.source, current.site
-    first = (current.epoch - _EPOCH).total_seconds()
-    times = np.asarray(current.field.times, float)
-    frames = source.frames(first + times[0], first + times[-1])
-    reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
-
-    def is_water(offset: float, more: int) -> np.ndarray:
-        axes = [box[0][k] + size * (np.arange(count + more) + offset) for k, count in enumerate(pixels)]
-        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        wet = source.is_water(*site.to_geographic(north, east), frames, reach)
-        return wet.reshape(len(axes[0]), len(axes[1]))
-
-    corners = is_water(0.0, 1)
-    water = is_water(0.5, 0) & corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
-    return Chart.from_mask(water, size, box[0][:2])
-
-
-def _pixels(box: Corners, size: float, field: str) -> np.ndarray:
-    """Return the pixels of a box, north and east.
-
-    Raises:
-        ScenarioError: they are too many.
-    """
-    extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
-    pixels = np.ceil(extent / size - 1e-9).astype(int)
-    if pixels.prod() > _MAX_PIXELS:
-        makes = f"{size:g} m makes {pixels[0]} x {pixels[1]} pixels, more than {_MAX_PIXELS}"
-        raise ScenarioError(makes, field=field)
-    return pixels
