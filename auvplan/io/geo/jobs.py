@@ -167,7 +167,7 @@ def _built(
     slips: dict[str, str] = {}  # what is the same in many features is reported for the first
     for feature in features:
         try:
-            doubts = check_headings(feature.where, feature.properties, _HEADINGS) | doubts
+            doubts = check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
         except GeoError as error:
             slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
         with faults.kept():
@@ -300,7 +300,8 @@ def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
             if faults.count > sound:
                 broken.add(line)
         elif place:
-            found.append(Feature(where, len(found) + 1, "Point", place, row, local))
+            stated = {name: cell for name, cell in row.items() if name not in axes}
+            found.append(Feature(where, len(found) + 1, "Point", place, stated, local))
         else:
             _numbers(where, row, faults)
     return [one for one in found if one.kind == "Point" or one.properties["name"] not in broken]

@@ -254,3 +254,9 @@ def test_places_of_geojson_are_those_of_gdal(tmp_path):
         longitude, latitude, height = shapely.get_coordinates(shape, include_z=True).T
         expected = np.stack([*site.to_local(longitude, latitude), -height], axis=1)
         np.testing.assert_allclose(places, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["lines", "track", "longitud", "northern", "x"])
+def test_columns_of_tables_are_no_properties_of_features(tmp_path, name):
+    path = write_geojson(tmp_path / "jobs.geojson", feature("Point", lonlat(A), **{name: 1}))
+    assert len(read_jobs(path, SITE).points) == 1
