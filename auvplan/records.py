@@ -20,7 +20,7 @@ from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
-from auvplan.scenario.settings import PlanningRules, PlanningSettings, SafetySettings
+from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.words import figure
@@ -326,7 +326,7 @@ class MissionRun(Brief):
         return [closure.widened(-self.safety.closing) for closure in self.closures]
 
     @property
-    def planning(self) -> PlanningRules:
+    def planning(self) -> PlanningSettings:
         """The scenario's rules of planning."""
         return PlanningSettings.model_validate(self.scenario.get("planning", {})).resolved
 

@@ -109,6 +109,11 @@ def _projection(longitude: float, latitude: float) -> Transformer:
     return Transformer.from_crs("EPSG:4326", _definition(longitude, latitude), always_xy=True)
 
 
+def is_place(longitude: float, latitude: float) -> bool:
+    """Return whether degrees are on the Earth."""
+    return bool(-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0)
+
+
 def swapped(site: Site) -> Site | None:
     """Return the site with longitude and latitude the other way round; None where that is no place."""
     longitude, latitude = site.latitude, (site.longitude + 180.0) % 360.0 - 180.0

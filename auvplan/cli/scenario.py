@@ -67,7 +67,7 @@ def init(
     typer.echo(f"check: auvplan validate {scenario}")
     typer.echo(f"plan:  auvplan plan {scenario} --out {folder / 'out'}")
     explained = "" if at else " every field is explained there;"
-    typer.echo(f"then change {scenario}:{explained} auvplan schema tells them all")
+    typer.echo(f"then change {scenario}:{explained} all settings: auvplan schema")
 
 
 def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
@@ -152,8 +152,8 @@ def _plain(found: "Examination") -> dict[str, Any]:
         "scenario": str(found.source),
         "valid": not faults,
         "faults": faults,
-        "warnings": [str(line) for line in found.warnings],
-        "notes": list(found.notes),
+        "warnings": found.warnings,
+        "notes": found.notes,
     }
 
 

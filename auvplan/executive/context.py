@@ -25,7 +25,7 @@ from auvplan.path import PathConfig, PathPlan
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.settings import PlanningRules
+from auvplan.scenario.settings import PlanningSettings
 from auvplan.scenario.ways import WaysAround
 from auvplan.simulation.faults import Fault, Faults, Obstacle
 from auvplan.simulation.sea import Sea
@@ -75,7 +75,7 @@ class SimulationContext:
     followed: dict[tuple[int, int], Followed] | None = None
 
     @cached_property
-    def rules(self) -> PlanningRules:
+    def rules(self) -> PlanningSettings:
         """How missions are planned, with the preset's values for what the scenario leaves open."""
         return self.scenario.planning.resolved
 

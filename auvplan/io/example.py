@@ -13,8 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.files import OutputError, output_folder, write_atomically, write_dataset
-from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.grid import to_local
+from auvplan.io.geo.polygons import read_polygons
 from auvplan.ocean.whitsunday import CENTRE
 from auvplan.site import Site
 
@@ -157,7 +157,7 @@ def _floor(offing: Array) -> Array:
 def _offing(longitude: Array, latitude: Array) -> Array:
     """[latitude, longitude] m, distance to the coast, negative on land."""
     site = Site(*CENTRE)
-    land = shapely.union_all([to_local(shape, site) for _, shape in read_polygons(_coast_file())])
+    land = shapely.union_all([to_local(coast.shape, site) for coast in read_polygons(_coast_file())])
     north, east = site.to_local(*np.meshgrid(longitude, latitude))
     places = shapely.points(north, east)
     distance = shapely.distance(places, land.boundary)

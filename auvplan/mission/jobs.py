@@ -90,6 +90,12 @@ class Jobs:
     lines: tuple[JobLine, ...] = ()
     notes: tuple[str, ...] = ()
 
+    @property
+    def places(self) -> list[tuple[str, Position]]:
+        """Names and positions of all points, then of all corners of lines."""
+        corners = [(line.name, position) for line in self.lines for position in line.positions]
+        return [*((point.name, point.position) for point in self.points), *corners]
+
     def after(self, seconds: float) -> "Jobs":
         """Return the same jobs, their times counted from a moment that is `seconds` later."""
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from auvplan.scenario.settings import PlanningRules, PlanningSettings
+from auvplan.scenario.settings import PlanningSettings
 from auvplan.study.statistics import leg_times, over_finite, relative_errors, use_of_time
 
 Verdict = Literal["confirmed", "partly", "not confirmed"]
@@ -290,7 +290,7 @@ def _call_counts(evidence: Evidence) -> _Finding:
     return _several(found, ("mission re-plans", "path calls"))
 
 
-def rules_of(missions: xr.Dataset) -> PlanningRules:
+def rules_of(missions: xr.Dataset) -> PlanningSettings:
     """Return the rules that missions were planned by."""
     planning = json.loads(missions.attrs["scenario"]).get("planning", {})
     return PlanningSettings.model_validate(planning).resolved

@@ -10,17 +10,11 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from auvplan.errors import AuvplanError, RuleError, ScenarioError
-from auvplan.scenario.faults import Fault, fault_at, in_order
-from auvplan.scenario.places import OffEarthError, localised
+from auvplan.errors import AuvplanError, RuleError
+from auvplan.scenario.findings import Finding, finding_at, in_order
+from auvplan.scenario.places import SWAPPED, localised
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
 from auvplan.scenario.yaml_lines import Document, Path, short, value_at
-from auvplan.site import Site
-
-#: Stands where a value is none: it is no place and no number either.
-_NOTHING = "nothing"
-#: What is said of a place that would be one the other way round.
-_SWAPPED = ": longitude and latitude seem swapped"
 
 #: Paths of the fields that a rule between fields looks at.
 Concerns = tuple[Path, ...]
@@ -28,7 +22,7 @@ Concerns = tuple[Path, ...]
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Fault]]:
+def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Finding]]:
     """Return a document as a model, or all that is wrong with its fields, in their order in the file."""
     checked, faults, _ = check_what_is_left(document, model)
     return (None if faults else checked), faults
@@ -36,23 +30,18 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
 
 def check_what_is_left(
     document: Document, model: type[_Model]
-) -> tuple[_Model | None, list[Fault], set[Path]]:
+) -> tuple[_Model | None, list[Finding], set[Path]]:
     """Return a document as a model without the values that are at fault, the faults, and what was taken out.
 
     The model is None where nothing sound is left.
     """
-    faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
+    faults = [finding_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
         line = f"must be a mapping of fields, got {what}"
-        return None, faults or [Fault("", line, document.place(()))], set()
+        return None, faults or [Finding("", line, document.place(()))], set()
     plain = deepcopy(document.data)
-    bad = _bad_places(plain) | _truths(plain, model)
-    faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
-    for path in bad:
-        value_at(plain, path[:-1])[path[-1]] = _NOTHING
     taken: set[Path] = {path[:2] for path, _, _ in document.faults if value_at(document.data, path) is None}
-    taken |= {path[:2] for path in bad}
     while True:
         try:
             return model.model_validate(plain), in_order(faults), taken
@@ -60,95 +49,17 @@ def check_what_is_left(
             found = _merged(error, plain, model)
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
-            return None, in_order([*faults, fault_at((), line, document)]), taken
+            return None, in_order([*faults, finding_at((), line, document)]), taken
         before = _count(plain), len(taken)
         for path, reason, kind, concerns in found:
-            if not _follows(path, kind, concerns, taken):
+            if reason and not _follows(path, kind, concerns, taken):
                 hint = _swap_hint(path, reason, document.data)
                 key = document.keys.get(path) if kind == "extra_forbidden" else None
-                faults.append(fault_at(path, reason + hint, document, key))
+                faults.append(finding_at(path, reason + hint, document, key))
         for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
             return None, in_order(faults), taken
-
-
-def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
-    """Return places by longitude and latitude that are none, with the reason.
-
-    None where another's tells it.
-    """
-    site = plain.get("site")
-    try:
-        # Without a site there are no such places; what is wrong with one that is given is reported elsewhere.
-        known = None if site is None else SiteSettings.model_validate(site).site
-    except Exception:
-        known = Site(0.0, 0.0)
-    places: dict[Path, dict[str, Any]] = {}
-    for section, names in (("mission", ("start", "goal")), ("area", ("lower", "upper"))):
-        part = plain.get(section)
-        if isinstance(part, dict):
-            places |= {(section, name): part[name] for name in names if isinstance(part.get(name), dict)}
-    bad = {path: reason for path, value in places.items() if (reason := _place_fault(value, known))}
-    swapped = [path for path, reason in bad.items() if reason.endswith(_SWAPPED)]
-    if len(swapped) > 1:  # said once
-        bad |= dict.fromkeys(swapped, "") | {swapped[0]: f"{bad[swapped[0]]}, here and in other places"}
-    corners = [path for path in places if path[0] == "area"]
-    if corners and not any(path in bad for path in corners):
-        try:
-            localised({"area": plain["area"]}, known)
-        except ScenarioError as error:
-            bad[corners[0]] = error.reason
-    if any(path in bad for path in corners):  # half a box by longitude and latitude is none
-        bad = dict.fromkeys(corners, "") | bad
-    return bad
-
-
-def _place_fault(value: dict[str, Any], site: Site | None) -> str:
-    """Return what is wrong with a place by longitude and latitude, or an empty string."""
-    try:
-        localised({"mission": {"start": value}}, site)
-    except OffEarthError as error:
-        turned = value | {"longitude": value["latitude"], "latitude": value["longitude"]}
-        return error.reason + (_SWAPPED if site is not None and _is_on_earth(turned) else "")
-    except ScenarioError as error:
-        return error.reason
-    except Exception:
-        return "must have numbers for longitude, latitude and depth"
-    return ""
-
-
-def _is_on_earth(value: dict[str, Any]) -> bool:
-    """Return whether a place's longitude and latitude are those of a place."""
-    try:
-        localised({"mission": {"start": value}}, None)
-    except OffEarthError:
-        return False
-    except ScenarioError:
-        return True
-    return True
-
-
-def _truths(given: dict[str, Any], model: type[BaseModel]) -> dict[Path, str]:
-    """Values that are true or false where a number is wanted, which they would be taken for, with the reason.
-
-    YAML takes yes, no, on and off for such values too.
-    """
-    found: dict[Path, str] = {}
-    for name, value in given.items():
-        field = model.model_fields.get(name)
-        if field is None:
-            continue
-        if isinstance(value, dict):
-            section = _section(model, name)
-            inner = {} if section is None else _truths(value, section)
-            found |= {(name, *path): reason for path, reason in inner.items()}
-        elif bool not in (field.annotation, *get_args(field.annotation)):
-            entries = value if isinstance(value, list) else [value]
-            if stated := [entry for entry in entries if isinstance(entry, bool)]:
-                shown = str(stated[0]).lower()
-                found[(name,)] = f"must not be true or false (nor yes, no, on, off), got {shown}"
-    return found
 
 
 def _merged(
@@ -231,9 +142,9 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
         turned = site | {"longitude": site.get("latitude"), "latitude": site.get("longitude")}
         try:
             SiteSettings.model_validate(turned)
-        except (ValidationError, ValueError):
+        except ValueError:
             return ""
-        return _SWAPPED
+        return SWAPPED
     if path not in (("mission", "start"), ("mission", "goal")) or "outside the area" not in reason:
         return ""
     place = value_at(data, path)
@@ -243,12 +154,9 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
     try:
         known = SiteSettings.model_validate(site).site
         local = localised({"mission": {"start": turned}, "area": data.get("area", {})}, known)
-        area = Area.model_validate(local["area"])
-        inside = all(
-            a <= p <= b
-            for a, p, b in zip(area.lower[:2], local["mission"]["start"], area.upper[:2], strict=False)
-        )
-    except (ValidationError, ValueError):
+        area, start = Area.model_validate(local["area"]), local["mission"]["start"]
+        inside = all(a <= p <= b for a, p, b in zip(area.lower[:2], start, area.upper[:2], strict=False))
+    except (TypeError, ValueError):  # one that is none either
         return ""
     return ": with its longitude and latitude swapped it would lie within" if inside else ""
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.scenario.doubts import doubts
-from auvplan.scenario.faults import Fault, first_of
 from auvplan.scenario.fields import check_fields
+from auvplan.scenario.findings import Finding, first_of
+from auvplan.scenario.plausibility import implausible
 from auvplan.scenario.scenario import Scenario, warn_of_overrides
 from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
 
@@ -49,14 +49,14 @@ def read_scenario(source: str | Path) -> Scenario:
     scenario, faults, document = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
-    doubtful = tuple(first_of([doubt], str(source), is_file=True) for doubt in doubts(scenario, document))
+    doubtful = tuple(first_of([one], str(source), is_file=True) for one in implausible(scenario, document))
     for line in doubtful:
         warnings.warn(line, ScenarioWarning, stacklevel=1)
     path = Path(source)
     return scenario.in_folder(path.resolve().parent if path.is_file() else scenario.folder, doubtful)
 
 
-def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:
+def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], Document]:
     """Read a scenario file, and all that is wrong with its fields.
 
     Args:
@@ -72,7 +72,7 @@ def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Do
     try:
         document = read_yaml(text)
     except YamlError as error:
-        return None, [Fault("YAML", str(error), error.place)], Document()
+        return None, [Finding("YAML", str(error), error.place)], Document()
     return *check_fields(document, Scenario), document
 
 

@@ -3,10 +3,10 @@
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from auvplan.errors import ScenarioError
-from auvplan.site import Site
+from auvplan.site import Site, is_place
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -31,63 +31,77 @@ _PLACE_SCHEMA = {
         },
     ]
 }
-Point = Annotated[tuple[Finite, Finite, Finite], WithJsonSchema(_PLACE_SCHEMA)]
 
 
-class OffEarthError(ScenarioError):
-    """A longitude or latitude beyond those of the Earth."""
+def _no_error(value: Any) -> Any:
+    if isinstance(value, ScenarioError):
+        raise value
+    return value
+
+
+Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_no_error), WithJsonSchema(_PLACE_SCHEMA)]
+#: What is said of a place that would be one the other way round.
+SWAPPED = ": longitude and latitude seem swapped"
 
 
 def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
-    """Return a scenario's plain data with places of longitude and latitude in local metres."""
+    """Return a scenario's plain data with places of longitude and latitude in local metres.
+
+    In place of one that is none stands the error that says why; its reason is empty where another says it.
+    """
+    paths = [("mission", "start"), ("mission", "goal"), ("area", "lower"), ("area", "upper")]
+    sections = {name: part for name, part in given.items() if isinstance(part, dict)}
+    stated = {path: sections.get(path[0], {}).get(path[1]) for path in paths}
+    local: dict[tuple[str, str], Any] = {
+        path: _place(value, site) for path, value in stated.items() if isinstance(value, dict)
+    }
+    swapped = [path for path, place in local.items() if str(place).endswith(SWAPPED)]
+    if len(swapped) > 1:  # said once
+        first = ScenarioError(f"{local[swapped[0]]}, here and in other places")
+        local |= dict.fromkeys(swapped, ScenarioError("")) | {swapped[0]: first}
+    corners = [path for path in local if path[0] == "area"]
+    if corners and not any(isinstance(local[path], ScenarioError) for path in corners):
+        try:
+            local |= _box(stated["area", "lower"], stated["area", "upper"], site)
+        except ScenarioError as error:
+            local[corners[0]] = error
+    if any(isinstance(local[path], ScenarioError) for path in corners):  # half a box by place is none
+        local |= {path: ScenarioError("") for path in corners if not isinstance(local[path], ScenarioError)}
     out = dict(given)
-    mission, area = given.get("mission"), given.get("area")
-    if isinstance(mission, dict):
-        out["mission"] = mission | {
-            name: _place(mission[name], site, f"mission.{name}")
-            for name in ("start", "goal")
-            if name in mission
-        }
-    if isinstance(area, dict):
-        corners = {name: area[name] for name in ("lower", "upper") if name in area}
-        if any(isinstance(corner, dict) for corner in corners.values()):
-            out["area"] = area | _box(corners, site)
+    for (section, name), place in local.items():
+        out[section] = out[section] | {name: place}
     return out
 
 
-def _place(value: Any, site: Site | None, name: str) -> Any:
-    """Return a place in local metres; what is no mapping is left to validation."""
-    if not isinstance(value, dict):
-        return value
-    known = {"longitude", "latitude", "depth"}
-    if not {"longitude", "latitude"} <= value.keys() <= known:
-        reason = f"must have longitude, latitude and perhaps depth, got {sorted(value)}"
-        raise ScenarioError(reason, field=name)
-    numbers = [value["longitude"], value["latitude"], value.get("depth", 0.0)]
+def _place(value: dict[str, Any], site: Site | None) -> tuple[float, float, float] | ScenarioError:
+    """Return a place in local metres, or what is wrong with it."""
+    if not {"longitude", "latitude"} <= value.keys() <= {"longitude", "latitude", "depth"}:
+        return ScenarioError(
+            f"must have longitude, latitude and perhaps depth, got {sorted(map(str, value))}"
+        )
+    longitude, latitude, depth = numbers = [value["longitude"], value["latitude"], value.get("depth", 0.0)]
     if not all(isinstance(number, int | float) and abs(number) <= 1e7 for number in numbers):
-        raise ScenarioError("must have numbers for longitude, latitude and depth", field=name)
-    if not (-180.0 <= numbers[0] <= 360.0 and -90.0 <= numbers[1] <= 90.0):
-        reason = f"longitude {numbers[0]}, latitude {numbers[1]} is no place on Earth"
-        raise OffEarthError(reason, field=name)
+        return ScenarioError("must have numbers for longitude, latitude and depth")
+    if not is_place(longitude, latitude):
+        hint = SWAPPED if site is not None and is_place(latitude, longitude) else ""
+        return ScenarioError(f"longitude {longitude}, latitude {latitude} is no place on Earth{hint}")
     if site is None:
-        reason = "a place by longitude and latitude needs the section site"
-        raise ScenarioError(reason, field=name)
-    north, east = site.to_local(numbers[0], numbers[1])
-    return (round(float(north), 2), round(float(east), 2), float(numbers[2]))
+        return ScenarioError("a place by longitude and latitude needs the section site")
+    north, east = site.to_local(longitude, latitude)
+    return (round(float(north), 2), round(float(east), 2), float(depth))
 
 
-def _box(corners: dict[str, Any], site: Site | None) -> dict[str, Any]:
-    """Return the local box around a box of longitude and latitude, whose sides are not quite straight."""
-    for name in ("lower", "upper"):
-        if not isinstance(corners.get(name), dict):
-            reason = "lower and upper must both be places by longitude and latitude, or neither"
-            raise ScenarioError(reason, field="area")
-        _place(corners[name], site, f"area.{name}")
+def _box(low: Any, high: Any, site: Site | None) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Return the local box around a box of longitude and latitude, whose sides are not quite straight.
+
+    Raises:
+        ScenarioError: one corner is no place by longitude and latitude, or they are the wrong way round.
+    """
+    if not (isinstance(low, dict) and isinstance(high, dict)):
+        raise ScenarioError("lower and upper must both be places by longitude and latitude, or neither")
     assert site is not None
-    low, high = corners["lower"], corners["upper"]
     if not (low["longitude"] < high["longitude"] and low["latitude"] < high["latitude"]):
-        reason = "must be the south-western corner and area.upper the north-eastern one"
-        raise ScenarioError(reason, field="area.lower")
+        raise ScenarioError("must be the south-western corner and area.upper the north-eastern one")
     share = np.linspace(0.0, 1.0, 33)
     along, ends = np.concatenate([share, share]), np.repeat([0.0, 1.0], 33)
     wide, tall = (high[key] - low[key] for key in ("longitude", "latitude"))
@@ -95,6 +109,14 @@ def _box(corners: dict[str, Any], site: Site | None) -> dict[str, Any]:
     latitude = low["latitude"] + tall * np.concatenate([ends, along])
     north, east = site.to_local(longitude, latitude)
     return {
-        "lower": (float(np.floor(north.min())), float(np.floor(east.min())), float(low.get("depth", 0.0))),
-        "upper": (float(np.ceil(north.max())), float(np.ceil(east.max())), float(high.get("depth", 0.0))),
+        ("area", "lower"): (
+            float(np.floor(north.min())),
+            float(np.floor(east.min())),
+            float(low.get("depth", 0.0)),
+        ),
+        ("area", "upper"): (
+            float(np.ceil(north.max())),
+            float(np.ceil(east.max())),
+            float(high.get("depth", 0.0)),
+        ),
     }

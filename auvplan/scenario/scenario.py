@@ -8,11 +8,12 @@ from typing import Any
 from pydantic import PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
-from auvplan.scenario.faults import Fault, first_of
 from auvplan.scenario.fields import check_fields
+from auvplan.scenario.findings import Finding, first_of
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
+    PRESETS,
     Area,
     BathymetrySettings,
     ChartSettings,
@@ -60,7 +61,7 @@ class Scenario(Section):
     planning: PlanningSettings = PlanningSettings()
 
     _folder: str = PrivateAttr(default=".")
-    _doubts: tuple[str, ...] = PrivateAttr(default=())
+    _warnings: tuple[str, ...] = PrivateAttr(default=())
 
     @property
     def folder(self) -> str:
@@ -68,19 +69,19 @@ class Scenario(Section):
         return self._folder
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What can hardly be meant in the scenario's file, a line each."""
-        return self._doubts
+        return self._warnings
 
     @property
     def fingerprint(self) -> str:
         """All settings as text."""
         return self.model_dump_json()
 
-    def in_folder(self, folder: str | Path, doubts: tuple[str, ...] = ()) -> "Scenario":
-        """Return the same settings with relative paths from `folder`, and what is doubtful in them."""
+    def in_folder(self, folder: str | Path, warnings: tuple[str, ...] = ()) -> "Scenario":
+        """Return the same settings with relative paths from `folder`, and what may not be meant in them."""
         moved = self.model_copy()
-        moved._folder, moved._doubts = str(folder), doubts
+        moved._folder, moved._warnings = str(folder), warnings
         return moved
 
     def with_(self, changes: Mapping[str, Any]) -> "Scenario":
@@ -177,12 +178,19 @@ class Scenario(Section):
         """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
         if self.planning.preset != "paper":
             return []
+        fixed = ((name, getattr(self.planning, name), value) for name, value in PRESETS["paper"].items())
+        found = [
+            f"planning.{name} is {given!r}, preset 'paper' has {value!r}"
+            for name, given, value in fixed
+            if given is not None and given != value
+        ]
         limits = ((name, getattr(self.vehicle, name)) for name in VERTICAL_LIMITS)
-        return self.planning.overrides + [
-            f"vehicle.{name} is {given!r}, preset 'paper' has no such limit: the mission is not the paper's"
+        found += [
+            f"vehicle.{name} is {given!r}, preset 'paper' has no such limit"
             for name, given in limits
             if given not in (None, "none")
         ]
+        return [f"{line}: the mission is not the paper's" for line in found]
 
     @property
     def box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -193,14 +201,11 @@ class Scenario(Section):
 
 
 def _site(given: dict[str, Any]) -> Site | None:
-    """Return the site of plain data.
-
-    None where there is none or it is at fault, which its validation tells.
-    """
+    """Return the site of plain data, or any where it is at fault, which its validation tells."""
     try:
         return None if given.get("site") is None else SiteSettings.model_validate(given["site"]).site
     except ValueError:
-        return None
+        return Site(0.0, 0.0)
 
 
 def change_scenario(
@@ -239,10 +244,10 @@ def change_scenario(
         source = (sources or {}).get(given[0][1], source) if given else source
         raise ScenarioError(first_of(faults, source, is_file=False))
     warn_of_overrides(changed)
-    return changed.in_folder(scenario.folder, scenario.doubts)
+    return changed.in_folder(scenario.folder, scenario.warnings)
 
 
-def _concerns(fault: Fault, name: str) -> bool:
+def _concerns(fault: Finding, name: str) -> bool:
     """Return whether a fault is one of a field, of its section, or of something within it."""
     return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 

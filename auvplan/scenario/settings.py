@@ -1,12 +1,19 @@
 """The sections of a scenario, validated one by one."""
 
 import math
-from dataclasses import dataclass, fields
 from datetime import datetime
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar, get_args
 from zoneinfo import available_timezones
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
@@ -14,6 +21,14 @@ from auvplan.scenario.places import Finite, NotNegative, Point, Positive
 from auvplan.site import Site, as_utc
 
 Velocity = tuple[Finite, Finite, Finite]
+
+if TYPE_CHECKING:
+    # The preset fills the value in before anything looks at it: see `PlanningSettings.resolved`.
+    _Value = TypeVar("_Value")
+    Preset = Annotated[_Value, "None for the preset's"]
+else:
+    Preset = Optional
+_FROM_PRESET: Any = None
 
 
 def _rising(pair: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -34,6 +49,18 @@ class Section(BaseModel):
     """Base of all sections: unknown keys are faults, values do not change."""
 
     model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth(cls, given: Any, info: ValidationInfo) -> Any:
+        """Refuse true and false, for which YAML takes yes, no, on and off too, where a number is wanted."""
+        annotation = cls.model_fields[info.field_name or ""].annotation
+        if bool not in (annotation, *get_args(annotation)):
+            for entry in given if isinstance(given, list) else [given]:
+                if isinstance(entry, bool):
+                    shown = str(entry).lower()
+                    raise ValueError(f"must not be true or false (nor yes, no, on, off), got {shown}")
+        return given
 
 
 def _check_required(section: Any, field: str, *sources: str) -> None:
@@ -466,46 +493,6 @@ class MissionSettings(Section):
         return self
 
 
-@dataclass(frozen=True)
-class PlanningRules:
-    """How missions are planned once the preset has filled in what a scenario leaves open.
-
-    Attributes: as in `PlanningSettings`.
-    """
-
-    preset: Literal["default", "paper"]
-    effort: Literal["quick", "full", "plain"]
-    objective: Literal["priority", "eq15"]
-    phi: tuple[float, float]
-    control_points: int | None
-    path_width: float | None
-    travel_times: Literal["sea", "distance", "learnt"]
-    task_time: Literal["whole", "clock", "expected"]
-    visits: Literal["once", "edges"]
-    departures: int
-    detour: float
-    t_series: int
-    current_updates: Literal["interval", "window"]
-    replan_from: Literal["kept", "fresh"]
-    routes_from: Literal["kept", "fresh"]
-    window_change: float
-    reserve: float
-    allowance: float
-    return_margin: float
-    guard_return: bool
-    second_look: bool
-    replan: Literal["late", "deviation"]
-    tolerance: float
-    gain: float
-    charge_compute: bool
-    budget: float | None
-    lower_bounds: bool
-
-    def late(self, t_path: Any, t_task: Any, t_expected: Any) -> Any:
-        """Whether legs took longer than expected (3.3.2); of numbers or arrays, s."""
-        return t_path + (0.0 if self.task_time == "clock" else t_task) > t_expected
-
-
 #: What a preset sets where the scenario is silent: the fields of `PlanningSettings` that default to None.
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {
@@ -575,8 +562,8 @@ class PlanningSettings(Section):
         description="of the preset 'default': 'quick' plans paths and later routes in a fifth of the time of "
         "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
     )
-    objective: Literal["priority", "eq15"] | None = Field(
-        default=None, description="of the route; default 'priority', paper 'eq15'"
+    objective: Preset[Literal["priority", "eq15"]] = Field(
+        default=_FROM_PRESET, description="of the route; default 'priority', paper 'eq15'"
     )
     phi: tuple[NotNegative, NotNegative] = Field(
         default=(1.0, 100.0), description="Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
@@ -590,25 +577,25 @@ class PlanningSettings(Section):
         description="share of a leg's length by which control points may lie off its straight line; if "
         "absent 0.75, paper 0.35",
     )
-    travel_times: Literal["sea", "distance", "learnt"] | None = Field(
-        default=None,
+    travel_times: Preset[Literal["sea", "distance", "learnt"]] = Field(
+        default=_FROM_PRESET,
         description="of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13, 'learnt' "
         "as much longer as the legs so far took; default 'sea', paper 'distance'",
     )
-    task_time: Literal["whole", "clock", "expected"] | None = Field(
-        default=None,
+    task_time: Preset[Literal["whole", "clock", "expected"]] = Field(
+        default=_FROM_PRESET,
         description="what a task's delta_ij counts in besides t_ij: 'whole' in the time that a leg takes and "
         "is compared by; 'clock' in the time it takes, while T_path alone is compared; 'expected' in "
         "neither, as for tasks along the path, but not for jobs; default 'whole', paper 'expected'",
     )
-    visits: Literal["once", "edges"] | None = Field(
-        default=None,
+    visits: Preset[Literal["once", "edges"]] = Field(
+        default=_FROM_PRESET,
         description="'once': no waypoint is visited twice in a mission (rule 3 of section 3.3), but for the "
         "only way to the destination; 'edges': passed edges alone are barred (3.3.2), each task counts once; "
         "default 'once', paper 'edges'",
     )
-    departures: Annotated[int, Field(ge=1, le=200)] | None = Field(
-        default=None,
+    departures: Preset[Annotated[int, Field(ge=1, le=200)]] = Field(
+        default=_FROM_PRESET,
         description="times of departure, over the time available, at which every edge is timed where "
         "currents are forecast to change; 1 takes the sea to stay as it is; default 24, paper 1",
     )
@@ -616,26 +603,26 @@ class PlanningSettings(Section):
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
     )
     t_series: Annotated[int, Field(ge=1, le=20, description="windows of a leg")] = 4
-    current_updates: Literal["interval", "window"] | None = Field(
-        default=None,
+    current_updates: Preset[Literal["interval", "window"]] = Field(
+        default=_FROM_PRESET,
         description="when vortices change: every current.update_interval, or at each window of a leg "
         "(T-Series); default 'interval', paper 'window'",
     )
     replan_from: Literal["kept", "fresh"] = Field(
         default="kept", description="population that a path is planned anew from on the way"
     )
-    routes_from: Literal["kept", "fresh"] | None = Field(
-        default=None,
+    routes_from: Preset[Literal["kept", "fresh"]] = Field(
+        default=_FROM_PRESET,
         description="population that a route is planned anew from; default 'fresh' beside the rest "
         "of the last route, paper 'kept'",
     )
-    window_change: NotNegative | None = Field(
-        default=None,
+    window_change: Preset[NotNegative] = Field(
+        default=_FROM_PRESET,
         description="share by which the time left on a path must have changed for a window to plan it anew; "
         "0 does at every window; default 0.01, paper 0",
     )
-    reserve: NotNegative | None = Field(
-        default=None,
+    reserve: Preset[NotNegative] = Field(
+        default=_FROM_PRESET,
         description="s of the available time that no route is planned to use; default 60, paper 0",
     )
     allowance: NotNegative = Field(
@@ -643,23 +630,23 @@ class PlanningSettings(Section):
         description="share by which a mission is taken to last longer than expected when its tasks "
         "are chosen, for what no plan can know; what it leaves is used on the way ('deviation')",
     )
-    return_margin: NotNegative | None = Field(
-        default=None,
+    return_margin: Preset[NotNegative] = Field(
+        default=_FROM_PRESET,
         description="share by which the way back is taken to last longer than expected; default 0.2 with "
         "travel times of the sea, 0.4 by distance; paper 0",
     )
-    guard_return: bool | None = Field(
-        default=None,
+    guard_return: Preset[bool] = Field(
+        default=_FROM_PRESET,
         description="whether a leg is refused whose path would leave too little time for the way back; "
         "default true, paper false",
     )
-    second_look: bool | None = Field(
-        default=None,
+    second_look: Preset[bool] = Field(
+        default=_FROM_PRESET,
         description="whether a path that takes much longer than expected of its leg is compared with one "
         "past obstacles whose boundaries do not grow; default true, paper false",
     )
-    replan: Literal["late", "deviation"] | None = Field(
-        default=None,
+    replan: Preset[Literal["late", "deviation"]] = Field(
+        default=_FROM_PRESET,
         description="'late' after every leg that took longer than expected (3.3.2); 'deviation' when the "
         "rest of the route no longer fits the time that is left, or would leave much of it; default "
         "'deviation', paper 'late'",
@@ -692,22 +679,15 @@ class PlanningSettings(Section):
         return self
 
     @property
-    def resolved(self) -> "PlanningRules":
+    def resolved(self) -> "PlanningSettings":
         """The same with the preset's values for what is absent."""
-        values = {rule.name: getattr(self, rule.name) for rule in fields(PlanningRules)}
-        values |= {name: value for name, value in PRESETS[self.preset].items() if values[name] is None}
-        if values["return_margin"] is None:
-            values["return_margin"] = _RETURN_MARGINS[values["travel_times"]]
-        return PlanningRules(**values)
+        preset = PRESETS[self.preset].items()
+        values = {name: value for name, value in preset if getattr(self, name) is None}
+        if self.return_margin is None and "return_margin" not in values:
+            travel_times = values.get("travel_times", self.travel_times)
+            values["return_margin"] = _RETURN_MARGINS[travel_times]
+        return self.model_copy(update=values)
 
-    @property
-    def overrides(self) -> list[str]:
-        """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
-        if self.preset != "paper":
-            return []
-        fixed = ((name, getattr(self, name), value) for name, value in PRESETS["paper"].items())
-        return [
-            f"planning.{name} is {given!r}, preset 'paper' has {value!r}: the mission is not the paper's"
-            for name, given, value in fixed
-            if given is not None and given != value
-        ]
+    def late(self, t_path: Any, t_task: Any, t_expected: Any) -> Any:
+        """Whether legs took longer than expected (3.3.2); of numbers or arrays, s; of `resolved` settings."""
+        return t_path + (0.0 if self.task_time == "clock" else t_task) > t_expected

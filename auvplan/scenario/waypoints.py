@@ -147,9 +147,7 @@ def _jobs_graph(
     """
     settings, source = scenario.mission, scenario.mission.jobs
     jobs = replace(jobs, points=tuple(_while_open(point, scenario, area) for point in jobs.points))
-    places = [(point.name, point.position) for point in jobs.points]
-    places += [(line.name, position) for line in jobs.lines for position in line.positions]
-    for name, position in places:
+    for name, position in jobs.places:
         if fault := misplaced(np.asarray(position), scenario, area):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")

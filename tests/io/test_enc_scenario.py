@@ -131,7 +131,7 @@ def test_closed_areas_of_cells_are_on_the_map(scenario):
 def test_settings_of_cells_count_for_nothing_with_other_charts(tmp_path):
     path = tmp_path / "open.yaml"
     path.write_text("name: a\nchart: {source: none, safety_depth: 3}\nmission: {waypoints: 3}\n")
-    assert any("chart.safety_depth: counts for nothing" in line for line in examine_scenario(path).warnings)
+    assert any("chart.safety_depth: has no effect" in line for line in examine_scenario(path).warnings)
 
 
 def test_without_a_sea_bed_the_plan_notes_it(scenario):

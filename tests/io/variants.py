@@ -249,37 +249,37 @@ VARIANTS = {
     "vehicle faster than it may": (sections(vehicle={"speed": 9}), WARNED, "vehicle.speed", "surge_max"),
     "knots with their unit": (sections(vehicle={"speed": "4 kn"}), REFUSED, "vehicle.speed", "4 kn"),
     "depth upwards": (sections(mission={"start": [-1500, -1500, -5]}), REFUSED, "mission.start", "depths"),
-    # the scenario: fields that count for nothing
+    # the scenario: fields that have no effect
     "fringe of a picture": (
         change(picture(part(slice(0, 6))), bed_of(half(6)), sections(chart={"fringe": 50})),
         WARNED,
         "chart.fringe",
-        "counts for nothing",
+        "has no effect",
     ),
     "reference system of polygons": (
         sections(chart={"crs": "EPSG:32755"}),
         WARNED,
         "chart.crs",
-        "counts for nothing",
+        "has no effect",
     ),
     "vortices beside a file": (
         sections(current={"peak_speed": 2.0}),
         WARNED,
         "current.peak_speed",
-        "counts for nothing",
+        "has no effect",
     ),
     "waypoints beside jobs": (
         sections(mission={"waypoints": 12}),
         WARNED,
         "mission.waypoints",
-        "counts for nothing",
+        "has no effect",
         "jobs.csv",
     ),
     "direction of no sea bed": (
         change(lambda site: site.plain.pop("bathymetry"), sections(bathymetry={"positive": "up"})),
         WARNED,
         "bathymetry.positive",
-        "counts for nothing",
+        "has no effect",
     ),
     # the scenario: where and when
     "departure without a zone": (
@@ -444,7 +444,7 @@ VARIANTS = {
         WARNED,
         "jobs.csv",
         "'deadline'",
-        "left unread",
+        "ignored",
     ),
     "easting and northing": (
         rows("easting,northing,depth", "495000,7750000,5"),
@@ -594,7 +594,7 @@ VARIANTS = {
         obstacles([X, Y], diameter=50),
         REFUSED,
         "feature 1",
-        "diameter means nothing",
+        "diameter is unknown",
     ),
     "a slip of an obstacle": (obstacles([X, Y], radius=5, depthmax=9), REFUSED, "depthmax", "'depth_max'"),
     # charts

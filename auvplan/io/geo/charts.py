@@ -15,9 +15,9 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning, blaming
 from auvplan.io.geo.error import GeoError, as_chart, reading
-from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.io.geo.nodes import Nodes, Source, label, nearest, placed, refuse_beyond, steps
+from auvplan.io.geo.polygons import read_polygons
 from auvplan.io.geo.raster import read_raster
 from auvplan.io.geo.windows import read_spans
 from auvplan.ocean.chart import Chart, ChartError, settled
@@ -141,14 +141,14 @@ def chart_from_polygons(
             raise GeoError(f"fringe must not be negative, got {fringe}")
         wide = grid.widened(beyond)
         area = around(site, wide, fringe + pixel_size)
-        shapes = [polygon for _, polygon in read_polygons(path, area)]
+        shapes = [land.shape for land in read_polygons(path, area)]
         land = near(shapes, site, wide, fringe + pixel_size)
         if shapely.is_empty(land):
             _warn_beyond(path, "land", shapes, site, grid)
         doubtful = touched(land.buffer(fringe), wide) if fringe > 0.0 else np.zeros(wide.shape, bool)
         if uncertain is not None:
             with blaming("", "uncertain"):
-                reefs = [polygon for _, polygon in read_polygons(uncertain, area)]
+                reefs = [reef.shape for reef in read_polygons(uncertain, area)]
             shoals = near(reefs, site, wide, pixel_size)
             if shapely.is_empty(shoals):
                 _warn_beyond(uncertain, "uncertain area", reefs, site, grid)
@@ -219,13 +219,13 @@ def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = 
     with reading(path):
         found = read_polygons(path)
         if lower is not None and upper is not None:
-            grid, shapes = local_grid(lower, upper, None), [polygon for _, polygon in found]
+            grid, shapes = local_grid(lower, upper, None), [feature.shape for feature in found]
             if shapely.is_empty(near(shapes, site, grid, 0.0)):
                 _warn_beyond(path, "closed area", shapes, site, grid)
         return [
             Zone(
                 str(feature.properties.get("name", feature.number)),
-                to_local(polygon, site),
+                to_local(feature.shape, site),
                 feature.where,
                 {
                     name: stated
@@ -233,7 +233,7 @@ def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = 
                     if name in _HOURS and stated != ""
                 },
             )
-            for feature, polygon in found
+            for feature in found
         ]
 
 
@@ -283,7 +283,7 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
     west, south, east, north = shapely.total_bounds(np.asarray(shapes, object))
     hint = swapped_hint(site, lambda other: not shapely.is_empty(near(shapes, other, grid, 0.0)))
     warnings.warn(
-        f"{path}: none of its polygons reaches into the area, which has no {what} therefore: they lie at "
+        f"{path}: none of its polygons reaches into the area, so it has no {what}: they lie at "
         f"longitudes {west:.2f} to {east:.2f} and latitudes {south:.2f} to {north:.2f}{hint}",
         ScenarioWarning,
         stacklevel=2,

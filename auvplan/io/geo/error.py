@@ -26,10 +26,22 @@ class PlaceError(GeoError):
 
 @dataclass
 class Faults:
-    """What is wrong with the parts of a file, gathered so that one does not hide another."""
+    """What is wrong with the parts of a file, gathered so that one does not hide another.
+
+    Attributes:
+        lines: on what is wrong, each with the file and the part.
+        swapped: those on places whose longitude and latitude seem swapped.
+        places: how many parts with a place were looked at.
+    """
 
     lines: list[str] = field(default_factory=list)
     swapped: list[str] = field(default_factory=list)
+    places: int = 0
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.lines) + len(self.swapped)
 
     @contextmanager
     def kept(self) -> Iterator[None]:

@@ -1,11 +1,12 @@
 """Jobs from files: GeoJSON (RFC 7946), CSV (RFC 4180, or as spreadsheets write it), GPX, KML, `.plan`."""
 
 import csv
+import difflib
 import io
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,12 @@ import numpy as np
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import Faults, GeoError, read_text, reading
-from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
-from auvplan.io.geo.headings import check_headings, slip_of
-from auvplan.io.geo.places import READERS, read_places
+from auvplan.io.geo.features import MAX_JOBS_BYTES, READERS, Feature, check_place, positions, read_features
 from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
-from auvplan.site import Site
+from auvplan.site import Site, is_place
 from auvplan.words import counted
 
-_MAX_BYTES = 50_000_000
 #: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
 _HOURS = ("from", "to", "windows", "window", "priority_after")
 _PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name", *_HOURS)}
@@ -47,6 +45,39 @@ Speed = Callable[[Position, np.ndarray], np.ndarray]
 _SAME = 1e-3
 #: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
 _NEAR = 200_000.0
+#: What operators and other programs call what jobs have.
+_OTHER_WORDS = {
+    "duration": "dwell dwell_time hold hold_time holdtime loiter loiter_time wait wait_time stay time "
+    "time_on_site time_on_station service_time bottom_time seconds secs minutes hours",
+    "priority": "weight importance value reward rank score rho profit urgency",
+    "depth": "z down altitude alt elevation elev height level",
+    "name": "id fid label title job job_name job_id task task_name waypoint wp site station",
+    "from": "earliest start_time not_before begin after opens open",
+    "to": "latest end_time not_after end before deadline due closes close",
+    "windows": "time_window time_windows opening_hours",
+    "line": "track transect survey line_id line_name lawnmower segment group",
+    "lon": "lng x_deg long_deg",
+    "lat": "y_deg",
+    "north": "northing n y_local",
+    "east": "easting e x_local",
+}
+#: What is asked of jobs elsewhere and has no counterpart here.
+_UNHEEDED = "speed heading course yaw radius required mandatory enabled skip order sequence seq"
+_MEANING = {
+    "depth": "m, positive down",
+    "duration": "s",
+    "priority": "a number, 0 or more",
+    "north": "m from the site",
+    "east": "m from the site",
+    "lon": "degrees east",
+    "lat": "degrees north",
+    "from": "a moment, a time of day or seconds",
+    "to": "a moment, a time of day or seconds",
+}
+#: A unit or a remark after a name: "depth [m]", "duration_s", "prio.".
+_UNIT = re.compile(
+    r"[\s_]*[\[({].*|[\s_.]+(m|s|sec|secs|seconds|min|mins|minutes|h|hours|deg|degrees|metres|meters)?\.?$"
+)
 
 
 def read_jobs(
@@ -88,17 +119,25 @@ def read_jobs(
 
     Warns:
         ScenarioWarning: columns x and y, headings that look as if they were to mean something, and routes and
-            tracks of a GPX file, which are left unread.
+            tracks of a GPX file, which are ignored.
     """
     if not (np.isfinite(default_depth) and default_depth >= 0.0):
         raise GeoError(f"default_depth must not be negative, got {default_depth}")
     path = Path(path)
     with reading(path):
-        if path.suffix.lower() in (".csv", ".txt", ".tsv"):
-            jobs = _table(path, site, default_depth, until, speed)
+        faults, notes = Faults(), []
+        suffix = path.suffix.lower()
+        if suffix in (".csv", ".txt", ".tsv"):
+            features = _table(path, site, faults)
+        elif suffix in READERS:
+            features = list(READERS[suffix](path, faults, notes))
+            notes += _defaults(path, features, default_depth)
         else:
-            jobs = _features(path, site, default_depth, until, speed)
-        counts = Counter(job.name for job in (*jobs.points, *jobs.lines))
+            features = read_features(path, ("Point", "MultiPoint", "LineString"))
+        if site is None and (placed := [feature.where for feature in features if not feature.local]):
+            raise GeoError(f"{placed[0]}: longitude and latitude need a site")
+        found = _built(features, site, default_depth, until, speed, faults)
+        counts = Counter(job.name for job in found)
         twice = [
             f"{path}: {'two' if count == 2 else count} jobs are named {name!r}"
             for name, count in counts.items()
@@ -106,21 +145,24 @@ def read_jobs(
         ]
         if twice:
             raise GeoError(*twice)
-        return jobs
+        points = tuple(job for job in found if isinstance(job, JobPoint))
+        return Jobs(points, tuple(job for job in found if isinstance(job, JobLine)), tuple(notes))
 
 
-def _features(path: Path, site: Site | None, default_depth: float, until: float, speed: Speed | None) -> Jobs:
-    foreign = path.suffix.lower() in READERS
-    if site is None:
-        kind = path.suffix.lower() if foreign else "GeoJSON"
-        raise GeoError(f"{path}: {kind} is in longitude and latitude, which need a site")
+def _built(
+    features: list[Feature],
+    site: Site | None,
+    default_depth: float,
+    until: float,
+    speed: Speed | None,
+    faults: Faults,
+) -> list[JobPoint | JobLine]:
+    """Return the jobs of features.
+
+    Raises:
+        GeoError: its `lines` are what is wrong with them, and the faults of the file.
+    """
     found: list[JobPoint | JobLine] = []
-    faults, notes = Faults(), []
-    if foreign:
-        features = read_places(path, faults, notes)
-        notes += _defaults(path, features, default_depth)
-    else:
-        features = read_features(path, ("Point", "MultiPoint", "LineString"))
     doubts: dict[str, str] = {}
     slips: dict[str, str] = {}  # what is the same in many features is reported for the first
     for feature in features:
@@ -132,12 +174,8 @@ def _features(path: Path, site: Site | None, default_depth: float, until: float,
             found += _jobs_of(feature, site, default_depth, until, speed, faults)
     _warn_all(doubts.values())
     faults.lines += slips.values()
-    faults.refuse(len(features))
-    return Jobs(
-        tuple(job for job in found if isinstance(job, JobPoint)),
-        tuple(job for job in found if isinstance(job, JobLine)),
-        tuple(notes),
-    )
+    faults.refuse(max(len(features), faults.places))
+    return found
 
 
 def _defaults(path: Path, features: list[Feature], default_depth: float) -> list[str]:
@@ -164,31 +202,34 @@ def _warn_all(lines: Iterable[str]) -> None:
 
 
 def _jobs_of(
-    feature: Feature, site: Site, default_depth: float, until: float, speed: Speed | None, faults: Faults
-) -> list[JobPoint | JobLine]:
+    feature: Feature,
+    site: Site | None,
+    default_depth: float,
+    until: float,
+    speed: Speed | None,
+    faults: Faults,
+) -> Iterator[JobPoint | JobLine]:
     where, stated = feature.where, feature.properties
     numbers = _numbers(where, stated, faults)
-    depth, priority = numbers["depth"], 1.0 if numbers["priority"] is None else numbers["priority"]
+    priority = 1.0 if numbers["priority"] is None else numbers["priority"]
     duration = numbers["duration"] or 0.0
     name = str(stated.get("name", "")).strip() or str(feature.number)
-    places = _places(feature, site, depth, default_depth)
-    job = f"{where}, job {name!r}"
-    falls = read_falls(job, stated, site, priority)
+    job = where if repr(name) in where else f"{where}, job {name!r}"
+    places = _places(feature, site, numbers["depth"], default_depth)
+    falls = ()
+    with faults.kept():
+        falls = read_falls(job, stated, site, priority)
     if feature.kind == "LineString":
+        for k, (a, b) in enumerate(pairwise(places), 1):
+            if a == b:
+                raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
         windows = read_windows(job, stated, site, None, until, _fastest(speed, places))
-        return [_line(where, name, places, priority, duration, windows, falls)]
-    names = [name] if feature.kind == "Point" else [f"{name} {k}" for k in range(1, len(places) + 1)]
-    return [
-        JobPoint(
-            one,
-            place,
-            priority,
-            duration,
-            read_windows(job, stated, site, duration, until, _fastest(speed, [place])),
-            falls,
-        )
-        for one, place in zip(names, places, strict=True)
-    ]
+        yield JobLine(name, tuple(places), priority, duration, windows, falls)
+        return
+    for number, place in enumerate(places, 1):
+        windows = read_windows(job, stated, site, duration, until, _fastest(speed, [place]))
+        one = name if feature.kind == "Point" else f"{name} {number}"
+        yield JobPoint(one, place, priority, duration, windows, falls)
 
 
 def _fastest(speed: Speed | None, places: Sequence[Position]) -> Callable[[np.ndarray], np.ndarray] | None:
@@ -198,16 +239,18 @@ def _fastest(speed: Speed | None, places: Sequence[Position]) -> Callable[[np.nd
     return lambda times: np.max([speed(place, times) for place in places], axis=0)
 
 
-def _places(feature: Feature, site: Site, depth: float | None, default_depth: float) -> list[Position]:
+def _places(feature: Feature, site: Site | None, depth: float | None, default_depth: float) -> list[Position]:
     """Local positions of a feature, whose depth may be given by its property or by its elevations."""
-    coordinates = [feature.coordinates] if feature.kind == "Point" else feature.coordinates
-    at = positions(feature.where, coordinates, 2 if feature.kind == "LineString" else 1)
-    north, east = site.to_local(at[:, 0], at[:, 1])
-    if not np.isfinite((north, east)).all():
-        raise GeoError(f"{feature.where}: has no place in the site's local metres")
+    at = positions(feature, least=2 if feature.kind == "LineString" else 1)
+    north, east = at[:, 0], at[:, 1]
+    if not feature.local:
+        assert site is not None
+        north, east = site.to_local(north, east)
+        if not np.isfinite((north, east)).all():
+            raise GeoError(f"{feature.where}: has no place in the site's local metres")
     return [
-        (float(n), float(e), _depth(feature.where, depth, elevation, default_depth))
-        for n, e, elevation in zip(north, east, at[:, 2], strict=True)
+        (n, e, _depth(feature.where, depth, elevation, default_depth))
+        for n, e, elevation in np.stack([north, east, at[:, 2]], axis=1).tolist()
     ]
 
 
@@ -223,55 +266,45 @@ def _depth(where: str, depth: float | None, elevation: float, default_depth: flo
     return max(0.0, -elevation) if depth is None else depth
 
 
-def _table(path: Path, site: Site | None, default_depth: float, until: float, speed: Speed | None) -> Jobs:
-    given, rows, faults = _rows(path)
+def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
+    """Return the rows of a table as features; those of a survey line are one, which they state together."""
+    given, axes, rows = _rows(path, faults)
     if not faults.lines:
         with faults.kept():
             _check_reading(path, given, rows, site)
-    points: list[JobPoint] = []
-    vertices: dict[str, list[Position]] = {}
-    shared: dict[str, dict[str, float | None]] = {}
-    hours: dict[str, dict[str, str]] = {}
+    local = axes[0] == "north"
+    found: list[Feature] = []
+    vertices: dict[str, list[list[float]]] = {}
+    shared: dict[str, dict[str, Any]] = {}
     broken: set[str] = set()
     last = ""
     for where, row in rows:
-        line, before = row.get("line", ""), last
-        last = line
-        broken.add(line)  # until all of the row is read
-        sound = len(faults.lines)
-        stated = _numbers(where, row, faults)
-        depth = stated.pop("depth")
-        depth = default_depth if depth is None else depth
+        line, before, sound = row.pop("line", ""), last, faults.count
+        last, place = line, []
+        faults.places += 1
+        numbers = _numbers(where, row, faults) if line else {}
+        depth = numbers.pop("depth", None)
         with faults.kept():
-            place = *_place(where, row, site), depth
-            if not line:
-                priority = 1.0 if stated["priority"] is None else stated["priority"]
-                duration = stated["duration"] or 0.0
-                name = row.get("name") or str(len(points) + len(vertices) + 1)
-                job = f"{where}, job {name!r}"
-                windows = read_windows(job, row, site, duration, until, _fastest(speed, [place]))
-                falls = read_falls(job, row, site, priority)
-                points.append(JobPoint(name, place, priority, duration, windows, falls))
-            elif line in vertices and line != before:
+            place = _place(where, row, axes)
+            if line in vertices and line != before:
                 raise GeoError(f"{where}: line {line!r} goes on after other rows")
-            else:
-                vertices.setdefault(line, []).append(place)
-                _agree(where, line, shared.setdefault(line, dict.fromkeys(stated)), stated)
-                _agree_on_hours(where, line, hours.setdefault(line, {}), row)
-            if len(faults.lines) == sound:
-                broken.discard(line)
-    lines = []
-    for name, places in vertices.items():
-        priority, duration = shared[name]["priority"], shared[name]["duration"]
-        priority = 1.0 if priority is None else priority
-        with faults.kept():
-            if name not in broken:
-                where, stated = f"{path}: line {name!r}", hours[name]
-                windows = read_windows(where, stated, site, None, until, _fastest(speed, places))
-                falls = read_falls(where, stated, site, priority)
-                lines.append(_line(where, name, places, priority, duration or 0.0, windows, falls))
-    faults.refuse(len(rows))
-    return Jobs(tuple(points), tuple(lines))
+            if line:
+                hours = {name: row[name] for name in _HOURS if name in row}
+                _agree(where, line, shared.setdefault(line, {"name": line}), numbers | hours)
+        if line:
+            if line not in vertices:
+                of, vertices[line] = f"{path}: line {line!r}", []
+                known = shared.setdefault(line, {"name": line})
+                found.append(Feature(of, len(found) + 1, "LineString", vertices[line], known, local))
+            vertices[line].append(place + ([] if depth is None else [-depth]))
+            if faults.count > sound:
+                broken.add(line)
+        elif place:
+            stated = {name: cell for name, cell in row.items() if name not in axes}
+            found.append(Feature(where, len(found) + 1, "Point", place, stated, local))
+        else:
+            _numbers(where, row, faults)
+    return [one for one in found if one.kind == "Point" or one.properties["name"] not in broken]
 
 
 def _check_reading(
@@ -307,9 +340,9 @@ def _check_reading(
             )
 
 
-def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faults]:
-    """The headings; each sound row with what messages call it and its filled cells by their plain heading."""
-    text = read_text(path, _MAX_BYTES)
+def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[tuple[str, dict[str, str]]]]:
+    """The headings, and those of places; the name in messages of each sound row, and its cells by heading."""
+    text = read_text(path, MAX_JOBS_BYTES)
     heading = next((line for line in text.splitlines() if line.strip()), "")
     if said := _SEPARATOR.match(heading):  # as some spreadsheets want it
         text = text.replace(heading, "", 1)
@@ -319,12 +352,11 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
     if len(filled) < 2:
         raise GeoError(f"{path}: has no rows of jobs under a row of headings")
     given = [cell.strip().lower() for cell in filled[0][1]]
-    faults = Faults()
     with faults.kept():
         _warn_all(check_headings(str(path), given, _HEADINGS).values())
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
-    faults.lines += [f"{path}: two columns tell {name}" for name, count in used.items() if count > 1]
+    faults.lines += [f"{path}: two columns map to {name}" for name, count in used.items() if count > 1]
     # A column whose heading is all but one that is known is checked as that one.
     for number, name in enumerate(given):
         meant = _HEADINGS.get(slip_of(name, _HEADINGS)) if columns[number] is None else None
@@ -349,7 +381,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
         rows.append((where, cells))
     if separator != ",":
         _point_decimals(rows, faults)
-    return given, rows, faults
+    return given, pairs[0], rows
 
 
 def _point_decimals(rows: list[tuple[str, dict[str, str]]], faults: Faults) -> None:
@@ -368,57 +400,23 @@ def _point_decimals(rows: list[tuple[str, dict[str, str]]], faults: Faults) -> N
         cells[name] = cells[name].replace(",", ".")
 
 
-def _place(where: str, row: dict[str, str], site: Site | None) -> tuple[float, float]:
-    """Local north and east of a row, m."""
-    names = ("lon", "lat") if {"lon", "lat"} & row.keys() else ("north", "east")
-    a, b = (_number(where, row, name, None, least=-np.inf) for name in names)
-    if a is None or b is None:
-        raise GeoError(f"{where}: {names[0] if a is None else names[1]} is missing")
-    if names[0] == "north":
-        return a, b
-    check_place(where, a, b)
-    if site is None:
-        raise GeoError(f"{where}: longitude and latitude need a site")
-    north, east = (float(c) for c in site.to_local(a, b))
-    if not np.isfinite((north, east)).all():
-        raise GeoError(f"{where}: has no place in the site's local metres")
-    return north, east
-
-
-def _agree(where: str, line: str, known: dict[str, float | None], stated: dict[str, float | None]) -> None:
-    for name, value in stated.items():
+def _place(where: str, row: dict[str, str], axes: tuple[str, str]) -> list[float]:
+    """Return the place of a row: longitude and latitude, or north and east."""
+    place = [_number(where, row, name, None, least=-np.inf) for name in axes]
+    for name, value in zip(axes, place, strict=True):
         if value is None:
-            continue
-        if known[name] is not None and known[name] != value:
-            raise GeoError(
-                f"{where}: line {line!r} has {name} {known[name]:g} in an earlier row, {value:g} in this"
-            )
-        known[name] = value
+            raise GeoError(f"{where}: {name} is missing")
+    if axes[0] == "lon":
+        check_place(where, *place)
+    return place
 
 
-def _agree_on_hours(where: str, line: str, known: dict[str, str], row: dict[str, str]) -> None:
-    for name in _HOURS:
-        if name in row and known.setdefault(name, row[name]) != row[name]:
-            raise GeoError(
-                f"{where}: line {line!r} has {name} {known[name]} in an earlier row, {row[name]} in this"
-            )
-
-
-def _line(
-    where: str,
-    name: str,
-    places: list[Position],
-    priority: float,
-    duration: float,
-    windows: tuple[tuple[float, float], ...],
-    falls: tuple[tuple[float, float], ...],
-) -> JobLine:
-    if len(places) < 2:
-        raise GeoError(f"{where}: a survey line needs at least two positions, got {len(places)}")
-    for k, (a, b) in enumerate(pairwise(places), 1):
-        if a == b:
-            raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
-    return JobLine(name, tuple(places), priority, duration, windows, falls)
+def _agree(where: str, line: str, known: dict[str, Any], stated: dict[str, Any]) -> None:
+    """Add what a row states of its survey line to what is known, which it must not contradict."""
+    for name, value in stated.items():
+        if value is not None and known.setdefault(name, value) != value:
+            old, new = (f"{one:g}" if isinstance(one, float) else one for one in (known[name], value))
+            raise GeoError(f"{where}: line {line!r} has {name} {old} in an earlier row, {new} in this")
 
 
 def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:
@@ -445,3 +443,64 @@ def _number(where: str, stated: dict[str, Any], name: str, default: Any, least: 
     if number < least:
         raise GeoError(f"{where}: {name} must be at least {least:g}, got {number:g}")
     return number
+
+
+def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
+    """Refuse a name that is all but one that means something, and doubt one that may stand for it.
+
+    Args:
+        where: the file, as messages name it.
+        given: names in the file, in lower case.
+        known: names that mean something, each to what it tells.
+
+    Returns:
+        By name, what to warn of: it is another word for something that is not given, or asks for what jobs do
+        not have; it is ignored.
+
+    Raises:
+        GeoError: a name differs from a known one by a slip of the pen, an abbreviation or a unit.
+    """
+    names = list(dict.fromkeys(given))
+    stated = {known[name] for name in names if name in known}
+    slips = [
+        f"{where}: unknown name {name!r}, did you mean {meant!r}{_in_words(known[meant])}?"
+        for name in names
+        if name not in known and (meant := slip_of(name, known))
+    ]
+    if slips:
+        raise GeoError(*slips)
+    doubts = {}
+    for name in names:
+        plain = _plain(name)
+        meant = next(
+            (kind for kind, words in _OTHER_WORDS.items() if plain in words.split() and kind in known), None
+        )
+        if name in known:
+            continue
+        if meant and meant not in stated:
+            doubts[name] = f"{where}: {name!r} is ignored: did you mean {meant!r}{_in_words(meant)}?"
+        elif plain in _UNHEEDED.split():
+            what = "jobs have a place, priority, duration, name and time windows alone"
+            doubts[name] = f"{where}: {name!r} is ignored: {what}"
+    return doubts
+
+
+def slip_of(name: str, known: Mapping[str, str]) -> str:
+    """Return the known name that a name all but is, or an empty string."""
+    plain = _plain(name)
+    if plain in known:
+        return plain
+    if len(plain) < 3 or any(plain in words.split() for words in _OTHER_WORDS.values()):
+        return ""
+    begun = [word for word in known if word.startswith(plain)]
+    if len(plain) > 3:
+        begun += difflib.get_close_matches(plain, [word for word in known if len(word) > 3], 1, cutoff=0.8)
+    return begun[0] if begun else ""
+
+
+def _plain(name: str) -> str:
+    return _UNIT.sub("", name.strip()).replace(" ", "_").replace("-", "_")
+
+
+def _in_words(kind: str) -> str:
+    return f" ({_MEANING[kind]})" if kind in _MEANING else ""

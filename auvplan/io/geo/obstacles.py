@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from auvplan.io.geo.error import Faults, GeoError, reading
-from auvplan.io.geo.geojson import Feature, positions, read_features
+from auvplan.io.geo.features import Feature, positions, read_features
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 
@@ -66,7 +66,7 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         stated = _Properties.model_validate(feature.properties)
     except ValidationError as error:
         raise GeoError(*(_line(feature.where, found) for found in error.errors(include_url=False))) from None
-    place = positions(feature.where, [feature.coordinates])[0]
+    place = positions(feature)[0]
     north, east = (float(axis) for axis in site.to_local(place[0], place[1]))
     if not np.isfinite((north, east)).all():
         raise GeoError(f"{feature.where}: has no place in the site's local metres")
@@ -89,7 +89,7 @@ def _line(where: str, found: Any) -> str:
     if found["type"] == "extra_forbidden":
         near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
         hint = f": did you mean {near[0]!r}?" if near else ""
-        what = f"means nothing here; an obstacle has {', '.join(_Properties.model_fields)}{hint}"
+        what = f"is unknown; an obstacle has {', '.join(_Properties.model_fields)}{hint}"
     elif found["type"] == "missing":
         what = "is missing"
     return f"{where}: {name} {what}".replace(":  ", ": ")

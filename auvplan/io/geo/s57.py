@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from glob import escape
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,7 +25,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import ScenarioWarning, reason_of
 from auvplan.io.geo.charts import Zone
 from auvplan.io.geo.error import GeoError, as_chart, reading
-from auvplan.io.geo.geojson import MAX_BYTES
+from auvplan.io.geo.features import MAX_BYTES, Feature
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
@@ -96,23 +97,6 @@ class Cells:
 
 
 @dataclass(frozen=True)
-class _Object:
-    """An object of a cell.
-
-    Attributes:
-        where: file, class and number, as messages name it.
-        kind: acronym of its class.
-        shape: longitude and latitude, degrees.
-        stated: its attributes, without those that have no value.
-    """
-
-    where: str
-    kind: str
-    shape: Any
-    stated: dict[str, Any]
-
-
-@dataclass(frozen=True)
 class _Cell:
     """A cell by its header.
 
@@ -135,8 +119,19 @@ class _Cell:
 
 @dataclass
 class _Found:
-    """Shapes in local metres (north, east), and what there is to be noted of them."""
+    """Shapes in local metres (north, east), and what there is to be noted of them.
 
+    Attributes:
+        site, grid, deepest, safety_depth, radius: as `read_cells` is given them.
+        margin: m around the grid within which objects are collected.
+    """
+
+    site: Site
+    grid: LocalGrid
+    deepest: float
+    safety_depth: float
+    radius: float
+    margin: float
     dry: list[Any] = field(default_factory=list)
     shut: list[Any] = field(default_factory=list)
     depths: dict[float, list[Any]] = field(default_factory=dict)
@@ -146,6 +141,95 @@ class _Found:
     hindered: int = 0
     unknown: int = 0
     gap: float = 0.0
+
+    def collect(self, cell: _Cell, own: Any) -> None:
+        """Add what a cell has of its own part, which is in local metres."""
+        box, part = around(self.site, self.grid, self.margin), own.buffer(_LINE)
+        skin: list[Any] = []
+        unknown: list[Any] = []
+        kinds = dict.fromkeys((*_DRY, "UNSARE", *_DEPTHS, *_HAZARDS, *_RESTRICTED))
+        layers = (_read(cell.path, cell.source, kind) for kind in kinds if kind in cell.layers)
+        for one in chain.from_iterable(layers):
+            if not shapely.intersects(shapely.box(*one.shape.bounds), box):
+                continue
+            shape = one.shape
+            if not shapely.is_valid(shape):
+                shape, self.repaired = shapely.make_valid(shape), self.repaired + 1
+            cuts = [shapely.intersection(shape, turn) for turn in box.geoms]
+            whole = shapely.union_all([to_local(cut, self.site) for cut in cuts if not shapely.is_empty(cut)])
+            local = shapely.intersection(whole, part)
+            if shapely.is_empty(local):
+                continue
+            least = float(one.properties.get("DRVAL1", -np.inf))
+            if one.kind in _SKIN:
+                skin.append(_areas(local))
+            if one.kind in _DRY:
+                self.dry.append(_grown(local, self.radius, _LINE))
+            elif one.kind == "UNSARE" or (one.kind in _DEPTHS and not least >= self.safety_depth):
+                self.shut.append(_areas(local))
+                if "DRVAL1" not in one.properties:
+                    unknown.append(_areas(local))
+                    self.unknown += one.kind in _DEPTHS
+            elif one.kind in _HAZARDS:
+                self._collect_hazard(one, local)
+            if one.kind in _DEPTHS and "DRVAL1" in one.properties:
+                self.depths.setdefault(least, []).append(_areas(local))
+            self._collect_restriction(one, local)
+        gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
+        self.depths.setdefault(0.0, []).extend([gap, *unknown])
+        within = gap.intersection(_box(self.grid))
+        if within.area > 0.0:
+            self.shut.append(gap)
+            self.gap += within.area / _box(self.grid).area
+
+    def _collect_hazard(self, one: Feature, local: Any) -> None:
+        """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
+        # What is of unknown depth, or may show above water, reaches up to the surface.
+        stated = one.properties
+        shown = int(stated.get("WATLEV", 3)) in _SHOWN or int(stated.get("CATWRK", 0)) in _STANDING
+        top = 0.0 if shown else max(float(stated.get("VALSOU", 0.0)), 0.0)
+        if top > self.deepest + _UNDER:
+            return
+        points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
+        name = str(stated.get("OBJNAM") or f"{_HAZARDS[one.kind]} {stated.get('FIDN', '')}").strip()
+        self.hazards += [KnownObstacle(name, (point.x, point.y), self.radius, top) for point in points]
+        extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
+        self.shut += [_grown(part, self.radius, self.radius) for part in extended]
+
+    def _collect_restriction(self, one: Feature, local: Any) -> None:
+        """Add an area that is closed, or count one that may be entered under conditions."""
+        stated = one.properties.get("RESTRN", ())
+        values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
+        area = _areas(local)
+        if area.is_empty:
+            return
+        if values & {_PROHIBITED, _AVOIDED}:
+            name = str(one.properties.get("OBJNAM") or f"{one.kind} {one.properties.get('FIDN', '')}").strip()
+            self.closed.append(Zone(name, area, one.where))
+        elif _HINDERED in values:
+            self.hindered += 1
+
+    def notes(self, name: str, hazards: Sequence[KnownObstacle]) -> Iterator[str]:
+        """Yield what there is to be noted, with the hazards that stand in water."""
+        depth = f"{self.safety_depth:g} m (chart.safety_depth)"
+        yield f"{name}: water that may be shallower than {depth} is closed"
+        if hazards:
+            high = sum(one.depth_min == 0.0 for one in hazards)
+            yield (
+                f"{name}: {counted(len(hazards), 'obstacle')} of {self.radius:g} m radius "
+                f"(chart.hazard_radius), rocks, wrecks and the like; {high} of them from the surface down"
+            )
+        if self.closed:
+            names = ", ".join(sorted({zone.name for zone in self.closed}))
+            yield f"{name}: closed at all times: {names[:200]}"
+        if self.hindered:
+            yield f"{name}: {counted(self.hindered, 'area')} of restricted entry (RESTRN 8) left open"
+        if self.unknown:
+            yield f"{name}: {counted(self.unknown, 'depth area')} of unknown depth closed"
+        if self.gap > 0.0:
+            yield f"{name}: {self.gap:.1%} of the area is neither land nor a depth area, and closed"
+        if self.repaired:
+            yield f"{name}: {counted(self.repaired, 'outline')} that crossed or touched itself, repaired"
 
 
 def read_cells(
@@ -198,13 +282,14 @@ def read_cells(
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
         box = around(site, grid, margin)
         reaching = [cell for cell in cells if shapely.intersects(cell.coverage, box)]
-        found, notes, covered = _Found(), [], Polygon()
+        found = _Found(site, grid, deepest, safety_depth, hazard_radius, margin)
+        notes, covered = [], Polygon()
         for cell in sorted(reaching, key=lambda cell: (cell.scale, cell.path.name)):
             coverage = _areas(near([cell.coverage], site, grid, margin))
             own = _areas(coverage.difference(covered))
             if own.buffer(-_GAP / 2.0).is_empty:
                 continue
-            _collect(cell, own, found, site, grid, deepest, safety_depth, hazard_radius, margin)
+            found.collect(cell, own)
             covered = _areas(covered.union(coverage))
             notes.append(f"{cell.path.name}: {cell.edition}")
         _refuse_uncovered(path, covered, [cell.coverage for cell in cells], site, grid)
@@ -212,7 +297,7 @@ def read_cells(
         shut = touched(shapely.union_all([*found.dry, *found.shut]), wide)
         closed = touched(shapely.union_all([zone.polygon for zone in found.closed]), wide)
         hazards = _in_water(found.hazards, shapely.union_all([*found.dry, *found.shut]), grid)
-        notes += _notes(path, found, hazards, safety_depth, hazard_radius)
+        notes += found.notes(path.name, hazards)
         return Cells(
             _chart(shut | closed, wide),
             _chart(shut, wide),
@@ -334,7 +419,7 @@ def _header(path: Path, source: Path) -> _Cell:
         raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
     with _unharmed(f"{path}:"):
         layers = tuple(str(name) for name, _ in list_layers(source))
-    stated = next((part.stated for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
+    stated = next((part.properties for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
     for name, wanted, what in (
         ("DSPM_HDAT", _WGS84, "its positions are not on WGS 84"),
         ("DSPM_DUNI", _METRES, "its depths are not in metres"),
@@ -344,10 +429,10 @@ def _header(path: Path, source: Path) -> _Cell:
     coverage = [
         one.shape
         for one in (_read(path, source, "M_COVR") if "M_COVR" in layers else ())
-        if int(one.stated.get("CATCOV", 1)) == 1
+        if int(one.properties.get("CATCOV", 1)) == 1
     ]
     if not coverage:
-        raise GeoError(f"{path}: does not tell where it has data (M_COVR)")
+        raise GeoError(f"{path}: has no coverage (M_COVR)")
     scale = float(stated.get("DSPM_CSCL") or np.inf)
     edition = f"edition {stated.get('DSID_EDTN', '?')}, update {stated.get('DSID_UPDN', '0')}"
     if issued := str(stated.get("DSID_ISDT", "")):
@@ -416,7 +501,7 @@ def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
     return found
 
 
-def _read(path: Path, source: Path, layer: str) -> Iterator[_Object]:
+def _read(path: Path, source: Path, layer: str) -> Iterator[Feature]:
     """Yield the objects of a class.
 
     Args:
@@ -439,7 +524,7 @@ def _read(path: Path, source: Path, layer: str) -> Iterator[_Object]:
         where = f"{path}: {layer} {stated.get('FIDN', row + 1)}"
         if layer != "DSID" and (shape is None or shape.is_empty):
             raise GeoError(f"{where}: is damaged: it has no place")
-        yield _Object(where, layer, shape, stated)
+        yield Feature(where, row + 1, layer, properties=stated, shape=shape)
 
 
 @contextmanager
@@ -462,92 +547,6 @@ def _unharmed(what: str) -> Iterator[None]:
 
 def _absent(value: Any) -> bool:
     return value is None or (isinstance(value, float | np.floating) and bool(np.isnan(value)))
-
-
-def _collect(
-    cell: _Cell,
-    own: Any,
-    found: _Found,
-    site: Site,
-    grid: LocalGrid,
-    deepest: float,
-    safety_depth: float,
-    radius: float,
-    margin: float,
-) -> None:
-    """Add what a cell tells of its own part, which is in local metres, to what was found."""
-    box, part = around(site, grid, margin), own.buffer(_LINE)
-    skin: list[Any] = []
-    unknown: list[Any] = []
-    for one in _objects(cell, (*_DRY, "UNSARE", *_DEPTHS, *_HAZARDS, *_RESTRICTED)):
-        if not shapely.intersects(shapely.box(*one.shape.bounds), box):
-            continue
-        shape = one.shape
-        if not shapely.is_valid(shape):
-            shape, found.repaired = shapely.make_valid(shape), found.repaired + 1
-        cuts = [shapely.intersection(shape, turn) for turn in box.geoms]
-        whole = shapely.union_all([to_local(cut, site) for cut in cuts if not shapely.is_empty(cut)])
-        local = shapely.intersection(whole, part)
-        if shapely.is_empty(local):
-            continue
-        if one.kind in _SKIN:
-            skin.append(_areas(local))
-        if one.kind in _DRY:
-            found.dry.append(_grown(local, radius, _LINE))
-        elif one.kind == "UNSARE" or (one.kind in _DEPTHS and _shallow(one, safety_depth)):
-            found.shut.append(_areas(local))
-            if "DRVAL1" not in one.stated:
-                unknown.append(_areas(local))
-                found.unknown += one.kind in _DEPTHS
-        elif one.kind in _HAZARDS:
-            _collect_hazard(one, local, found, deepest, radius)
-        if one.kind in _DEPTHS and "DRVAL1" in one.stated:
-            found.depths.setdefault(float(one.stated["DRVAL1"]), []).append(_areas(local))
-        _collect_restriction(one, local, found)
-    gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
-    found.depths.setdefault(0.0, []).extend([gap, *unknown])
-    within = gap.intersection(_box(grid))
-    if within.area > 0.0:
-        found.shut.append(gap)
-        found.gap += within.area / _box(grid).area
-
-
-def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[_Object]:
-    for kind in dict.fromkeys(kinds):
-        if kind in cell.layers:
-            yield from _read(cell.path, cell.source, kind)
-
-
-def _shallow(one: _Object, safety_depth: float) -> bool:
-    return not float(one.stated.get("DRVAL1", -np.inf)) >= safety_depth
-
-
-def _collect_hazard(one: _Object, local: Any, found: _Found, deepest: float, radius: float) -> None:
-    """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
-    # What is of unknown depth, or may show above water, reaches up to the surface.
-    shown = int(one.stated.get("WATLEV", 3)) in _SHOWN or int(one.stated.get("CATWRK", 0)) in _STANDING
-    top = 0.0 if shown else max(float(one.stated.get("VALSOU", 0.0)), 0.0)
-    if top > deepest + _UNDER:
-        return
-    points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
-    name = str(one.stated.get("OBJNAM") or f"{_HAZARDS[one.kind]} {one.stated.get('FIDN', '')}").strip()
-    found.hazards += [KnownObstacle(name, (point.x, point.y), radius, top) for point in points]
-    extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
-    found.shut += [_grown(part, radius, radius) for part in extended]
-
-
-def _collect_restriction(one: _Object, local: Any, found: _Found) -> None:
-    """Add an area that is closed, or count one that may be entered under conditions."""
-    stated = one.stated.get("RESTRN", ())
-    values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
-    area = _areas(local)
-    if area.is_empty:
-        return
-    if values & {_PROHIBITED, _AVOIDED}:
-        name = str(one.stated.get("OBJNAM") or f"{one.kind} {one.stated.get('FIDN', '')}").strip()
-        found.closed.append(Zone(name, area, one.where))
-    elif _HINDERED in values:
-        found.hindered += 1
 
 
 def _grown(local: Any, points: float, lines: float) -> Any:
@@ -614,30 +613,6 @@ def _refuse_uncovered(
         f"{path}: the area reaches beyond what the cells cover (M_COVR) with {beyond.area / box.area:.1%} of "
         f"it, between {south:.0f} and {north:.0f} m north, {west:.0f} and {east:.0f} m east of the origin"
     )
-
-
-def _notes(
-    path: Path, found: _Found, hazards: Sequence[KnownObstacle], safety_depth: float, radius: float
-) -> Iterator[str]:
-    name = path.name
-    yield f"{name}: water that may be shallower than {safety_depth:g} m (chart.safety_depth) is closed"
-    if hazards:
-        high = sum(one.depth_min == 0.0 for one in hazards)
-        yield (
-            f"{name}: {counted(len(hazards), 'obstacle')} of {radius:g} m radius (chart.hazard_radius), "
-            f"rocks, wrecks and the like; {high} of them from the surface down"
-        )
-    if found.closed:
-        names = ", ".join(sorted({zone.name for zone in found.closed}))
-        yield f"{name}: closed at all times: {names[:200]}"
-    if found.hindered:
-        yield f"{name}: {counted(found.hindered, 'area')} of restricted entry (RESTRN 8) left open"
-    if found.unknown:
-        yield f"{name}: {counted(found.unknown, 'depth area')} of unknown depth closed"
-    if found.gap > 0.0:
-        yield f"{name}: {found.gap:.1%} of the area is neither land nor a depth area, and closed"
-    if found.repaired:
-        yield f"{name}: {counted(found.repaired, 'outline')} that crossed or touched itself, repaired"
 
 
 def _box(grid: LocalGrid) -> Polygon:

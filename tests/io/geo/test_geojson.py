@@ -8,7 +8,7 @@ import shapely
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_jobs, read_zones
-from auvplan.io.geo.geojson import read_polygons
+from auvplan.io.geo.polygons import read_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, ring, write_geojson
@@ -160,7 +160,7 @@ def test_a_ring_that_crosses_itself_keeps_all_land_that_may_be_meant(tmp_path, r
     with pytest.warns(
         ScenarioWarning, match=r"feature 1: the polygon crosses itself at .*: it is repaired, with"
     ):
-        ((_, shape),) = read_polygons(path)
+        (shape,) = (one.shape for one in read_polygons(path))
     assert shape.is_valid
     assert shape.area >= area - 1e-9
     places = np.random.default_rng(0).uniform(0.0, 5.0, (2000, 2))

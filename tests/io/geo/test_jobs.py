@@ -105,8 +105,8 @@ def test_the_same_jobs_from_both(tmp_path):
         ),
         ("north,east,lon,lat\n1,2,3,4\n", "needs the columns longitude and latitude, or north and east"),
         ("lon,east\n1,2\n", "needs the columns"),
-        ("x,north,east\n1,2,3\n", "two columns tell north"),
-        ("north,east,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
+        ("x,north,east\n1,2,3\n", "two columns map to north"),
+        ("north,east,priorty\n1,2,3\n", "unknown name 'priorty', did you mean 'priority'"),
         ("north,east\n1,2\n3\n", "row 3: east is missing"),
         ("north,east\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
         ("north,east\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
@@ -118,7 +118,7 @@ def test_the_same_jobs_from_both(tmp_path):
         ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
         ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
         ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
-        ("north,east,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
+        ("north,east,line\n1,2,a\n", "line 'a': needs at least 2 positions, got 1"),
         ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
         ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
         (
@@ -145,7 +145,7 @@ def test_tables_that_are_refused(tmp_path, text, words):
         (feature("Point", [148, -20], depth="deep"), "feature 1: depth must be a finite number, got 'deep'"),
         (feature("Point", [148, -20], priority=True), "feature 1: priority must be a finite number"),
         (feature("Point", [148, -20], duration=[1]), "feature 1: duration must be a finite number"),
-        (feature("Point", [148, -20], prority=1), "feature 1: 'prority' means nothing here"),
+        (feature("Point", [148, -20], prority=1), "feature 1: unknown name 'prority'"),
         (feature("Point", [148]), r"feature 1: \[148\] is no position"),
         (feature("Point", []), r"feature 1: \[\] is no position"),
         (feature("Point", [148, -100]), "feature 1: .* is no longitude"),
@@ -203,7 +203,7 @@ def test_another_word_is_told_of_the_first_job_that_lacks_the_known_one(tmp_path
     with pytest.warns(ScenarioWarning) as heard:
         read_jobs(path, SITE)
     (warning,) = (warning for warning in heard if warning.category is ScenarioWarning)
-    assert "feature 2: 'time' is left unread: is 'duration' meant" in str(warning.message)
+    assert "feature 2: 'time' is ignored: did you mean 'duration'" in str(warning.message)
 
 
 @pytest.mark.parametrize("name", ["note", "colour", "fid2", "vessel", "surveyor", "lonely"])
@@ -254,3 +254,9 @@ def test_places_of_geojson_are_those_of_gdal(tmp_path):
         longitude, latitude, height = shapely.get_coordinates(shape, include_z=True).T
         expected = np.stack([*site.to_local(longitude, latitude), -height], axis=1)
         np.testing.assert_allclose(places, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["lines", "track", "longitud", "northern", "x"])
+def test_columns_of_tables_are_no_properties_of_features(tmp_path, name):
+    path = write_geojson(tmp_path / "jobs.geojson", feature("Point", lonlat(A), **{name: 1}))
+    assert len(read_jobs(path, SITE).points) == 1

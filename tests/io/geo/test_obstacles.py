@@ -45,7 +45,7 @@ def test_course_and_speed_are_a_velocity_north_and_east(tmp_path):
         ({}, "radius is missing"),
         ({"radius": -1}, "radius must be greater than 0"),
         ({"radius": "wide"}, "radius must be a valid number"),
-        ({"radius": 10, "depth": 5}, "depth means nothing here; an obstacle has radius"),
+        ({"radius": 10, "depth": 5}, "depth is unknown; an obstacle has radius"),
         ({"radius": 10, "speed": 1}, "speed needs a course"),
         ({"radius": 10, "course": 400, "speed": 1}, "course must be less than or equal to 360"),
         ({"radius": 10, "depth_min": 9, "depth_max": 3}, "depth_max 3 m lies above depth_min 9 m"),

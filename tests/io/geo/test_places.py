@@ -48,7 +48,7 @@ def test_gpx_waypoints_as_gpxpy_writes_them(tmp_path):
     )
     made.routes = [gpxpy.gpx.GPXRoute("r")]
     path.write_text(made.to_xml(version="1.0"))
-    with pytest.warns(ScenarioWarning, match="routes and tracks are left unread"):
+    with pytest.warns(ScenarioWarning, match="routes and tracks are ignored"):
         assert len(read_jobs(path, SITE).points) == 2
 
 
@@ -171,7 +171,7 @@ def test_plans_of_qgroundcontrol(tmp_path):
     assert (line.name, line.priority, line.duration) == ("survey 4", 1, 0)
     corners = survey()["TransectStyleComplexItem"]["VisualTransectPoints"]
     close(line.positions, [(lon, lat, 15.0) for lat, lon in corners])
-    assert f"{path}: items that are no waypoints or surveys are left unread: 1 (178), 5 (21)" in jobs.notes
+    assert f"{path}: items that are no waypoints or surveys are ignored: 1 (178), 5 (21)" in jobs.notes
 
 
 def gpx(body):
@@ -278,7 +278,7 @@ def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
     path.write_text(point("148.95,-20.35,120"))
     jobs = read_jobs(path, SITE, default_depth=1.0)
     assert jobs.points[0].position[2] == 1.0
-    assert any("count for nothing" in note for note in jobs.notes)
+    assert any("are ignored" in note for note in jobs.notes)
     path.write_text(point("148.95,-20.35,-7"))
     assert read_jobs(path, SITE, default_depth=1.0).points[0].position[2] == 7.0
 

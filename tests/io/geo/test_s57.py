@@ -326,7 +326,7 @@ def _hit(path: Path) -> None:
         (_unlike, "A.000: is no S-57 cell"),
         (_cut, "A.000: is cut off: 7 bytes of its last record are missing"),
         (_hit, "A.000: cannot be read (ISO8211 record leader appears to be corrupt.)"),
-        (lambda path: write_cell(path, bay()[1:]), "A.000: does not tell where it has data (M_COVR)"),
+        (lambda path: write_cell(path, bay()[1:]), "A.000: has no coverage (M_COVR)"),
         (
             lambda path: write_cell(path, bay(), datum=3),
             "A.000: its positions are not on WGS 84 (DSPM_HDAT is 3)",

@@ -9,7 +9,7 @@ from pyproj import Transformer
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
-from auvplan.io.geo.vector import read_vector_polygons
+from auvplan.io.geo.polygons import read_vector_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, geographic, write_geojson
@@ -67,7 +67,7 @@ def test_what_is_refused(tmp_path):
     bare = written(tmp_path / "bare.shp", [square()])
     bare.with_suffix(".prj").unlink()
     with pytest.raises(
-        ChartError, match=r"tells no coordinate reference system: a Shapefile's is in the \.prj"
+        ChartError, match=r"has no coordinate reference system: a Shapefile's is in the \.prj"
     ):
         chart_from_polygons(bare, SITE, **AREA)
     (tmp_path / "broken.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
@@ -138,7 +138,7 @@ def test_an_empty_polygon_of_a_projection_is_left_out(tmp_path):
         path = tmp_path / f"{number}.gpkg"
         pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
                           geometry_type="Unknown")  # fmt: skip
-        assert [number for number, _, _ in read_vector_polygons(path)] == [1]
+        assert [one.number for one in read_vector_polygons(path)] == [1]
 
 
 def test_several_layers_of_polygons_are_refused(tmp_path):

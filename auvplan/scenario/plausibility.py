@@ -1,4 +1,4 @@
-"""Warnings: fields of a scenario that are valid and can hardly be meant."""
+"""Plausibility: fields of a scenario that are valid and can hardly be meant."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.findings import Finding, finding_at, in_order
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import Document, Path
 from auvplan.site import Site, as_utc, swapped
@@ -18,10 +18,21 @@ _HOURS = 100.0
 _FLAT = 0.087
 #: Farther from the site, m, its local metres are not those of the sea.
 _FAR = 200_000.0
+#: Fields of sections that count with some sources alone, and these.
+_COUNTS_WITH: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("chart", ("fringe",), ("polygons",)),
+    ("chart", ("safety_depth", "hazard_radius"), ("enc",)),
+    ("chart", ("crs",), ("raster",)),
+    ("bathymetry", ("variable", "positive", "crs"), ("file",)),
+    ("bathymetry", ("pixel_size",), ("file", "current")),
+    ("current", ("outside", "spacing"), ("file",)),
+    ("current", ("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
+    ("current", ("center_std", "radius_std", "strength_std"), ("vortices",)),
+)
 
 
-def doubts(scenario: Scenario, document: Document) -> list[Fault]:
-    """Fields that can hardly be meant, in their order in the file, as faults that are none.
+def implausible(scenario: Scenario, document: Document) -> list[Finding]:
+    """Return warnings of fields that can hardly be meant, in their order in the file.
 
     Args:
         scenario: of the document.
@@ -35,7 +46,7 @@ def doubts(scenario: Scenario, document: Document) -> list[Fault]:
         line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
         found.append((("vehicle", "speed"), f"{line}: in still water no leg can be executed"))
     found += _vertical(scenario)
-    return in_order(fault_at(path, reason, document) for path, reason in found)
+    return in_order(finding_at(path, reason, document, severity="warning") for path, reason in found)
 
 
 def unreachable(scenario: Scenario) -> str:
@@ -112,7 +123,7 @@ def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
             f"{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}",
         )
     elif way is None and time <= _HOURS:
-        yield path, f"{time:g} s is hardly a mission{_as_hours(time)}"
+        yield path, f"{time:g} s is very short for a mission{_as_hours(time)}"
 
 
 def _vertical(scenario: Scenario) -> Iterator[tuple[Path, str]]:
@@ -142,42 +153,22 @@ def _straight(scenario: Scenario) -> float | None:
 
 
 def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
-    """Fields that are given and count for nothing beside others."""
-    chart, current = scenario.chart.source, scenario.current
-    bed = scenario.bathymetry.source
-    idle: dict[str, tuple[str, str]] = {}
-    if chart != "polygons":
-        idle["chart.fringe"] = "chart.source", chart
-    if chart != "enc":
-        idle |= {f"chart.{name}": ("chart.source", chart) for name in ("safety_depth", "hazard_radius")}
-    if chart != "raster":
-        idle["chart.crs"] = "chart.source", chart
-    if chart == "whitsunday" or (chart == "none" and scenario.chart.no_go is None):
-        idle["chart.pixel_size"] = "chart.source", chart
-    if bed != "file":
-        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive", "crs")}
-    if bed in ("none", "chart"):
-        idle["bathymetry.pixel_size"] = "bathymetry.source", bed
-    if current.source == "file":
-        names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]
-        names += ["center_std", "radius_std", "strength_std"]
-        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
-    elif current.source == "harmonic":
-        names = ["outside", "spacing", "layers", "vertical_scale", "uniform", "update_rate", "center_std"]
-        names += ["peak_speed", "radius_std", "strength_std"]
-        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
-    else:
-        names = ["outside", "spacing"]
-    idle |= {f"current.{name}": ("current.source", current.source) for name in names}
-    if scenario.mission.jobs is not None:
-        stated = "mission.jobs", scenario.mission.jobs
-        given = (
-            "waypoints",
-            "priority",
-            "duration",
-        )
-        idle |= {f"mission.{name}": stated for name in given}
-    for field, (other, value) in idle.items():
-        section, name = field.split(".")
+    """Fields that are given and have no effect beside others."""
+    sources = {section: getattr(scenario, section).source for section, _, _ in _COUNTS_WITH}
+    idle = {
+        (section, name): (f"{section}.source", sources[section])
+        for section, names, needed in _COUNTS_WITH
+        for name in names
+        if sources[section] not in needed
+    }
+    if sources["chart"] == "whitsunday" or (sources["chart"] == "none" and scenario.chart.no_go is None):
+        idle["chart", "pixel_size"] = "chart.source", sources["chart"]
+    if sources["current"] != "vortices" and scenario.current.forecast_error == 0.0:
+        vortices = (("current", name) for name in ("vortices", "radius"))
+        idle |= dict.fromkeys(vortices, ("current.source", sources["current"]))
+    if (jobs := scenario.mission.jobs) is not None:
+        drawn = (("mission", name) for name in ("waypoints", "priority", "duration"))
+        idle |= dict.fromkeys(drawn, ("mission.jobs", jobs))
+    for (section, name), (other, value) in idle.items():
         if name in sections.get(section, {}):
-            yield (section, name), f"counts for nothing with {other} {value!r}"
+            yield (section, name), f"has no effect with {other} {value!r}"

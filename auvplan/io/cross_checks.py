@@ -1,7 +1,7 @@
 """Whether chart, sea bed and current agree on where land is, and jobs on where the area is."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,13 +10,12 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.io.geo.geojson import is_place
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
-from auvplan.site import Site
+from auvplan.site import Site, is_place
 
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
@@ -73,7 +72,10 @@ _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
 
 
 def warn_of_contradictions(
-    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, current: "CurrentFile | None"
+    scenario: Scenario,
+    chart: Chart | None,
+    seabed: Seabed | None,
+    currents: "Sequence[CurrentFile | None]",
 ) -> None:
     """Compare where chart, sea bed and current have land.
 
@@ -83,7 +85,7 @@ def warn_of_contradictions(
         scenario: that names them.
         chart: without closed areas; None for open water.
         seabed: None where there is none.
-        current: None where it is of no file.
+        currents: the forecast and the true one; None where they are of no file.
 
     Warns:
         ScenarioWarning: the share of the area on which two contradict each other, and whether the chart seems
@@ -94,7 +96,7 @@ def warn_of_contradictions(
     counts = np.maximum(np.ceil(_PLACES * extent / extent.max()).astype(int), 8)
     step = extent / counts
     north, east = (low[k] + step[k] * (np.arange(counts[k]) + 0.5) for k in range(2))
-    first, *others = _sources(scenario, chart, seabed, current)
+    first, *others = _sources(scenario, chart, seabed, currents)
     for other in others:
         room = _CELLS * max(first.cell, other.cell) / step
         theirs = other.at(north, east)
@@ -115,7 +117,10 @@ def warn_of_contradictions(
 
 
 def _sources(
-    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, current: "CurrentFile | None"
+    scenario: Scenario,
+    chart: Chart | None,
+    seabed: Seabed | None,
+    currents: "Sequence[CurrentFile | None]",
 ) -> list[_Land]:
     """Return what tells of land, each file once; the chart first, then the sea bed."""
     found, source = [], scenario.chart.source
@@ -137,9 +142,13 @@ def _sources(
         dry = np.zeros((1, 1), bool)
         name = "open water (chart.source 'none')"
         found.append(_Land(name, dry, dry, np.zeros(2), np.full(2, np.inf), 0.0))
-    if current is not None and source != "current" and scenario.bathymetry.source != "current":
-        files = scenario.current.files
-        name = f"the current ({files if isinstance(files, str) else ', '.join(files or ())})"
+    own = source == "current" or scenario.bathymetry.source == "current"
+    of, settings = {}, scenario.current
+    for current, files in zip(currents, (settings.files, settings.truth), strict=True):
+        if current is not None and not own:
+            of.setdefault(current, files or ())
+    for current, files in of.items():
+        name = f"the current ({files if isinstance(files, str) else ', '.join(files)})"
         size = np.asarray(current.spacing, float)
         dry = ~current.water
         corner = np.asarray(current.origin, float) - size / 2.0
@@ -183,11 +192,10 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
             which has a priority.
     """
     file, every = scenario.mission.jobs, [*jobs.points, *jobs.lines]
-    places = [point.position for point in jobs.points]
-    places += [position for line in jobs.lines for position in line.positions]
-    if not places:
+    if not every:
         return
-    _require_about(str(file), np.asarray(places), site, scenario.box)
+    places = np.asarray([position for _, position in jobs.places])
+    _require_about(str(file), places, site, scenario.box)
     time = scenario.mission.time_available
     long = [job for job in every if job.duration > time]
     if long:
@@ -209,7 +217,9 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
         _warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
 
 
-def check_obstacles(obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None) -> None:
+def warn_of_idle_obstacles(
+    obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None
+) -> None:
     """Warn where no obstacle of a file comes near the area, or one stands where no vehicle goes.
 
     Args:

@@ -1,0 +1,461 @@
+"""Files of places as features: GeoJSON (RFC 7946), GPX, KML and KMZ, QGroundControl's plans.
+
+Every fault is one line with the file and the number of the feature, waypoint, placemark or item.
+"""
+
+import json
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError
+from zipfile import ZipFile
+
+import numpy as np
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+
+from auvplan.errors import ScenarioWarning
+from auvplan.io.geo.error import Faults, GeoError, PlaceError, read_text
+from auvplan.site import is_place
+
+#: Larger files are no charts of a mission's area, and hold no jobs.
+MAX_BYTES, MAX_JOBS_BYTES = 200_000_000, 50_000_000
+#: What files of other formats begin with, in lower case.
+_FORMATS = {
+    b"<": "XML",
+    b"pk\x03\x04": "an archive or a spreadsheet",
+    b"sqlite format 3": "a GeoPackage or another database",
+    b"fgb": "FlatGeobuf",
+    b"\0\0\x27\x0a": "a Shapefile",
+    b"!table": "a MapInfo table",
+}
+# CRS 84 and WGS 84 by their names in the old member "crs"; RFC 7946 knows no other.
+_WGS84 = re.compile(r"(CRS:?84h?|EPSG[:/]+([\d.]+[:/]+)?4326|^WGS ?84)$", re.IGNORECASE)
+_GEOMETRIES = (
+    "Point",
+    "MultiPoint",
+    "LineString",
+    "MultiLineString",
+    "Polygon",
+    "MultiPolygon",
+    "GeometryCollection",
+)
+#: KML's altitudes that count from the surface of the sea, and those that are ignored.
+_ABSOLUTE, _CLAMPED = ("absolute", "relativeToGround"), ("", "clampToGround")
+_OTHER_SHAPES = ("Polygon", "Track", "MultiTrack", "Model", "LinearRing")
+#: MAVLink's commands for a place to visit; their first parameter is the time spent there, s.
+_VISITS = (16, 19, 82)
+#: MAVLink's frames whose altitudes count from the ground.
+_TERRAIN = (10, 11)
+_SURVEYS = ("survey", "CorridorScan")
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A geometry with properties, as any of the formats has it.
+
+    Attributes:
+        where: file and number, as messages name it.
+        number: in the file, from 1.
+        kind: the geometry's type, as GeoJSON calls it; of an object of an S-57 cell its class.
+        coordinates: of Point, MultiPoint and LineString, longitude, latitude and perhaps elevation, as in the
+            file; of polygons of GeoJSON, their rings.
+        properties: by lower-case name; those that are null left out.
+        local: whether coordinates are north and east, m, instead of degrees.
+        shape: shapely geometry in degrees, where the format has one.
+    """
+
+    where: str
+    number: int
+    kind: str
+    coordinates: Any = None
+    properties: dict[str, Any] = field(default_factory=dict)
+    local: bool = False
+    shape: Any = None
+
+
+Reader = Callable[[Path, Faults, list[str]], Iterator[Feature]]
+
+
+def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
+    """Return the features of a GeoJSON file, a bare geometry being one without properties.
+
+    Args:
+        path: of the file.
+        kinds: the types of geometry that are wanted, in collections too; any other is refused.
+
+    Raises:
+        GeoError: the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds something
+            else; its `lines` are all that is wrong.
+    """
+    _refuse_other(path)
+    try:
+        root = json.loads(read_text(path, MAX_BYTES))
+    except (json.JSONDecodeError, RecursionError):
+        raise GeoError(f"{path}: not valid JSON") from None
+    if not isinstance(root, dict) or "type" not in root:
+        raise GeoError(f"{path}: not GeoJSON: it has no type")
+    _check_crs(path, root.get("crs"))
+    if root["type"] == "FeatureCollection":
+        features = root.get("features")
+        if not isinstance(features, list):
+            raise GeoError(f"{path}: a FeatureCollection without a list of features")
+    elif root["type"] == "Feature":
+        features = [root]
+    elif root["type"] in _GEOMETRIES:
+        features = [{"type": "Feature", "geometry": root, "properties": {}}]
+    else:
+        raise GeoError(f"{path}: {root['type']!r} is no type of GeoJSON")
+    if not features:
+        raise GeoError(f"{path}: has no features")
+    found: list[Feature] = []
+    faults = Faults()
+    for number, feature in enumerate(features, 1):
+        with faults.kept():
+            found += _parts(f"{path}: feature {number}", number, feature, kinds)
+    faults.refuse()
+    return found
+
+
+def _parts(where: str, number: int, feature: Any, kinds: tuple[str, ...]) -> list[Feature]:
+    """Return the geometries of a feature as features."""
+    if not isinstance(feature, dict) or feature.get("type") != "Feature":
+        raise GeoError(f"{where}: is no Feature")
+    _check_crs(where, feature.get("crs"))
+    properties = feature.get("properties")
+    if properties is not None and not isinstance(properties, dict):
+        raise GeoError(f"{where}: properties must be a mapping, got {type(properties).__name__}")
+    kept = {
+        str(name).strip().lower(): value for name, value in (properties or {}).items() if value is not None
+    }
+    return [
+        Feature(where, number, geometry["type"], geometry.get("coordinates"), kept)
+        for geometry in _simple(where, feature.get("geometry"), kinds)
+    ]
+
+
+def _refuse_other(path: str | Path) -> None:
+    """Refuse a file that is of another known format, with what to do.
+
+    Raises:
+        GeoError: it is.
+    """
+    with Path(path).open("rb") as file:
+        start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
+    kind = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
+    if kind == "XML":
+        kind = next((name for name in ("GPX", "KML", "GML") if f"<{name.lower()}".encode() in start), kind)
+    if kind is not None:
+        raise GeoError(f"{path}: is no GeoJSON but {kind}, which `ogr2ogr -f GeoJSON` or QGIS brings to it")
+
+
+def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.ndarray:
+    """[n, 3]: longitude and latitude, degrees, and elevation, m, which is NaN where none is given.
+
+    Args:
+        feature: at whose places they are.
+        coordinates: a list of positions; the feature's own if absent.
+        least: as many are needed.
+
+    Raises:
+        GeoError: fewer than `least`, no numbers, or off the Earth.
+    """
+    where = feature.where
+    if coordinates is None:
+        coordinates = [feature.coordinates] if feature.kind == "Point" else feature.coordinates
+    if not isinstance(coordinates, list) or len(coordinates) < least:
+        count = len(coordinates) if isinstance(coordinates, list) else "no"
+        raise GeoError(f"{where}: needs at least {least} positions, got {count}")
+    for position in coordinates:
+        if (
+            not isinstance(position, list)
+            or len(position) < 2
+            or not all(_is_number(c) for c in position[:3])
+        ):
+            raise GeoError(f"{where}: {_short(position)} is no position [longitude, latitude]")
+        if not np.isfinite(position[:3]).all():
+            raise GeoError(f"{where}: {_short(position)} is not finite")
+        if not feature.local:
+            check_place(where, position[0], position[1])
+    return np.array(
+        [[*position[:2], position[2] if len(position) > 2 else np.nan] for position in coordinates]
+    )
+
+
+def check_place(where: str, longitude: float, latitude: float) -> None:
+    """Refuse what lies off the Earth.
+
+    Raises:
+        GeoError: longitude not in [-180, 360] or latitude not in [-90, 90], degrees.
+    """
+    if not is_place(longitude, latitude):
+        hint = ""
+        if is_place(latitude, longitude):
+            hint = ": longitude and latitude seem swapped"
+        elif max(abs(longitude), abs(latitude)) > 1000.0:
+            hint = ": metres of a projection must be brought to degrees"
+        error = PlaceError(
+            f"{where}: ({longitude:g}, {latitude:g}) is no longitude in [-180, 360] and latitude in [-90, 90]"
+            + hint
+        )
+        error.swapped = is_place(latitude, longitude)
+        raise error
+
+
+def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:
+    """Yield the geometries of a geometry, those of collections one by one."""
+    stack = [geometry]
+    while stack:
+        part = stack.pop()
+        if part is None:
+            raise GeoError(f"{where}: has no geometry")
+        kind = part.get("type") if isinstance(part, dict) else None
+        if kind == "GeometryCollection":
+            inner = part.get("geometries")
+            if not isinstance(inner, list) or not inner:
+                raise GeoError(f"{where}: an empty GeometryCollection")
+            stack += inner[::-1]
+        elif kind in kinds:
+            yield part
+        elif kind in _GEOMETRIES:
+            raise GeoError(f"{where}: a {kind}, where {' or '.join(kinds)} is wanted")
+        else:
+            raise GeoError(f"{where}: {_short(kind)} is no type of geometry")
+
+
+def _check_crs(where: str | Path, member: Any) -> None:
+    if member is None:
+        return
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if not isinstance(name, str) or not _WGS84.search(name.strip()):
+        raise GeoError(
+            f"{where}: crs is {_short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
+        )
+
+
+def _gpx(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
+    root = _xml(path, "gpx")
+    points = list(_children(root, "wpt"))
+    if not points:
+        raise GeoError(f"{path}: has no waypoints (wpt): its routes and tracks are not read as jobs")
+    if any(True for _ in _children(root, "rte", "trk")):
+        line = f"{path}: routes and tracks are ignored: jobs are its waypoints (wpt)"
+        warnings.warn(line, ScenarioWarning, stacklevel=2)
+    for number, point in enumerate(points, 1):
+        name = _text_of(point, "name")
+        where = f"{path}: waypoint {number}{_quoted(name)}"
+        with faults.kept():
+            place = [_number_of(where, key, point.get(key, "")) for key in ("lon", "lat")]
+            if elevation := _text_of(point, "ele"):
+                place.append(_number_of(where, "ele", elevation))
+            yield Feature(where, number, "Point", place, {"name": name})
+
+
+def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
+    marks = [element for element in _xml(path, "kml").iter() if _plain_name(element) == "Placemark"]
+    if not marks:
+        raise GeoError(f"{path}: has no placemarks")
+    flat = 0
+    for number, mark in enumerate(marks, 1):
+        stated = {"name": _text_of(mark, "name")} | _extended(mark)
+        where = f"{path}: placemark {number}{_quoted(stated['name'])}"
+        with faults.kept():
+            shapes = list(_shapes(where, mark))
+            if not shapes:
+                raise GeoError(f"{where}: has no geometry")
+            for count, shape in enumerate(shapes, 1):
+                places, ignored = _coordinates(where, shape)
+                flat += ignored
+                own = (
+                    stated
+                    if len(shapes) == 1 or not stated["name"]
+                    else stated | {"name": f"{stated['name']} {count}"}
+                )
+                if _plain_name(shape) == "Point":
+                    yield Feature(where, number, "Point", places[0], own)
+                else:
+                    yield Feature(where, number, "LineString", places, own)
+    if flat:
+        notes.append(f"{path}: altitudes above the ground that KML lays places on are ignored")
+
+
+def _extended(mark: Element) -> dict[str, str]:
+    """Return the data that a placemark carries, by lower-case name."""
+    found = {}
+    for holder in _children(mark, "ExtendedData"):
+        for data in holder.iter():
+            if _plain_name(data) == "Data":
+                found[data.get("name", "")] = _text_of(data, "value")
+            elif _plain_name(data) == "SimpleData":
+                found[data.get("name", "")] = (data.text or "").strip()
+    return {name.strip().lower(): value for name, value in found.items() if name and value}
+
+
+def _shapes(where: str, element: Element) -> Iterator[Element]:
+    """Yield the points and lines of a placemark, those of collections one by one."""
+    for shape in element:
+        kind = _plain_name(shape)
+        if kind == "MultiGeometry":
+            yield from _shapes(where, shape)
+        elif kind in ("Point", "LineString"):
+            yield shape
+        elif kind in _OTHER_SHAPES:
+            raise GeoError(f"{where}: a {kind}, where Point or LineString is wanted")
+
+
+def _coordinates(where: str, shape: Element) -> tuple[list[list[float]], bool]:
+    """Longitude, latitude and, where it counts, elevation; and whether one was given that does not."""
+    mode, ignored, found = _text_of(shape, "altitudeMode"), False, []
+    if mode not in (*_ABSOLUTE, *_CLAMPED):
+        raise GeoError(f"{where}: altitudeMode {mode} counts from the sea bed: use absolute, minus depth")
+    for part in _text_of(shape, "coordinates").split():
+        place = [_number_of(where, "coordinates", number) for number in part.split(",")]
+        if len(place) not in (2, 3):
+            raise GeoError(f"{where}: coordinates must be longitude,latitude or longitude,latitude,altitude")
+        # Without a mode, programs write depths all the same, and 0 where they know none.
+        if len(place) == 3 and mode in _CLAMPED and place[2] >= 0.0:
+            ignored |= place.pop() > 0.0
+        found.append(place)
+    if not found:
+        raise GeoError(f"{where}: has no coordinates")
+    return found, ignored
+
+
+def _plan(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
+    try:
+        root = json.loads(read_text(path, MAX_JOBS_BYTES))
+    except (json.JSONDecodeError, RecursionError):
+        raise GeoError(f"{path}: not valid JSON") from None
+    mission = root.get("mission") if isinstance(root, dict) and root.get("fileType") == "Plan" else None
+    items = mission.get("items") if isinstance(mission, dict) else None
+    if not isinstance(items, list):
+        raise GeoError(f"{path}: is no plan of QGroundControl: it has no mission.items")
+    left = []
+    for number, item in enumerate(items, 1):
+        where = f"{path}: item {number}"
+        with faults.kept():
+            if not isinstance(item, dict):
+                raise GeoError(f"{where}: is no mission item")
+            if item.get("type") == "SimpleItem" and item.get("command") in _VISITS:
+                yield _visit(where, number, item)
+            elif item.get("complexItemType") in _SURVEYS:
+                yield _survey(where, number, item)
+            else:
+                left.append(f"{number} ({item.get('complexItemType') or item.get('command')})")
+    if left:
+        notes.append(f"{path}: items that are no waypoints or surveys are ignored: {', '.join(left)}")
+    elif not items:
+        raise GeoError(f"{path}: has no mission items")
+
+
+def _visit(where: str, number: int, item: dict[str, Any]) -> Feature:
+    params = item.get("params")
+    if not isinstance(params, list) or len(params) != 7:
+        raise GeoError(f"{where}: params must be seven values")
+    if item.get("frame") in _TERRAIN:
+        raise GeoError(
+            f"{where}: frame {item['frame']}: the altitude counts from the ground, not the surface"
+        )
+    altitude = item.get("Altitude") if item.get("Altitude") is not None else params[6]
+    place = [params[5], params[4]]
+    if altitude is not None:
+        place.append(altitude)
+    if not all(_is_number(value) for value in place):
+        raise GeoError(f"{where}: params must tell latitude, longitude and altitude as numbers, got {params}")
+    return Feature(where, number, "Point", place, {"duration": params[0] or 0.0})
+
+
+def _survey(where: str, number: int, item: dict[str, Any]) -> Feature:
+    """The transects of a survey, in the order in which they are flown, as one line."""
+    style = item.get("TransectStyleComplexItem")
+    points = style.get("VisualTransectPoints") if isinstance(style, dict) else None
+    if not isinstance(style, dict) or not isinstance(points, list) or len(points) < 2:
+        raise GeoError(f"{where}: the survey has no VisualTransectPoints: open and save it in QGroundControl")
+    camera = style.get("CameraCalc")
+    altitude = camera.get("DistanceToSurface") if isinstance(camera, dict) else None
+    places = []
+    for point in points:
+        if not isinstance(point, list) or len(point) < 2 or not all(map(_is_number, point[:2])):
+            raise GeoError(f"{where}: VisualTransectPoints must be latitudes and longitudes, got {point}")
+        place = [point[1], point[0]] + ([] if altitude is None else [altitude])
+        if not places or place != places[-1]:
+            places.append(place)
+    return Feature(where, number, "LineString", places, {"name": f"survey {number}"})
+
+
+def _is_number(value: Any) -> bool:
+    # A whole number beyond all floats cannot even be compared with one.
+    return isinstance(value, float) or (type(value) is int and abs(value) < 10**300)
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _quoted(name: str) -> str:
+    return f" {name[:40]!r}" if name else ""
+
+
+def _xml(path: Path, kind: str) -> Element:
+    """Return the root of an XML file, or of the one `.kml` in a zip archive, whose plain name is `kind`."""
+    try:
+        root = fromstring(_content(path), forbid_dtd=True)
+    except DefusedXmlException:
+        raise GeoError(f"{path}: has a document type or entities, which are not read") from None
+    except ParseError as error:
+        line, column = error.position
+        raise GeoError(f"{path}: line {line}, column {column + 1}: not valid XML") from None
+    if _plain_name(root) != kind:
+        raise GeoError(f"{path}: is no {kind.upper()}: its root is {_plain_name(root)}")
+    return root
+
+
+def _plain_name(element: Element) -> str:
+    """Return an element's name without its namespace."""
+    return str(element.tag).rpartition("}")[2]
+
+
+def _children(element: Element, *names: str) -> Iterator[Element]:
+    """Yield the direct children of some names."""
+    return (child for child in element if _plain_name(child) in names)
+
+
+def _text_of(element: Element, name: str) -> str:
+    """Return the text of the first child of a name; empty where there is none."""
+    found = next(_children(element, name), None)
+    return "" if found is None else (found.text or "").strip()
+
+
+def _number_of(where: str, name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise GeoError(f"{where}: {name} must be a number, got {text[:40]!r}") from None
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix.lower() != ".kmz":
+        if path.stat().st_size > MAX_JOBS_BYTES:
+            raise GeoError(f"{path}: larger than {MAX_JOBS_BYTES} bytes")
+        return path.read_bytes()
+    with ZipFile(path) as archive:
+        inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
+        if not inside:
+            raise GeoError(f"{path}: has no .kml inside")
+        if len(inside) > 1:
+            listed = ", ".join(entry.filename for entry in inside)[:200]
+            raise GeoError(f"{path}: holds {len(inside)} .kml, {listed}: it must hold one")
+        with archive.open(inside[0]) as file:
+            content = file.read(MAX_JOBS_BYTES + 1)  # whatever size the archive claims
+    if len(content) > MAX_JOBS_BYTES:
+        raise GeoError(f"{path}: {inside[0].filename} is larger than {MAX_JOBS_BYTES} bytes")
+    return content
+
+
+#: How files of other programs are read, by the ends of their names.
+READERS: dict[str, Reader] = {".gpx": _gpx, ".kml": _kml, ".kmz": _kml, ".plan": _plan}

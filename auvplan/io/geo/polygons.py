@@ -1,0 +1,350 @@
+"""Polygons in longitude and latitude: of GeoJSON, GeoPackage, Shapefile, FlatGeobuf and what GDAL reads."""
+
+import warnings
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+import shapely
+from pyproj import CRS, Transformer
+from shapely.geometry import MultiPolygon, Polygon
+
+from auvplan.errors import ScenarioWarning, reason_of
+from auvplan.io.geo.error import Faults, GeoError
+from auvplan.io.geo.features import Feature, check_place, positions, read_features
+
+#: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
+_CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
+# Edges from one turn of longitude to the next close a polygon around a pole.
+_AROUND = 360.0 - 1e-6
+# Edges that are looked up at a time, at most.
+_TOGETHER = 256
+_STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
+_SHAPEFILE = b"\0\0\x27\x0a"
+# An edge of a projection in pieces of so many metres is straight in degrees too.
+_PIECE = 1000.0
+#: Parts of a Shapefile in an archive.
+_BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qix", ".qmd", ".xml", ".txt", ".md", ".html")
+# Types of layers that may hold polygons.
+_AREAS = ("Polygon", "Surface", "Unknown", "GeometryCollection")
+_SUFFIXES = (".shp", ".gpkg", ".fgb", ".zip")
+
+
+def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
+    """Return the polygons of a GeoJSON, GeoPackage or Shapefile, whose shapes are in degrees.
+
+    Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there, and
+    one that crosses itself a few times is repaired.
+
+    Args:
+        path: of the file.
+        area: shapely geometry in degrees; polygons that reach nowhere near it may be faulty and are then
+            left out. None for everywhere.
+
+    Raises:
+        GeoError: see `read_features` and `read_vector_polygons`; rings that are not closed or cross often, no
+            area, or every one is empty.
+
+    Warns:
+        ScenarioWarning: a ring that was parted or repaired.
+    """
+    if is_vector_file(path):
+        features = read_vector_polygons(path)
+    else:
+        features = [one for one in read_features(path, ("Polygon", "MultiPolygon")) if one.coordinates != []]
+        if not features:
+            raise GeoError(f"{path}: every polygon is empty")
+        features = _each(features, lambda one: replace(one, shape=_shape(one)))
+
+    def sound(feature: Feature) -> Feature | None:
+        if shapely.is_valid(feature.shape):
+            return feature
+        near = area is None or shapely.intersects(shapely.box(*feature.shape.bounds), area)
+        return replace(feature, shape=_repaired(feature)) if near else None
+
+    return _each(features, sound)
+
+
+def _each(features: list[Feature], change: Callable[[Feature], Feature | None]) -> list[Feature]:
+    """Return features that are changed, without those of which nothing is left.
+
+    Raises:
+        GeoError: its `lines` are what is wrong with them all.
+    """
+    found, faults = [], Faults()
+    for feature in features:
+        with faults.kept():
+            found.append(change(feature))
+    faults.refuse(len(features))
+    return [feature for feature in found if feature is not None]
+
+
+def _shape(feature: Feature) -> Polygon | MultiPolygon:
+    """Return the shape of a Polygon or MultiPolygon of GeoJSON, valid or not.
+
+    Raises:
+        GeoError: rings that are not closed, or coordinates off the Earth.
+    """
+    where, polygons = feature.where, []
+    parts = feature.coordinates if feature.kind == "MultiPolygon" else [feature.coordinates]
+    if not isinstance(parts, list) or not parts:
+        raise GeoError(f"{where}: a {feature.kind} without coordinates")
+    for rings in parts:
+        if not isinstance(rings, list) or not rings:
+            raise GeoError(f"{where}: a polygon without rings")
+        closed = []
+        for ring in rings:
+            places = positions(feature, [] if ring is None else ring, 4)[:, :2]
+            if (places[0] != places[-1]).any():
+                raise GeoError(f"{where}: a ring is not closed: its last position is not its first")
+            _refuse_leap(where, places)
+            closed.append(places)
+        polygons.append(Polygon(closed[0], closed[1:]))
+    return polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
+
+
+def _repaired(feature: Feature) -> Polygon | MultiPolygon:
+    """Part a ring where it touches itself, and fill what one that crosses itself may stand for.
+
+    Parting adds no land and takes none. Of a ring that crosses, all that lies inside by either reading is
+    kept: by the number of times that it goes around a place, and by whether that number is odd.
+
+    Raises:
+        GeoError: it crosses too often, is faulty otherwise, or has no area.
+
+    Warns:
+        ScenarioWarning: a ring was repaired.
+    """
+    shape = feature.shape
+    reason = shapely.is_valid_reason(shape)
+    line = f"{feature.where}: {_fault(reason)}"
+    done, repaired = "parted there", None
+    if reason.startswith("Ring Self-intersection"):
+        repaired = shapely.make_valid(shape)
+    elif reason.startswith(("Self-intersection", "Nested shells")) and _crosses_seldom(shape):
+        readings = (
+            shapely.make_valid(shape),
+            shapely.make_valid(shape, method="structure", keep_collapsed=False),
+        )
+        parts = [part for reading in readings for part in shapely.get_parts(reading)]
+        repaired = shapely.union_all([part for part in parts if isinstance(part, Polygon)])
+        done = "repaired, with all inside that may be meant"
+    if not isinstance(repaired, Polygon | MultiPolygon) or repaired.is_empty:
+        raise GeoError(line)
+    warnings.warn(f"{line}: it is {done}", ScenarioWarning, stacklevel=3)
+    return repaired
+
+
+def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
+    """Return whether the edges of a shape cross or cover each other so seldom that it can be made valid.
+
+    Of many crossings that takes hours, and gigabytes.
+    """
+    rings = shapely.get_rings(shapely.get_parts(shape))
+    if len(rings) > _RINGS or shapely.get_num_coordinates(shape) > _CORNERS:
+        return False
+    ends = [shapely.get_coordinates(ring) for ring in rings]
+    pairs = np.concatenate([np.stack([at[:-1], at[1:]], axis=1) for at in ends])
+    edges = np.asarray(shapely.linestrings(pairs), object)
+    tree, met, start, count = shapely.STRtree(edges), 0, 0, 2
+    while start < len(edges):
+        some = edges[start : start + count]
+        start, count = start + count, min(2 * count, _TOGETHER)
+        met += len(tree.query(some, "crosses")[0]) + len(tree.query(some, "overlaps")[0])
+        if met > 2 * _CROSSINGS:  # each is found from both sides
+            return False
+    return True
+
+
+def _refuse_leap(where: str, places: np.ndarray) -> None:
+    """Refuse a ring [n, 2] an edge of which spans more than half of the Earth, but not all of it.
+
+    Raises:
+        GeoError: one does; it may go either way around.
+    """
+    leap = np.abs(np.diff(places[:, 0])).max(initial=0.0)
+    if 180.0 < leap < _AROUND:
+        raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
+
+
+def _fault(said: str) -> str:
+    """Shapely's reason in words of the field, with the place."""
+    what, _, place = said.partition("[")
+    words = {
+        "Self-intersection": "the polygon crosses itself",
+        "Ring Self-intersection": "a ring touches itself",
+    }
+    stated = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
+    return f"{stated} at ({', '.join(place.rstrip(']').split())})" if place else stated
+
+
+def is_vector_file(path: str | Path) -> bool:
+    """Return whether a file is of a vector format other than GeoJSON, by its name or first bytes."""
+    if Path(path).suffix.lower() in _SUFFIXES:
+        return True
+    with Path(path).open("rb") as file:
+        return file.read(16).startswith(_STARTS)
+
+
+def read_vector_polygons(path: str | Path) -> list[Feature]:
+    """Return the polygons of a GeoPackage, Shapefile or the like, valid or not, whose shapes are in degrees.
+
+    Rings that cross the antimeridian have longitudes beyond 180 or -180 degrees, but for those of WGS 84.
+
+    Raises:
+        GeoError: one line; the file cannot be read, tells no reference system, has no polygons, several
+            layers of them, something else among them, or one lies off the Earth.
+    """
+    try:
+        from pyogrio import list_layers, raw
+    except ImportError:
+        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
+    if not Path(path).exists():
+        raise GeoError(f"{path}: no such file")
+    source = _source(Path(path))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what GDAL finds odd and can read
+            kinds = {str(name): str(kind) for name, kind in list_layers(source)}
+            layers = [name for name, kind in kinds.items() if any(part in kind for part in _AREAS)]
+            if len(layers) > 1:
+                raise GeoError(
+                    f"{path}: has {len(layers)} layers that may be land, {', '.join(layers)[:200]}: keep one "
+                    f"of them, such as by `ogr2ogr land.gpkg {Path(path).name} {layers[0]}`"
+                )
+            if not layers:
+                raise GeoError(f"{path}: has no layer of polygons")
+            meta, _, geometries, columns = raw.read(source, layer=layers[0], force_2d=True)
+    except GeoError:
+        raise
+    except Exception as error:  # whatever GDAL stumbles over
+        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
+    if not meta["crs"]:
+        raise GeoError(f"{path}: has no coordinate reference system: a Shapefile's is in the .prj beside it")
+    crs = CRS.from_user_input(meta["crs"])
+    shapes = [None if shape is None else _areas(shape) for shape in shapely.from_wkb(geometries)]
+    for number, shape in enumerate(shapes, 1):
+        if shape is not None and not isinstance(shape, Polygon | MultiPolygon):
+            raise GeoError(f"{path}: feature {number}: a {shape.geom_type}, where polygons are wanted")
+    if not crs.equals(CRS.from_epsg(4326), ignore_axis_order=True):
+        turn = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+        if crs.is_projected:  # edges are straight in its own metres
+            piece = _PIECE / float(crs.axis_info[0].unit_conversion_factor)
+            shapes = [_unrolled(shape, turn, piece) for shape in shapes]
+        else:
+            shapes = shapely.transform(shapes, lambda places: _turned(places, turn))
+    names = [str(name).strip().lower() for name in meta["fields"]]
+    found = []
+    for number, shape in enumerate(shapes, 1):
+        if shape is None or shape.is_empty:
+            continue
+        values = {name: column[number - 1] for name, column in zip(names, columns, strict=True)}
+        kept = {name: getattr(value, "item", lambda v=value: v)() for name, value in values.items()}
+        where = f"{path}: feature {number}"
+        west, south, east, north = shape.bounds
+        for longitude, latitude in ((west, south), (east, north)):
+            check_place(where, longitude, latitude)
+        for ring in shapely.get_rings(shape):
+            _refuse_leap(where, shapely.get_coordinates(ring))
+        properties = {name: value for name, value in kept.items() if value is not None}
+        found.append(Feature(where, number, shape.geom_type, properties=properties, shape=shape))
+    if not found:
+        raise GeoError(f"{path}: every polygon is empty")
+    return found
+
+
+def _areas(shape: Any) -> Any:
+    """Return a collection of polygons as one of them all; any other geometry as it is."""
+    if shape.geom_type != "GeometryCollection":
+        return shape
+    parts = [part for inner in shape.geoms for part in shapely.get_parts(_areas(inner))]
+    return MultiPolygon(parts) if all(isinstance(part, Polygon) for part in parts) else shape
+
+
+def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
+    """Return polygons of a projection in degrees, with longitudes that go on across the antimeridian.
+
+    A ring around a pole is led along it, from one turn to the next.
+
+    Args:
+        shape: Polygon or MultiPolygon in the projection, or None.
+        turn: from there to degrees.
+        piece: edges that are longer are divided.
+    """
+    if shape is None:
+        return None
+
+    def ring(line: Any, about: float | None) -> Any:
+        places = _turned(shapely.get_coordinates(shapely.segmentize(line, piece)), turn)
+        if not np.isfinite(places).all():
+            return places
+        east = np.unwrap(places[:, 0], period=360.0)
+        # A hole is about where its polygon is; that begins at -180 degrees or east of there.
+        turns = (
+            np.ceil((-180.0 - east.min()) / 360.0)
+            if about is None
+            else np.rint((about - east.mean()) / 360.0)
+        )
+        places[:, 0] = east + 360.0 * turns
+        first, last = places[0], places[-1]
+        if abs(last[0] - first[0]) > 180.0:
+            pole = np.copysign(90.0, places[:, 1].mean())
+            return np.array([*places, (last[0], pole), (first[0], pole), first])
+        return places
+
+    polygons = []
+    for part in shapely.get_parts(shape):
+        if not part.is_empty:
+            outside = ring(part.exterior, None)
+            polygons.append((outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]))
+    return MultiPolygon(polygons)
+
+
+def _source(path: Path) -> str:
+    """Return what GDAL is to open: the file, or the one in a zip archive.
+
+    Raises:
+        GeoError: the file, or one in the archive, is not of the format that its name tells: GDAL takes it for
+            others, some of which name files and servers that it then reads; or the archive holds several.
+    """
+    starts: list[tuple[str, bytes]] = []
+    zipped = False
+    try:
+        with path.open("rb") as file:
+            starts.append((path.name, file.read(16)))
+        if zipped := starts[0][1].startswith(b"PK"):
+            with ZipFile(path) as archive:
+                starts = []
+                for entry in archive.infolist():
+                    if not entry.is_dir():
+                        with archive.open(entry) as inside:
+                            starts.append((entry.filename, inside.read(16)))
+    except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
+        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
+    known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
+    main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
+    for name, _ in starts:
+        beside = len(starts) > 1 and Path(name).suffix.lower() in _BESIDE
+        if not (name in known or beside):
+            raise GeoError(
+                f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf: bring it to one of "
+                "these, such as by `ogr2ogr land.gpkg`"
+            )
+    if not zipped:
+        return str(path)
+    if len(main) != 1:
+        raise GeoError(
+            f"{path}: holds {len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
+            if main
+            else f"{path}: holds no GeoPackage, Shapefile or FlatGeobuf"
+        )
+    return f"/vsizip/{{{path.absolute()}}}/{main[0]}"
+
+
+def _turned(places: Any, turn: Transformer) -> Any:
+    places[:, 0], places[:, 1] = turn.transform(places[:, 0], places[:, 1])
+    return places

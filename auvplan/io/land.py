@@ -1,0 +1,218 @@
+"""Land of a scenario: its chart, from pictures, polygons, S-57 cells or where a current has no water."""
+
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.errors import ScenarioError, ScenarioWarning, blaming
+from auvplan.io import geo
+from auvplan.ocean import whitsunday
+from auvplan.ocean.chart import Chart, classify_file, settled
+from auvplan.scenario.settings import ChartSettings
+from auvplan.site import Site
+
+if TYPE_CHECKING:
+    from auvplan.io.currents import CurrentFile
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+#: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
+_LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
+#: Pixels of a raster made from a current's file at most.
+_MAX_PIXELS = 16_000_000
+
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+class Land(NamedTuple):
+    """What a chart's file has of the area and around it.
+
+    Attributes:
+        coast: coast and uncertain areas; None for open water.
+        chart: the same with the areas that the file closes.
+        notes: what was assumed, a line each.
+        cells: what S-57 cells have, where they are the chart.
+    """
+
+    coast: Chart | None = None
+    chart: Chart | None = None
+    notes: tuple[str, ...] = ()
+    cells: geo.Cells | None = None
+
+
+def read_land(
+    settings: ChartSettings, site: Site | None, box: Corners, home: str, current: "CurrentFile | None"
+) -> Land:
+    """Read a chart's file, as far beyond the area as it and `beyond` do.
+
+    Args:
+        settings: closed areas of a file of their own do not count.
+        site: where local coordinates count from.
+        box: corners of the area, m.
+        home: folder that relative paths start from.
+        current: whose files tell where water is, where they are the chart.
+
+    Raises:
+        ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
+
+    Warns:
+        ScenarioWarning: a picture shows no land, or nothing else.
+    """
+    if settings.source == "none":
+        return Land()
+    size, notes, cells = settings.pixel_size, (), None
+    more, file = beyond(box, size), in_folder(home, settings.file or "")
+    sides: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2]}
+    if settings.source in ("whitsunday", "image"):
+        with blaming("chart", "image"):
+            coast, chart, notes = _picture(settings, home)
+    elif settings.source == "enc":
+        assert site is not None
+        names = "pixel_size", "safety_depth", "hazard_radius"
+        told = {name: getattr(settings, name) for name in names} | {
+            "deepest": box[1][2],
+            "beyond": more,
+        }
+        with blaming("chart", "file"):
+            cells = geo.read_cells(file, site, **sides, **told)
+        coast, chart, notes = cells.coast, cells.chart, cells.notes
+    elif settings.source == "current":
+        assert current is not None
+        coast = chart = _water_chart(current, box, size)
+    else:
+        assert site is not None
+        place: dict[str, Any] = {**sides, "pixel_size": size, "beyond": more}
+        with blaming("chart", "file"):
+            if settings.source == "raster":
+                colours = settings.colours.given
+                chart, notes = geo.chart_and_notes(file, site, crs=settings.crs, colours=colours, **place)
+            else:
+                uncertain = None if settings.uncertain is None else in_folder(home, settings.uncertain)
+                chart = geo.chart_from_polygons(
+                    file, site, fringe=settings.fringe, uncertain=uncertain, **place
+                )
+        coast = chart
+    if settings.source in ("raster", "image"):
+        dry = float((np.asarray(cropped(chart, settings, box).passability) == 0.0).mean())
+        if dry in (0.0, 1.0):
+            what = "no land" if dry == 0.0 else "nothing but land"
+            picture = settings.file or settings.image
+            line = f"{picture}: shows {what} in the area: land and water are distinguished by their colours"
+            warnings.warn(line, ScenarioWarning, stacklevel=2)
+    return Land(coast, chart, notes, cells)
+
+
+def _picture(settings: ChartSettings, home: str) -> tuple[Chart, Chart, tuple[str, ...]]:
+    """Return all of a picture as a chart, its window, and what was assumed of it, a line each.
+
+    Raises:
+        ScenarioError: the window does not fit the picture.
+        ChartError: the picture cannot be read, or what is water in it is in doubt.
+    """
+    notes: tuple[str, ...] = ()
+    if settings.source == "whitsunday":
+        chart = whitsunday.whitsunday_chart()
+    else:
+        assert settings.image is not None
+        path = in_folder(home, settings.image)
+        found = settled(classify_file(path, colours=settings.colours.given), path)
+        chart = Chart.from_classified(found, settings.pixel_size)
+        notes = (
+            *(f"{path}: {note}" for note in found.notes),
+            *(f"{path} {line}" for line in found.warnings),
+        )
+        with suppress(geo.GeoError):  # the place of such a picture is not used
+            stated = geo.pixel_size(path)
+            if stated is not None and abs(stated.metres / settings.pixel_size - 1.0) > 0.01:
+                size = f"chart.pixel_size is {settings.pixel_size:g} m, the file says {stated.metres:.4g} m"
+                notes += (f"{path}: {size}",)
+    if settings.window is None:
+        return chart, chart, notes
+    # The window counts rows from the north, the raster from the south.
+    (row, column, rows, columns), (north, east) = settings.window, chart.shape
+    if min(row, column) < 0 or min(rows, columns) < 2 or row + rows > north or column + columns > east:
+        raise ScenarioError(
+            f"{settings.window} does not fit a chart of {chart.shape} pixels", field="chart.window"
+        )
+    part = chart.crop(north - row - rows, column, rows, columns)
+    # Local metres count from the window's corner.
+    whole = replace(chart, origin=chart.origin - part.origin)
+    return whole, replace(part, origin=jnp.zeros_like(part.origin)), notes
+
+
+def cropped(chart: Chart, settings: ChartSettings, box: Corners) -> Chart:
+    """Return what a chart of a file with a place has of the area; distances to what lies beyond stay."""
+    if settings.source not in ("polygons", "raster", "enc", "none"):
+        return chart
+    size, (low, high) = float(chart.pixel_size), (np.asarray(corner[:2]) for corner in box)
+    i, j = np.rint((low - np.asarray(chart.lower, float)) / size).astype(int).tolist()
+    north, east = np.maximum(np.ceil((high - low) / size - 1e-6).astype(int), 1).tolist()
+    return replace(chart.crop(i, j, north, east), origin=jnp.asarray(low, jnp.float32))
+
+
+def beyond(box: Corners, size: float) -> float:
+    """Return how far beyond the area land is read, m: as far as a distance to it is stated.
+
+    That is as far as the area is wide, and fewer pixels than make a chart slow.
+    """
+    sides = np.subtract(box[1][:2], box[0][:2])
+    metres = min(float(sides.max()), _LOOK)
+    while metres > _NEAR and np.prod((sides + 2.0 * metres) / size) > _WIDE_PIXELS:
+        metres *= 0.8
+    return metres
+
+
+def on_land(chart: Chart) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Return where a chart has land, as `read_current` takes it."""
+    low, high = (np.asarray(corner, float) for corner in (chart.lower, chart.upper))
+
+    def land(north: np.ndarray, east: np.ndarray) -> np.ndarray:
+        # Rounding may put the nodes on the chart's edge beyond it.
+        return ~chart.is_water(np.clip(north, low[0], high[0]), np.clip(east, low[1], high[1]))
+
+    return land
+
+
+def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
+    """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
+    pixels = pixels_of(box, size, "chart.pixel_size")
+    source, site = current.source, current.site
+    first = (current.epoch - _EPOCH).total_seconds()
+    times = np.asarray(current.field.times, float)
+    frames = source.frames(first + times[0], first + times[-1])
+    reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
+
+    def is_water(offset: float, more: int) -> np.ndarray:
+        axes = [box[0][k] + size * (np.arange(count + more) + offset) for k, count in enumerate(pixels)]
+        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        wet = source.is_water(*site.to_geographic(north, east), frames, reach)
+        return wet.reshape(len(axes[0]), len(axes[1]))
+
+    corners = is_water(0.0, 1)
+    water = is_water(0.5, 0) & corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
+    return Chart.from_mask(water, size, box[0][:2])
+
+
+def pixels_of(box: Corners, size: float, field: str) -> np.ndarray:
+    """Return the pixels of a box, north and east.
+
+    Raises:
+        ScenarioError: they are too many.
+    """
+    extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
+    pixels = np.ceil(extent / size - 1e-9).astype(int)
+    if pixels.prod() > _MAX_PIXELS:
+        makes = f"{size:g} m makes {pixels[0]} x {pixels[1]} pixels, more than {_MAX_PIXELS}"
+        raise ScenarioError(makes, field=field)
+    return pixels
+
+
+def in_folder(folder: str | Path, name: str) -> str:
+    """Return a path relative to the scenario's folder; patterns and absolute paths as they are."""
+    return str(Path(folder) / Path(name).expanduser())
