@@ -57,7 +57,7 @@ def load_area(
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
 
     Warns:
-        ScenarioWarning: what can hardly be meant: the files contradict each other, or lack hours or places.
+        ScenarioWarning: implausible inputs: the files contradict each other, or lack hours or places.
     """
     files = AreaFiles(scenario, folder, until)
     with heard() as lines:

@@ -177,7 +177,7 @@ def _contradiction(one: Mask, other: Mask, room: NDArray) -> tuple[float, float,
 
 
 def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
-    """Refuse jobs all of which are of another place, and warn of such as can hardly be meant.
+    """Refuse jobs all of which are of another place, and warn of implausible ones.
 
     Args:
         jobs: as read.

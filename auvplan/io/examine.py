@@ -46,7 +46,7 @@ class Examination:
 
     Attributes:
         source: path or name of the scenario.
-        findings: errors in the order of the file, what can hardly be meant, and assumptions that were made in
+        findings: errors in the order of the file, warnings, and assumptions that were made in
             reading its files; without errors it can be executed.
         scenario: None where its fields are at fault.
         area: what could be read of its files; the chart is without closed areas. None with `scenario`.
@@ -71,7 +71,7 @@ class Examination:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each thing that can hardly be meant."""
+        """The warnings, a line each."""
         return tuple(self._lines("warning"))
 
     @property

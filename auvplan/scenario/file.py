@@ -37,7 +37,7 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
 
     Warns:
         ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values. A
-            field can hardly be meant; the line names file, line and field.
+            field is implausible; the line names file, line and field.
     """
     scenario = read_scenario(source)
     warn_of_overrides(scenario)

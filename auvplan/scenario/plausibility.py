@@ -1,4 +1,4 @@
-"""Plausibility: fields of a scenario that are valid and can hardly be meant."""
+"""Plausibility: fields of a scenario that are valid and implausible."""
 
 import math
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ _COUNTS_WITH: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def implausible(scenario: Scenario, document: Document) -> list[Finding]:
-    """Return warnings of fields that can hardly be meant, in their order in the file.
+    """Return warnings of implausible fields, in their order in the file.
 
     Args:
         scenario: of the document.

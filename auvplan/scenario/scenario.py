@@ -70,7 +70,7 @@ class Scenario(Section):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What can hardly be meant in the scenario's file, a line each."""
+        """Implausible settings of the scenario's file, a line each."""
         return self._warnings
 
     @property

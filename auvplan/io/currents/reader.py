@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.currents.doubts import check_times, check_values, percent
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, misunderstood, open_ocean
+from auvplan.io.currents.plausibility import check_times, check_values, percent
 from auvplan.io.currents.times import moment_of, seconds_of
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site, swapped_hint

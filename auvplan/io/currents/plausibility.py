@@ -1,4 +1,4 @@
-"""What can hardly be meant of a current that was read: hours and places without values, gaps, odd speeds."""
+"""Plausibility of a current that was read: hours and places without values, gaps, odd speeds."""
 
 import warnings
 from collections.abc import Callable
