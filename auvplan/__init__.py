@@ -16,7 +16,7 @@ _RENAMED = {"MissionOrder": "MissionRoute", "load_waters": "load_area"}
 
 def __getattr__(name: str) -> object:
     if name in _RENAMED:
-        from auvplan.deprecation import warn_renamed
+        from auvplan.runtime.deprecation import warn_renamed
 
         warn_renamed(f"auvplan.{name}", f"auvplan.{_RENAMED[name]}")
     return _load(_RENAMED.get(name, name))

@@ -10,26 +10,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.brief import Brief
 from auvplan.mission import MissionGraph, MissionRoute, trail_bound, upper_bound
 from auvplan.mission.jobs import Jobs, jobs_done
 from auvplan.mission.survey import Coverage, LinePart
-from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
+from auvplan.path.motion import Motion
+from auvplan.runtime.formatting import ReprMixin, figure
 from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
-from auvplan.words import figure
 
 Array = NDArray[np.floating]
 
 
 @dataclass(repr=False)
-class PlanRecord(Brief):
+class PlanRecord(ReprMixin):
     """One path plan as it was made.
 
     Attributes:
@@ -70,7 +69,7 @@ class PlanRecord(Brief):
         known = self.feasible and self.lower_bound > 0.0
         return self.travel_time / self.lower_bound - 1.0 if known else math.nan
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": "feasible" if self.feasible else "not feasible",
             "made for a": self.cause,
@@ -82,7 +81,7 @@ class PlanRecord(Brief):
 
 
 @dataclass(repr=False)
-class LegRecord(Brief):
+class LegRecord(ReprMixin):
     """One executed leg between two waypoints.
 
     Attributes:
@@ -135,7 +134,7 @@ class LegRecord(Brief):
     line: LinePart | None = None
     current: Array | None = None
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": f"{self.start} to {self.goal}",
             "executed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
@@ -217,7 +216,7 @@ class RouteRecord:
 
 
 @dataclass(repr=False)
-class MissionRun(Brief):
+class MissionRun(ReprMixin):
     """A mission from start to end.
 
     Attributes:
@@ -294,7 +293,7 @@ class MissionRun(Brief):
         if not self.zones:  # what is coast on the chart is nothing else
             self.coast = self.coast or self.chart
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": self.reason or "under way",
             "scenario": str(self.scenario.get("name", "")),

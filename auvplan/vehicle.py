@@ -10,7 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from auvplan.pytree import register_without_init
+from auvplan.runtime.pytree import register_without_init
 
 SpeedReading = Literal["track", "eq8", "eq11"]
 

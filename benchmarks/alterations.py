@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.check.run import check_dataset
-from auvplan.files import read_mission, read_summary
+from auvplan.runtime.files import read_mission, read_summary
 from benchmarks.machine import arguments, bars, console, table, write
 
 Rng = np.random.Generator

@@ -19,8 +19,8 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from auvplan import cores
 from auvplan.mission import random_graph
+from auvplan.runtime import cores
 from benchmarks.machine import arguments, console, table, write
 from benchmarks.path_problems import path_problems
 

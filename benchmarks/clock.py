@@ -17,8 +17,8 @@ import numpy as np
 import xarray as xr
 
 import auvplan as ap
-from auvplan.files import write_atomically
 from auvplan.records import MissionRun
+from auvplan.runtime.files import write_atomically
 from auvplan.scenario.scenario import Scenario
 from benchmarks.machine import SHARED, machine, markdown
 

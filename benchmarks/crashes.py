@@ -24,7 +24,7 @@ from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
 
-from auvplan.files import MISSION, SUMMARY, read_dataset
+from auvplan.runtime.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
 from benchmarks.machine import AUVPLAN, arguments, clock, console, table, write

@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from auvplan.files import SUMMARY
+from auvplan.runtime.files import SUMMARY
 from auvplan.study.store import PIECES, RUNS
 from benchmarks import small_sea
 from benchmarks.machine import AUVPLAN, arguments, console, table, write

@@ -18,7 +18,6 @@ from PIL import Image
 
 import auvplan as ap
 from auvplan.check.run import check_run
-from auvplan.files import DEPARTED, DEPARTURES, SUMMARY
 from auvplan.io import geo
 from auvplan.io.currents import open_ocean
 from auvplan.io.currents.ocean import summary_of
@@ -32,6 +31,7 @@ from auvplan.link.notices import NoticeFile
 from auvplan.ocean.chart import classify_file
 from auvplan.report.departures import departures_data, read_departures
 from auvplan.report.study import study_data
+from auvplan.runtime.files import DEPARTED, DEPARTURES, SUMMARY
 from auvplan.scenario.file import read_scenario
 from auvplan.study import Design, Sweep, load_study, summarise
 from auvplan.study.store import Store

@@ -19,8 +19,8 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.executive import execute_missions
+from auvplan.runtime.compiled import compilations
 from benchmarks import clock, small_sea
 from benchmarks.machine import arguments, console, table, write
 

@@ -29,7 +29,7 @@ from typing import Any
 import xarray as xr
 
 import auvplan as ap
-from auvplan.files import MISSION, SUMMARY
+from auvplan.runtime.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
 from benchmarks.machine import AUVPLAN, console, table

@@ -18,12 +18,12 @@ from rich.console import Console
 from rich.progress import Progress
 
 import auvplan as ap
-from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import score
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
 from benchmarks.machine import arguments, bars, clock, console, table, timed, write

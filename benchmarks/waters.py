@@ -24,7 +24,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from auvplan.compiled import drop_programs
+from auvplan.runtime.compiled import drop_programs
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.machine import arguments, bars, console, machine, seed_range, table, write
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, literature

@@ -24,8 +24,8 @@ import jax
 import pytest
 
 from auvplan import cli
-from auvplan.compiled import drop_programs
 from auvplan.executive import loop
+from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import LIGHT
 
 # What several test processes compile alike is compiled once, and kept for the next run: planners' programs by

@@ -149,7 +149,7 @@ def test_a_current_that_is_no_number_is_told_with_the_place():
 
 
 def test_old_style_keys_are_keys():
-    from auvplan.prng import as_key
+    from auvplan.runtime.prng import as_key
 
     for old, new in (
         (jax.random.PRNGKey(7), jax.random.key(7)),

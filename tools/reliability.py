@@ -119,7 +119,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "fault": ("tests/faults/test_faults.py",),
     },
     "Budgets of wall-clock time": {
-        "tests": ("tests/test_budget.py",),
+        "tests": ("tests/runtime/test_budget.py",),
         "fault": ("benchmarks.budgets",),
     },
     "The same seed, the same result": {

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
-from auvplan.prng import as_key
+from auvplan.runtime.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 

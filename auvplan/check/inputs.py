@@ -14,7 +14,7 @@ from pyproj import Transformer
 
 from auvplan.check.legs import TIME_TOLERANCE, near, scenario_of, waypoint_names
 from auvplan.check.track import Array
-from auvplan.files import digest, folder_size
+from auvplan.runtime.files import digest, folder_size
 
 Spans = list[tuple[float, float]]
 

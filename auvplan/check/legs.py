@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.files import MISSION, SUMMARY, ResultError
+from auvplan.runtime.files import MISSION, SUMMARY, ResultError
 
 Array = NDArray[np.floating]
 

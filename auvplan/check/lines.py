@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.check.legs import Array, Leg
-from auvplan.files import MISSION, SUMMARY
+from auvplan.runtime.files import MISSION, SUMMARY
 
 #: m, longest step along a track at which its distance from the line is looked up.
 _STEP = 0.5

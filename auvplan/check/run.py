@@ -38,7 +38,7 @@ from auvplan.check.tasks import tally_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, Walk, events
 from auvplan.check.windows import window_faults
 from auvplan.errors import AuvplanError
-from auvplan.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
+from auvplan.runtime.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
 
 #: No current is faster, m/s.
 CURRENT_MAX = 5.0

@@ -14,7 +14,7 @@ from pyproj import Transformer
 
 from auvplan.check.legs import scenario_of
 from auvplan.check.track import Array, Mask
-from auvplan.files import ResultError, require_whole
+from auvplan.runtime.files import ResultError, require_whole
 
 #: m below a sea bed that is interpolated otherwise than the planner's that are no fault.
 _TOLERANCE = 0.5

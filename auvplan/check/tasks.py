@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 from auvplan.check.inputs import Job, job_faults, read_jobs
 from auvplan.check.legs import PLACE_TOLERANCE, TIME_TOLERANCE, Leg, near, scenario_of, waypoint_names
 from auvplan.check.lines import line_faults, share_of_line
-from auvplan.files import MISSION, SUMMARY
+from auvplan.runtime.files import MISSION, SUMMARY
 
 Array = NDArray[np.floating]
 

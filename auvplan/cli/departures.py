@@ -32,7 +32,7 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import ScenarioError
-from auvplan.words import counted, figure
+from auvplan.runtime.formatting import counted, figure
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
 _MOST = 500
@@ -67,7 +67,7 @@ def departures(
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.executive.departures import plan_departures
     from auvplan.executive.planning import load_area_at
-    from auvplan.files import DEPARTED, DEPARTURES, output_folder
+    from auvplan.runtime.files import DEPARTED, DEPARTURES, output_folder
 
     area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
@@ -207,7 +207,7 @@ def write_departures(found: Any, path: Path) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    from auvplan.files import write_atomically
+    from auvplan.runtime.files import write_atomically
 
     def write(temporary: Path) -> None:
         with temporary.open("w", newline="", encoding="utf-8") as file:
@@ -221,7 +221,7 @@ def write_departures(found: Any, path: Path) -> Path:
 
 def _write_origin(settings: Any, folder: Path, seed: int, notes: Iterable[str], path: Path) -> Path:
     """Write what departures were planned from: the scenario, its files, the seed and versions."""
-    from auvplan.files import write_atomically
+    from auvplan.runtime.files import write_atomically
     from auvplan.scenario.provenance import source_files
 
     scenario = settings.model_dump(mode="json")

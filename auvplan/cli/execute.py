@@ -29,8 +29,8 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.runtime.formatting import counted, figure
 from auvplan.site import at_time
-from auvplan.words import counted, figure
 
 if TYPE_CHECKING:
     from auvplan.link import ExecutionRecord, Limits
@@ -108,14 +108,14 @@ def execute(
         raise AuvplanError("--speed: is for vehicles: the simulator's holds its speed through the water")
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise AuvplanError(f"--scale: must be positive, got {scale:g}")
-    from auvplan.files import output_folder
+    from auvplan.runtime.files import output_folder
 
     output_folder(out)
     if link != SIMULATOR:
         _check_ended(out)
     with naming(scenario):
         settings, folder = load(scenario, settings=changes)
-        from auvplan.compiled import PLANS, preload
+        from auvplan.runtime.compiled import PLANS, preload
 
         preload(PLANS, settings.fingerprint)
         from auvplan.executive import load_area_at
@@ -159,7 +159,7 @@ def execute(
 
 def _keep(record: "ExecutionRecord", out: Path) -> None:
     """Write the record as far as it goes; a vehicle under way does not wait for a full disk."""
-    from auvplan.files import OutputError
+    from auvplan.runtime.files import OutputError
 
     with suppress(OutputError):
         record.save(out)
@@ -171,8 +171,8 @@ def _check_ended(out: Path) -> None:
     Raises:
         AuvplanError: one is; one line.
     """
-    from auvplan.files import EXECUTION
     from auvplan.link.record import UNDER_WAY
+    from auvplan.runtime.files import EXECUTION
 
     file = out / EXECUTION
     try:

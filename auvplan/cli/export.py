@@ -43,8 +43,8 @@ def export(
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
     from auvplan.export import FORMATS, export, export_notes, itinerary_of
-    from auvplan.files import ResultError
     from auvplan.io.restore import restore_run
+    from auvplan.runtime.files import ResultError
 
     chosen = [name.strip() for text in formats or FORMATS for name in text.split(",")]
     run = restore_run(folder)

@@ -31,7 +31,7 @@ from auvplan.cli.shared import (
 )
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Painter, Pictures
-from auvplan.words import figure
+from auvplan.runtime.formatting import figure
 
 
 def mission(
@@ -93,11 +93,11 @@ def _run(
     quiet = quiet or as_json
     with naming(source), Painter(pictures) as painter, ExitStack() as stack:
         scenario, folder = load(source, preset, objective, leg, changes)
-        from auvplan.compiled import MISSIONS, preload
+        from auvplan.runtime.compiled import MISSIONS, preload
 
         preload(MISSIONS, scenario.fingerprint)
-        from auvplan.files import REPORT, whole_result
         from auvplan.io.area import load_area
+        from auvplan.runtime.files import REPORT, whole_result
 
         area = load_area(scenario, folder)
         if not quiet:

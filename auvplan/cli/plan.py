@@ -32,7 +32,7 @@ from auvplan.cli.shared import (
     time_bar,
 )
 from auvplan.plot.painter import Pictures
-from auvplan.words import counted, figure
+from auvplan.runtime.formatting import counted, figure
 
 if TYPE_CHECKING:
     from auvplan.records import MissionRun
@@ -64,12 +64,12 @@ def plan(
     """
     quiet = quiet or as_json
     from auvplan.cli.departures import departure_seconds
-    from auvplan.files import REPORT, whole_result
+    from auvplan.runtime.files import REPORT, whole_result
 
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=bounded(changes, bounds))
         now = departure_seconds("--depart", depart, settings, folder)
-    from auvplan.compiled import PLANS, preload
+    from auvplan.runtime.compiled import PLANS, preload
 
     preload(PLANS, settings.fingerprint)
     from auvplan.executive.planning import load_area_at, plan_scenario
@@ -180,8 +180,8 @@ def rehearse(
     quiet = quiet or as_json
     from auvplan.cli.study import run_with_bar
     from auvplan.executive.planning import plan_scenario
-    from auvplan.files import REHEARSAL, write_atomically
     from auvplan.report import write_study_report
+    from auvplan.runtime.files import REHEARSAL, write_atomically
     from auvplan.study import Design
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from auvplan.cli.shared import JsonOption, console, print_json
 from auvplan.errors import ScenarioError
-from auvplan.words import counted
+from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,7 +88,7 @@ def schema(
     out: Annotated[Path | None, typer.Option("--out", help="File to write; printed if absent.")] = None,
 ) -> None:
     """Print the JSON Schema of scenario files: fields, units, defaults and limits, for editors."""
-    from auvplan.files import write_atomically
+    from auvplan.runtime.files import write_atomically
     from auvplan.scenario.file import scenario_schema
 
     text = json.dumps(scenario_schema(), indent=2) + "\n"

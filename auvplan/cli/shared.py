@@ -15,7 +15,7 @@ from rich.console import Console
 
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Pictures
-from auvplan.words import counted
+from auvplan.runtime.formatting import counted
 
 console = Console()
 errors = Console(stderr=True)
@@ -226,7 +226,7 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
     if quiet:
         yield lambda share, words: None
         return
-    from auvplan.compiled import listening
+    from auvplan.runtime.compiled import listening
 
     shown: dict[str, Any] = {"share": None, "said": False}
     with _moving(title, of) as move:

@@ -28,7 +28,7 @@ from auvplan.cli.shared import (
     print_json,
     progress_bar,
 )
-from auvplan.words import counted, figure
+from auvplan.runtime.formatting import counted, figure
 
 if TYPE_CHECKING:
     import xarray as xr

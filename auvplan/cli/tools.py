@@ -21,7 +21,7 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import ScenarioError
-from auvplan.words import counted
+from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
     from auvplan.check.run import CheckReport
@@ -60,10 +60,10 @@ def chart(
     Where colours of water and land are given, every cluster is taken for what the nearest colour stands for.
     Otherwise rules propose it, which know charts with blue water; what they are not sure of is refused.
     """
-    from auvplan.files import output_folder
     from auvplan.io import geo
     from auvplan.ocean.chart import Chart, classify_file, settled
     from auvplan.plot import draw_chart
+    from auvplan.runtime.files import output_folder
 
     colours = _colours(water=water, land=land, uncertain=uncertain)
     found = classify_file(image, colours=colours)
@@ -190,9 +190,9 @@ def currents(
     asked for: velocities, and the height of the surface where it is given.
     Copernicus Marine needs `copernicusmarine login` once.
     """
-    from auvplan.files import write_dataset
     from auvplan.io.currents import open_ocean, to_cf
     from auvplan.io.currents.ocean import summary_of
+    from auvplan.runtime.files import write_dataset
 
     notes: tuple[str, ...] = ()
     if source is not None:
@@ -326,7 +326,7 @@ def kept(
     clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
 ) -> None:
     """Show what is kept on disk for later runs: compiled programs and clustered charts."""
-    from auvplan import cache
+    from auvplan.runtime import cache
 
     place = cache.folder()
     if place is None:

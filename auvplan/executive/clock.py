@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 
-from auvplan.compiled import compilations
+from auvplan.runtime.compiled import compilations
 
 
 class Clock:

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.bbo import History
-from auvplan.compiled import compiled
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.route_calls import effort
 from auvplan.mission import MissionGraph
@@ -18,6 +17,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig, PathPlan, habitats
 from auvplan.path.cost import evaluate, tracks
 from auvplan.path.sensitivity import Conditions
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 
 #: s added to the time of a closed edge, so that the shortest way has the fewest of them.

@@ -10,7 +10,6 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan import prng
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
@@ -23,6 +22,7 @@ from auvplan.ocean.known import Spheres, spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import PlanningSettings

@@ -10,8 +10,6 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan import prng
-from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
 from auvplan.executive.closures import why_no_route
 from auvplan.executive.context import Mission, SimulationContext
@@ -25,12 +23,13 @@ from auvplan.executive.planning import (
 )
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
+from auvplan.runtime import prng
+from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.sea import Sea, stacked
 from auvplan.simulation.simulator import over_ground
 from auvplan.site import Site
-from auvplan.words import counted, figure
 
 Array = NDArray[np.float64]
 
@@ -42,7 +41,7 @@ _PLACES = 33
 
 
 @dataclass(frozen=True, repr=False)
-class Departures(Brief):
+class Departures(ReprMixin):
     """D departures of one mission or leg.
 
     Attributes:
@@ -74,7 +73,7 @@ class Departures(Brief):
     def __len__(self) -> int:
         return len(self.departs)
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         count = f"{self.feasible.sum():,} of {counted(len(self), 'departure')} feasible"
         if (best := self.best) is None:
             return {"": count}

@@ -13,9 +13,9 @@ from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
 from auvplan.mission.travel_times import ONE_PLACE
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
-from auvplan.rows import padded_batches
+from auvplan.runtime.rows import padded_batches
 from auvplan.simulation.faults import HeldUp, PlannerOut, SensorOut, absent, appear
 from auvplan.simulation.sea import stacked
 from auvplan.simulation.simulator import TIME_STEP, WIDTH, Transit, over_ground, padded_rows, transit

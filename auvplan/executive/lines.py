@@ -7,7 +7,6 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan import prng
 from auvplan.executive.context import Followed, Mission, SimulationContext
 from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import jobs_of
@@ -19,6 +18,7 @@ from auvplan.path.follow import follow_line
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.straight import Straights
 from auvplan.records import LegRecord
+from auvplan.runtime import prng
 from auvplan.scenario.lines import SurveyPart, is_shut, standing, survey_parts
 from auvplan.simulation.sea import stacked
 

@@ -13,9 +13,6 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from auvplan import prng
-from auvplan.compiled import MISSIONS, expecting
-from auvplan.deprecation import renamed_arguments
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, refusal
 from auvplan.executive.lines import count_line, edges_of_lines
@@ -25,6 +22,9 @@ from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.mission.jobs import ways_off_lines
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime import prng
+from auvplan.runtime.compiled import MISSIONS, expecting
+from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph

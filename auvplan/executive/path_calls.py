@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan import prng
 from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
 from auvplan.executive.context import Mission, SimulationContext
@@ -23,6 +22,7 @@ from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
+from auvplan.runtime import prng
 from auvplan.simulation.sea import stacked
 
 

@@ -16,8 +16,6 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.compiled import PLANS, expecting
-from auvplan.deprecation import renamed_arguments
 from auvplan.errors import ScenarioError
 from auvplan.executive.clock import Untimed
 from auvplan.executive.context import Mission, SimulationContext
@@ -25,6 +23,8 @@ from auvplan.executive.loop import make_context, seed_keys, start_mission, step
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
+from auvplan.runtime.compiled import PLANS, expecting
+from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site

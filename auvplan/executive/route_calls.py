@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from auvplan import prng
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
@@ -17,6 +16,7 @@ from auvplan.mission.timetable import Array, Timetable
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.records import RouteRecord
+from auvplan.runtime import prng
 
 #: Departures of a mission at which edges are bent to the current.
 _BENDS = 5

@@ -5,13 +5,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from threading import Thread
 
-from auvplan import cache, cores
-from auvplan.compiled import compiling_ahead
 from auvplan.executive.clock import Clock
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.legs import advance, begin_legs
 from auvplan.executive.path_calls import plan_legs
 from auvplan.records import LegRecord
+from auvplan.runtime import cache, cores
+from auvplan.runtime.compiled import compiling_ahead
 
 log = logging.getLogger(__name__)
 

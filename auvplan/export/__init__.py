@@ -15,8 +15,8 @@ from auvplan.export.runs import itinerary_of
 from auvplan.export.speeds import speed_note
 from auvplan.export.tables import write_csv, write_netcdf
 from auvplan.export.thin import Thinned, thin
-from auvplan.files import output_folder
 from auvplan.records import MissionRun
+from auvplan.runtime.files import output_folder
 from auvplan.site import Site
 
 __all__ = [

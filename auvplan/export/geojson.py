@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import DEGREES, Itinerary, elevation, moment, waypoints
 from auvplan.export.speeds import ground_share
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

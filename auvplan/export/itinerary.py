@@ -13,13 +13,13 @@ from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around
 from auvplan.export.thin import thin
 from auvplan.mission.survey import LinePart
-from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
+from auvplan.path.motion import Motion
+from auvplan.runtime.formatting import counted, figure, plain
 from auvplan.site import Site, as_utc
 from auvplan.vehicle import Vehicle
 from auvplan.view.timeline import END_BEHAVIOURS
-from auvplan.words import counted, figure, plain
 
 Array = NDArray[np.floating]
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from auvplan.export.fences import Circle
 from auvplan.export.itinerary import Itinerary, degrees, metres, moment, waypoints
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
+from auvplan.runtime.formatting import plain
 from auvplan.site import Site
-from auvplan.words import plain
 
 Array = NDArray[np.floating]
 Element = ElementTree.Element

@@ -16,7 +16,7 @@ import shapely
 from auvplan.export.fences import Circle, Fence, nearest_fences
 from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, waypoints
 from auvplan.export.speeds import approach, speed_note, stretches
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 from auvplan.site import Site
 
 #: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_TYPE_SUBMARINE.

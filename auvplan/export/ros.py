@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, Waypoint, elevation, waypoints
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 from auvplan.site import as_utc
 
 #: Name of the message's type.

@@ -11,10 +11,10 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from auvplan.export.itinerary import ExportError, Itinerary, Track, degrees, metres, moment, waypoints
-from auvplan.files import OutputError, write_atomically, write_dataset
 from auvplan.io.fields import motion_variables
 from auvplan.io.schema import TIME_UNITS
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
+from auvplan.runtime.files import OutputError, write_atomically, write_dataset
 from auvplan.site import as_utc
 
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.

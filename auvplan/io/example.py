@@ -12,10 +12,10 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.files import OutputError, output_folder, write_atomically, write_dataset
 from auvplan.io.geo.grid import to_local
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.ocean.whitsunday import CENTRE
+from auvplan.runtime.files import OutputError, output_folder, write_atomically, write_dataset
 from auvplan.site import Site
 
 #: Name of the scenario's own file in the folder.

@@ -15,9 +15,9 @@ from shapely.affinity import translate
 from shapely.geometry import Polygon
 
 from auvplan.errors import ScenarioError
-from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.io.example import SCENARIO, notice
 from auvplan.io.geo.grid import to_local
+from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.site import Site
 
 #: What is to be known of the coast, wherever it is used.

@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.vortices import LambVortices
+from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
 from auvplan.site import Site
 

@@ -10,13 +10,13 @@ import xarray as xr
 
 from auvplan.check.legs import require
 from auvplan.errors import AuvplanError
-from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
 from auvplan.io.schema import graph_of, legs_of, read_stated, routes_of
 from auvplan.ocean.closures import Closure
 from auvplan.records import MissionRun
+from auvplan.runtime.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.scenario.file import validate_scenario
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
 from auvplan.io.fields import chart_variables, coast_variables, seabed_variables, variable, vortex_variables
 from auvplan.io.schema import (
     TIME_UNITS,
@@ -21,6 +20,14 @@ from auvplan.io.schema import (
     stated,
 )
 from auvplan.records import MissionRun
+from auvplan.runtime.files import (
+    MISSION,
+    SUMMARY,
+    output_folder,
+    read_mission,
+    write_atomically,
+    write_dataset,
+)
 from auvplan.scenario.provenance import source_digests
 
 #: Attributes of a file that are the run's own, by their types: in the run and, where it differs, in the file.

@@ -24,10 +24,10 @@ from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Timetable
-from auvplan.motion import Motion
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
+from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 
 #: The scenario's epoch has no date of its own; this one stands for it.

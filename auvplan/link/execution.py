@@ -21,7 +21,7 @@ from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.vehicle import LinkError, Report, State, Step, Upload, VehicleLink, one_line
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord
-from auvplan.words import counted
+from auvplan.runtime.formatting import counted
 
 Array = NDArray[np.floating]
 

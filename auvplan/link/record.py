@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from auvplan.files import EXECUTION, output_folder, write_atomically
+from auvplan.runtime.files import EXECUTION, output_folder, write_atomically
 from auvplan.scenario.provenance import SourceFile, source_files
 
 #: Reason of a record whose mission has not ended.

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.compiled import PLANS, expecting
 from auvplan.executive.context import Mission
 from auvplan.executive.legs import finish, go_as_planned, refusal, set_out
 from auvplan.executive.loop import seed_keys, step
@@ -25,6 +24,7 @@ from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.perturbed import perturbed
 from auvplan.ocean.vortices import rounded_up
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site

@@ -8,10 +8,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan import prng
 from auvplan.executive.loop import make_context, start_mission
 from auvplan.link.limits import Allowance
 from auvplan.link.vehicle import Report, State, Step, Upload
+from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.sea import stacked

@@ -8,16 +8,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan import prng
 from auvplan.bbo import search
-from auvplan.budget import UNLIMITED, Budget
-from auvplan.compiled import compiled
 from auvplan.mission import beam, local_search
 from auvplan.mission import decoder as decoders
 from auvplan.mission import objective as objectives
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.problem import Edges, Problem, prepare
-from auvplan.rows import over_rows
+from auvplan.runtime import prng
+from auvplan.runtime.budget import UNLIMITED, Budget
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.rows import over_rows
 
 
 @partial(compiled, static_argnames=("config",))

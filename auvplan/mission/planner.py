@@ -10,8 +10,6 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from auvplan.budget import Budget
-from auvplan.deprecation import renamed_arguments
 from auvplan.mission import decoder as decoders
 from auvplan.mission import labels
 from auvplan.mission.config import MissionConfig
@@ -21,8 +19,10 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
-from auvplan.prng import as_key
-from auvplan.rows import batch_map
+from auvplan.runtime.budget import Budget
+from auvplan.runtime.deprecation import renamed_arguments
+from auvplan.runtime.prng import as_key
+from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
 #: One program serves searches of up to so many iterations.

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
-from auvplan.brief import Brief, between, shortened
 from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
 from auvplan.mission.labels import Clocked, least_within_reach
 from auvplan.mission.timetable import Timetable
-from auvplan.words import counted, figure
+from auvplan.runtime.formatting import ReprMixin, between, counted, figure, shortened
 
 
 class MissionStatus(Enum):
@@ -30,7 +29,7 @@ class MissionStatus(Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class MissionRoute(Brief):
+class MissionRoute(ReprMixin):
     """An ordered list of tasks.
 
     Attributes:
@@ -80,7 +79,7 @@ class MissionRoute(Brief):
         """Whether the route leads to the destination in time."""
         return self.status is MissionStatus.OK
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         if not self.feasible:
             return {"": f"not feasible ({self.status.name.lower().replace('_', ' ')})"}
         return {
@@ -136,7 +135,7 @@ class MissionRoute(Brief):
 
 
 @dataclass(frozen=True, repr=False)
-class MissionRoutes(Brief):
+class MissionRoutes(ReprMixin):
     """B routes from one compiled call; `routes[b]` is a `MissionRoute`.
 
     Attributes are as in `MissionRoute`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
@@ -174,7 +173,7 @@ class MissionRoutes(Brief):
         """[B]."""
         return np.array([status is MissionStatus.OK for status in self.status], bool)
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": f"{self.feasible.sum():,} of {counted(len(self), 'route')} feasible",
             "tasks": between(self.tasks),

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo.refine import refine
-from auvplan.compiled import compiled
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -26,8 +25,9 @@ from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
 from auvplan.path.profile import is_searched_in_depth, profiles
-from auvplan.pytree import row_kinds
-from auvplan.rows import padded_batches
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.pytree import row_kinds
+from auvplan.runtime.rows import padded_batches
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Edges that one call takes, of straight lines and paths round, and of fans: larger calls gain little, and

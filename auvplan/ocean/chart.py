@@ -15,12 +15,12 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, from_host
+from auvplan.runtime.compiled import compiled
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6

@@ -16,10 +16,10 @@ import scipy
 from numpy.typing import NDArray
 from PIL import ImageColor
 
-from auvplan.cache import kept
 from auvplan.ocean.frame import edge_of, find_frame, joined, shade_of, surround
 from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name
 from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, to_hex, to_lab, to_rgb
+from auvplan.runtime.cache import kept
 
 UNCERTAIN_MAX = 0.35
 """Highest passability of an uncertain pixel (section 2 of the paper)."""

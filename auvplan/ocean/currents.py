@@ -17,10 +17,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.functions import PlainFunction, check_traceable
-from auvplan.rows import elementwise
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.rows import elementwise
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
 

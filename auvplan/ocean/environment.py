@@ -12,7 +12,7 @@ from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.price import Price, as_price
 from auvplan.ocean.seabed import Seabed
-from auvplan.pytree import register_without_init
+from auvplan.runtime.pytree import register_without_init
 
 
 @register_without_init

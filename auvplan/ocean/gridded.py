@@ -15,7 +15,7 @@ from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
-from auvplan.pytree import register_without_init
+from auvplan.runtime.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
 _EVEN = 1e-4

@@ -7,8 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from auvplan.compiled import compiled
-from auvplan.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.tangents import instantiated, is_symbolic_zero
 
 #: Up to so many uneven nodes all are compared with, which beats a search; more would only make code longer.
 _FEW = 48

@@ -11,9 +11,9 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
-from auvplan.rows import elementwise
-from auvplan.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.rows import elementwise
+from auvplan.runtime.tangents import instantiated, is_symbolic_zero
 
 #: Places that one call from the host looks up.
 _PLACES = 16384

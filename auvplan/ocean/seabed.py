@@ -10,9 +10,9 @@ import scipy
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError
 from auvplan.ocean.raster import Raster, from_host
+from auvplan.runtime.compiled import compiled
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0

@@ -13,12 +13,12 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
-from auvplan.prng import as_key
-from auvplan.pytree import register_without_init
-from auvplan.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.prng import as_key
+from auvplan.runtime.pytree import register_without_init
+from auvplan.runtime.tangents import instantiated, is_symbolic_zero
 
 #: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
 _LAMB_PEAK = 0.63817

@@ -14,8 +14,8 @@ import scipy
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from auvplan.cache import kept
 from auvplan.ocean.chart import Chart
+from auvplan.runtime.cache import kept
 from auvplan.site import Site
 
 #: Longitude and latitude of the middle of the box, degrees.

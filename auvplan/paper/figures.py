@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.executive import run_mission, seed_keys
-from auvplan.files import output_folder
 from auvplan.ocean.whitsunday import render, whitsunday_chart
 from auvplan.paper.claims import NO_VIOLATION, Evidence, no_violation
 from auvplan.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
@@ -23,6 +22,7 @@ from auvplan.plot.space import plot_layers
 from auvplan.plot.study import plot_call_times, plot_expected_times, plot_replans, plot_time_use
 from auvplan.plot.timeline import plot_timeline
 from auvplan.records import MissionRun
+from auvplan.runtime.files import output_folder
 from auvplan.scenario.scenario import Scenario
 
 #: Re-plans of the paper's example of a mission.

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from auvplan.files import output_folder, write_atomically, write_dataset
 from auvplan.paper.calls import call_times, process_apart
 from auvplan.paper.claims import Claim, Evidence, as_json, as_markdown, judge
 from auvplan.paper.figures import draw_paper
 from auvplan.paper.legs import Legs, changed, execute_legs, legs_dataset
+from auvplan.runtime.files import output_folder, write_atomically, write_dataset
 from auvplan.scenario import Scenario
 from auvplan.study import Design, run_study
 from auvplan.study.store import is_unfinished

@@ -33,12 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import evaluated, is_steady, varies_with_depth
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]

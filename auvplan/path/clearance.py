@@ -12,13 +12,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR, Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import TINY, Axes, inner, norm
-from auvplan.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.tangents import instantiated, is_symbolic_zero
 
 #: Obstacles passed in one go of the loop: fewer, longer steps; more only makes compilation longer.
 _UNROLL = 2

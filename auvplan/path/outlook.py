@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -16,6 +15,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import VIOLATIONS, WITHIN, Track, evaluate
 from auvplan.path.plan import PathPlan
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: [V, 1], excess over each limit that is not a break.

@@ -11,19 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
-from auvplan.brief import Brief, between
-from auvplan.motion import Motion
 from auvplan.path.bound import Bound, lower_bound
 from auvplan.path.cost import VIOLATIONS
+from auvplan.path.motion import Motion
 from auvplan.path.reasons import STATUS, PathStatus, explanation, lengthening
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
-from auvplan.words import counted
+from auvplan.runtime.formatting import ReprMixin, between, counted
 
 Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True, repr=False)
-class PathPlan(Brief):
+class PathPlan(ReprMixin):
     """A timed, checked trajectory between two points.
 
     Attributes:
@@ -66,7 +65,7 @@ class PathPlan(Brief):
         """Whether every limit is kept along the whole path."""
         return bool(self.violations.sum() == 0.0)
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": "feasible" if self.feasible else f"not feasible ({', '.join(self.broken())})",
             "travel time": f"{self.travel_time:,.0f} s",
@@ -253,7 +252,7 @@ class PathPlan(Brief):
 
 
 @dataclass(frozen=True, repr=False)
-class PathPlans(Brief):
+class PathPlans(ReprMixin):
     """B plans; `plans[b]` is a `PathPlan`.
 
     Attributes are as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
@@ -289,7 +288,7 @@ class PathPlans(Brief):
         """[B]."""
         return self.violations.sum(axis=1) == 0.0
 
-    def _facts(self) -> dict[str, str]:
+    def _repr_items(self) -> dict[str, str]:
         return {
             "": f"{self.feasible.sum():,} of {counted(len(self), 'plan')} feasible",
             "travel time": f"{between(self.travel_time)} s",

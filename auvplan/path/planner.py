@@ -11,7 +11,6 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.budget import Budget
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_water
@@ -19,8 +18,9 @@ from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions, differentiable_time
 from auvplan.path.stages import Legs, polish_finely, search_legs, split
-from auvplan.prng import as_key
-from auvplan.rows import batch_map
+from auvplan.runtime.budget import Budget
+from auvplan.runtime.prng import as_key
+from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
 

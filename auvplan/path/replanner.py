@@ -12,8 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from auvplan.budget import Budget
-from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
@@ -22,8 +20,10 @@ from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.planner import plan_finely
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, search_legs, split, world_of
-from auvplan.prng import as_key
-from auvplan.rows import batch_map, over_rows
+from auvplan.runtime.budget import Budget
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.prng import as_key
+from auvplan.runtime.rows import batch_map, over_rows
 from auvplan.vehicle import Vehicle
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import scipy
 from jax.typing import ArrayLike
 
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -19,6 +18,7 @@ from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given
 from auvplan.path.scaling import WAY, factor_of
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.

@@ -12,11 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan import prng
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
-from auvplan.budget import UNLIMITED, Budget, Share, Unlimited
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, combine, is_quasi_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -38,8 +35,11 @@ from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.profile import is_searched_in_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
-from auvplan.pytree import row_kinds
-from auvplan.rows import over_rows
+from auvplan.runtime import prng
+from auvplan.runtime.budget import UNLIMITED, Budget, Share, Unlimited
+from auvplan.runtime.compiled import compiled
+from auvplan.runtime.pytree import row_kinds
+from auvplan.runtime.rows import over_rows
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.

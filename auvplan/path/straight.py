@@ -10,12 +10,12 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import Axes, inner, norm, vertical_speeds
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle, along_track
 
 Array = NDArray[np.floating]

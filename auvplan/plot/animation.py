@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from auvplan.errors import AuvplanError
-from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.plot import style
 from auvplan.plot.maps import Map
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.files import OutputError, output_folder, write_atomically
+from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.site import at_time
 from auvplan.view.scene import executed_legs, refused_legs, window
-from auvplan.words import counted, figure, hours
 
 #: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
 LONGEST, FASTEST = 120.0, 30

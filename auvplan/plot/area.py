@@ -13,10 +13,10 @@ from auvplan.ocean.currents import evaluated
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.plot import style
 from auvplan.plot.maps import Map
+from auvplan.runtime.formatting import counted
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import at_time
-from auvplan.words import counted
 
 #: Arrows of the current along the longer side.
 _ARROWS = 22

@@ -11,11 +11,11 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 from PIL import Image
 
-from auvplan.files import output_folder
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.classify import Classified
 from auvplan.plot import style
 from auvplan.plot.maps import Map
+from auvplan.runtime.files import output_folder
 
 #: Longest edge at which the picture is drawn, pixels.
 _EDGE = 1200

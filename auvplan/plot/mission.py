@@ -11,9 +11,9 @@ from auvplan.plot.maps import Map
 from auvplan.plot.section import SECTION, add_section
 from auvplan.plot.style import Array
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.view.scene import executed_legs, refused_legs, window
 from auvplan.view.section import run_sections
-from auvplan.words import counted, figure, hours
 
 
 def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:

@@ -14,7 +14,7 @@ from threading import Thread
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from auvplan import cores
+from auvplan.runtime import cores
 
 if TYPE_CHECKING:
     from auvplan.records import MissionRun

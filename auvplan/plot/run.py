@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
-from auvplan.files import output_folder
 from auvplan.plot.convergence import plot_convergence
 from auvplan.plot.mission import plot_mission
 from auvplan.plot.paths import plot_currents
@@ -12,6 +11,7 @@ from auvplan.plot.space import plot_obstacles
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.files import output_folder
 from auvplan.view.scene import busiest_leg, done_leg
 
 #: The figure of the mission as a whole.

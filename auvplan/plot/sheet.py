@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
+from auvplan.runtime.formatting import figure
 from auvplan.view.sheet import MissionSheet
-from auvplan.words import figure
 
 #: Inches of an A4 page on its side, and of its margin.
 _PAGE, _MARGIN = (11.69, 8.27), 0.5

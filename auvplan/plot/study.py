@@ -11,10 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
-from auvplan.files import output_folder
 from auvplan.plot import style
 from auvplan.plot.maps import Map
 from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
+from auvplan.runtime.files import output_folder
+from auvplan.runtime.formatting import counted
+from auvplan.runtime.formatting import figure as number_in_words
 from auvplan.study.statistics import (
     call_times,
     leg_times,
@@ -26,8 +28,6 @@ from auvplan.study.statistics import (
 )
 from auvplan.study.table import flag_names, study_chart
 from auvplan.view.scene import window
-from auvplan.words import counted
-from auvplan.words import figure as number_in_words
 
 Array = style.Array
 

@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 
 Array = NDArray[np.floating]
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from auvplan.plot import style
+from auvplan.runtime.formatting import counted
 from auvplan.study.statistics import (
     cost_per_metre,
     mean_interval,
@@ -20,7 +21,6 @@ from auvplan.study.statistics import (
     use_of_time,
     wilson_interval,
 )
-from auvplan.words import counted
 
 Array = style.Array
 

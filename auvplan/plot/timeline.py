@@ -10,9 +10,9 @@ from matplotlib.patches import Patch
 
 from auvplan.plot import style
 from auvplan.records import MissionRun
+from auvplan.runtime.formatting import figure, hours
 from auvplan.view.scene import refused_legs
 from auvplan.view.timeline import Bar, closures_in_words, executed_bars, lateness, planned_bars, windows_of
-from auvplan.words import figure, hours
 
 #: Pale to dark blue: priorities.
 _PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from auvplan.files import DEPARTURES, MISSION, REHEARSAL, REPORT, ResultError, read_json, read_summary
 from auvplan.records import MissionRun
 from auvplan.report.page import write_page
+from auvplan.runtime.files import DEPARTURES, MISSION, REHEARSAL, REPORT, ResultError, read_json, read_summary
 
 
 def write_report(folder: str | Path) -> Path:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from auvplan.files import DEPARTED, DEPARTURES, ResultError, read_json
+from auvplan.runtime.files import DEPARTED, DEPARTURES, ResultError, read_json
 from auvplan.scenario.provenance import changed_settings
 
 #: Columns of numbers, of those that a table of departures may have.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 
 _PLOTLY = "plotly-cartesian.min.js"
 #: Scripts by the kind of page, in the order in which they stand there.

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import shortest_path
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
+from auvplan.runtime.formatting import hours
 from auvplan.scenario.provenance import changed_settings
 from auvplan.view.margins import Margins
 from auvplan.view.scene import (
@@ -26,7 +27,6 @@ from auvplan.view.scene import (
 )
 from auvplan.view.sheet import leg_depths, sheet_of
 from auvplan.view.timeline import Bar, closed_areas, executed_bars, lateness, planned_bars
-from auvplan.words import hours
 
 Array = NDArray[np.floating]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 
-from auvplan.files import digest, folder_size
+from auvplan.runtime.files import digest, folder_size
 from auvplan.scenario.scenario import Scenario
 
 #: What attributes begin with that tell where a file of currents was fetched from.

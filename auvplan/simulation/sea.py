@@ -8,10 +8,10 @@ from typing import Protocol
 import jax
 import numpy as np
 
-from auvplan import prng
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, SumCurrent, combine, evaluated, partition
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, padded
+from auvplan.runtime import prng
+from auvplan.runtime.compiled import compiled
 
 
 class Sea(Protocol):

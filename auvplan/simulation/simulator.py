@@ -12,9 +12,9 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, combine, partition
 from auvplan.ocean.vortices import rounded_up
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan import cores
 from auvplan.executive.loop import make_context
+from auvplan.runtime import cores
 from auvplan.scenario.waypoints import make_graph
 from auvplan.study.cluster import connected, run_on_cluster
 from auvplan.study.design import Design, StudyError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.files import (
+from auvplan.runtime.files import (
     REHEARSAL,
     REPORT,
     ResultError,
@@ -18,9 +18,9 @@ from auvplan.files import (
     write_atomically,
     write_dataset,
 )
+from auvplan.runtime.formatting import counted
 from auvplan.study.design import Design, StudyError
 from auvplan.study.table import VARIABLES, Row, rows_of
-from auvplan.words import counted
 
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.
 DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"

@@ -11,12 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.check.run import check_dataset
-from auvplan.files import ResultError
 from auvplan.io.fields import chart_variables
 from auvplan.io.results import to_dataset
 from auvplan.io.schema import LEG, PLAN, ROUTE, TIME_UNITS, Column, padded
 from auvplan.ocean.chart import UNCERTAIN_MAX, Chart
 from auvplan.records import MissionRun
+from auvplan.runtime.files import ResultError
 from auvplan.study.design import Design
 
 Row = dict[str, NDArray[Any]]

@@ -9,10 +9,10 @@ from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.runtime.formatting import counted
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.simulator import TIME_STEP
 from auvplan.simulation.world import KNOWN
-from auvplan.words import counted
 
 Array = NDArray[np.floating]
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
-from auvplan.files import write_atomically
 from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.files import write_atomically
+from auvplan.runtime.formatting import clearance, figure, hours
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.view.margins import Margins
 from auvplan.view.scene import waypoint_name
@@ -33,7 +34,6 @@ from auvplan.view.timeline import (
     time_in_words,
     time_zone,
 )
-from auvplan.words import clearance, figure, hours
 
 
 @dataclass(frozen=True)

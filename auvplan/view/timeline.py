@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan.mission.timetable import Timetable
 from auvplan.records import MissionRun, RouteRecord
-from auvplan.words import hours
+from auvplan.runtime.formatting import hours
 
 #: What a vehicle does at the last waypoint, in words.
 END_BEHAVIOURS = {

@@ -16,8 +16,8 @@ from auvplan.io import save_run
 from auvplan.io.results import to_dataset
 from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
-from auvplan.motion import Motion
 from auvplan.ocean.known import KnownObstacle
+from auvplan.path.motion import Motion
 from auvplan.records import MissionRun
 from auvplan.site import Site
 from benchmarks.alterations import KINDS, altered, possible

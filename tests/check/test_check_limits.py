@@ -7,7 +7,7 @@ import pytest
 
 from auvplan.check.run import ResultError, check_dataset
 from auvplan.io.results import to_dataset
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
 from auvplan.vehicle import Vehicle
 from tests.check.test_check import check, in_a_band_that_closes, three_jobs, with_known_obstacle
 from tests.check.test_check_seabed import over, written

@@ -6,7 +6,7 @@ from pathlib import Path
 import auvplan.check
 
 #: Names, opens and hashes files of results; says what is wrong with them.
-SHARED = {"auvplan.files", "auvplan.errors"}
+SHARED = {"auvplan.runtime.files", "auvplan.errors"}
 
 
 def test_the_checker_imports_nothing_but_files_and_errors():

@@ -4,10 +4,10 @@ import pytest
 
 from auvplan.check.run import check_run
 from auvplan.executive import plan_scenario
-from auvplan.files import OutputError
 from auvplan.io.example import write_example_of_times
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
+from auvplan.runtime.files import OutputError
 from auvplan.scenario.file import load_scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.errors import ScenarioError
 from auvplan.executive import execute_missions, seed_keys
 from auvplan.io.area import load_area
+from auvplan.runtime.compiled import compilations
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph
 from auvplan.simulation.simulator import TIME_STEP

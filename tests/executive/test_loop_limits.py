@@ -7,11 +7,11 @@ import jax
 import numpy as np
 import pytest
 
-from auvplan.compiled import MISSIONS
 from auvplan.executive import loop, mission_configs, path_config
 from auvplan.mission import MissionConfig, Timetable
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord
+from auvplan.runtime.compiled import MISSIONS
 from auvplan.scenario.area import OperatingArea
 from auvplan.simulation.faults import CurrentStep, FaultySea, HeldUp, PlannerOut
 from tests.executive.small import SMALL, planning, scenario

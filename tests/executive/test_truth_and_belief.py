@@ -9,8 +9,8 @@ import auvplan as ap
 from auvplan.executive.belief import ObstacleBelief, as_obstacles
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.loop import make_context, seed_keys, start_mission
-from auvplan.motion import Motion
 from auvplan.ocean import CurrentUpdate, Seabed
+from auvplan.path.motion import Motion
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.sea import VortexSea

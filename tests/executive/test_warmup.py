@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from auvplan.compiled import drop_programs
 from auvplan.executive import loop, run_mission, warmup
 from auvplan.executive.loop import make_context, seed_keys, start_mission
+from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")

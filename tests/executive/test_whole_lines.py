@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from auvplan import prng
 from auvplan.executive import plan_scenario
 from auvplan.executive.loop import make_context, seed_keys, start_mission
 from auvplan.executive.route_calls import plan_routes
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, ways_off_lines
+from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
 from tests.executive.small import SMALL, scenario
 

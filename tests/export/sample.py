@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from auvplan.export import Circle, Itinerary, PlannedLeg, Polygon, Track
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
 from auvplan.site import Site
 
 EPOCH = datetime(2024, 2, 28, 23, 59, 30, 500_000, tzinfo=UTC)

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from auvplan.export import FORMATS, ExportError, export, export_notes, write_csv
-from auvplan.files import OutputError
+from auvplan.runtime.files import OutputError
 from tests.export.compare import written
 from tests.export.sample import EPOCH, SITE, make_itinerary
 

@@ -17,12 +17,12 @@ from auvplan.io.restore import restore_run
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
 from auvplan.report.run import run_data
+from auvplan.runtime.formatting import clearance
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of, write_html
-from auvplan.words import clearance
 from tests.io.sample_run import make_run
 
 SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))

@@ -11,7 +11,7 @@ from auvplan.export import Itinerary, PlannedLeg
 from auvplan.export.imc import commanded, first_begun, plan_specification
 from auvplan.export.qgroundcontrol import item_speeds, qgc_notes, qgc_plan, validate_plan
 from auvplan.export.speeds import LEAST, led, stretches
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
 from tests.export.sample import CORNERS, SITE, SPEED, in_current
 
 streams = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)).map(lambda c: (*c, 0.0))

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import auvplan as ap
-from auvplan.files import OutputError, read_dataset, whole_result, write_atomically, write_dataset
+from auvplan.runtime.files import OutputError, read_dataset, whole_result, write_atomically, write_dataset
 from tests.faults.disk import full_disk
 from tests.io.sample_run import make_run
 

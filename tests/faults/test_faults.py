@@ -13,7 +13,7 @@ from auvplan.executive.collisions import collisions
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.loop import start_mission, step
 from auvplan.io.results import to_dataset
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.faults import (

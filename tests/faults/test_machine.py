@@ -20,7 +20,7 @@ import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.executive.collisions import collisions
 from auvplan.executive.loop import step
-from auvplan.files import OutputError, ResultError
+from auvplan.runtime.files import OutputError, ResultError
 from auvplan.simulation.faults import (
     CurrentStep,
     HeldUp,

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 
 from auvplan.mission.graph import MissionGraph
-from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.vortices import LambVortices
+from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 from auvplan.vehicle import Vehicle
 

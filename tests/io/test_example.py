@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.files import OutputError
 from auvplan.io.area import load_area
 from auvplan.io.example import SCENARIO, sea_bed, tide, write_example
+from auvplan.runtime.files import OutputError
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph

@@ -7,11 +7,11 @@ import pytest
 import shapely
 
 from auvplan.errors import ScenarioError
-from auvplan.files import OutputError
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import write_example
 from auvplan.io.example_at import CAUTION, distance_to_coast, land_within, write_example_at
+from auvplan.runtime.files import OutputError
 from auvplan.scenario.file import load_scenario
 
 #: Latitude and longitude of coasts, of islands on the antimeridian, and of the open sea.

@@ -12,12 +12,12 @@ import xarray as xr
 
 from auvplan.check.run import check_run
 from auvplan.export import ExportError, export_run, itinerary_of
-from auvplan.files import ResultError
 from auvplan.io import save_run
 from auvplan.io.restore import restore_run
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
+from auvplan.runtime.files import ResultError
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from tests.io.sample_run import make_run, refused_leg

@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 from auvplan.check.run import ResultError
-from auvplan.files import OutputError, output_folder, read_mission, write_atomically
 from auvplan.io import load_run, save_run
-from auvplan.motion import Motion
+from auvplan.path.motion import Motion
+from auvplan.runtime.files import OutputError, output_folder, read_mission, write_atomically
 from tests.io.sample_run import SPIT, make_run, refused_leg
 
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from auvplan.files import MISSION, SUMMARY, whole_result
+from auvplan.runtime.files import MISSION, SUMMARY, whole_result
 
 OLD = {SUMMARY: "old", MISSION: "old", "itinerary.plan": "old", "mission.png": "old", "notes.txt": "mine"}
 NEW = {SUMMARY: "new", MISSION: "new", "sheet.html": "new", "timeline.png": "new"}
@@ -51,7 +51,7 @@ def test_a_run_that_fails_leaves_the_old_files_alone(folder):
 @pytest.mark.parametrize("moment", range(6))
 def test_a_run_that_is_killed_leaves_the_old_or_the_new_files(folder, moment):
     code = (
-        "import sys, time\nfrom auvplan.files import whole_result\n"
+        "import sys, time\nfrom auvplan.runtime.files import whole_result\n"
         f"with whole_result({str(folder)!r}) as partial:\n"
         "    print('begun', flush=True)\n"
         f"    for name in {list(NEW)!r}:\n"

@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from auvplan.compiled import compilations
 from auvplan.link import Limits, Lost, Refused, State, Upload, execute, rolling
 from auvplan.link.limits import Allowance
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.known import KnownObstacle
+from auvplan.runtime.compiled import compilations
 from tests.executive.small import scenario
 from tests.link.scripted import Failing, ScriptedVehicle
 

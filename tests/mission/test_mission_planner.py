@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import auvplan as ap
 from auvplan import Vehicle
 from auvplan.bbo import BBOConfig
-from auvplan.compiled import compilations
 from auvplan.mission import (
     MissionConfig,
     MissionGraph,
@@ -25,6 +24,7 @@ from auvplan.mission import (
     random_graph,
     replan_mission,
 )
+from auvplan.runtime.compiled import compilations
 from tests.mission.naive import best_priority, grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.compiled import compilations
 from auvplan.mission import MissionConfig, MissionGraph, check_route, plan_mission, plan_missions
 from auvplan.mission.timetable import Timetable, stages
+from auvplan.runtime.compiled import compilations
 
 #: One size of graphs, so that all cases share their programs.
 SIZE, DEPARTURES, HORIZON = 9, 7, 1800.0

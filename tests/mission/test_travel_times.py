@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.mission import MissionGraph
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.seabed import Seabed
+from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG
 
 BOX = {"lower": (-3000.0, -3000.0, 0.0), "upper": (3000.0, 3000.0, 50.0)}

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
-from auvplan.motion import Motion
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
 from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.path.kinematics import angle_between
+from auvplan.path.motion import Motion
 from tests.path import kernels
 from tests.path.kernels import curves, evaluate, judged_within, score, soft_objective, through, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.ocean import FunctionCurrent, GriddedCurrent
+from auvplan.runtime.compiled import compilations
 from auvplan.site import Site
 
 START, GOAL = np.array([400.0, 500.0, 10.0]), np.array([3500.0, 3200.0, 30.0])

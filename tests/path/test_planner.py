@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.path import stages
 from auvplan.path.habitats import straight_line
+from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.budget import Budget
 from auvplan.ocean.gridded import CurrentError
 from auvplan.path import habitats, replan_path, replanner
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.replanner import progress, replan_paths
+from auvplan.runtime.budget import Budget
 
 CONFIG = ap.PathConfig.paper().replace(
     bbo=ap.PathConfig.paper().bbo.replace(population=30, iterations=120),

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.clearance import bed_altitude
 from auvplan.path.cost import ALTITUDE_SCALE
+from auvplan.runtime.compiled import compilations
 from tests.path.kernels import curves, evaluate, population, through
 
 CONFIG = ap.PathConfig(

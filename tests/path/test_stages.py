@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations, drop_programs
 from auvplan.path import stages
 from auvplan.path.cost import Track, evaluate
+from auvplan.runtime.compiled import compilations, drop_programs
 from tests.path.worlds import CONFIG, GOAL, START, world
 
 PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path that was found

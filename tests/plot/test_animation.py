@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from auvplan.errors import AuvplanError
-from auvplan.files import OutputError
 from auvplan.plot import animate_run
 from auvplan.plot.animation import _Film
+from auvplan.runtime.files import OutputError
 from tests.io.sample_run import make_run, refused_leg
 
 SENSORS = {"sensors": {"range": 250.0}}

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import auvplan as ap
-from auvplan.files import OutputError
 from auvplan.mission.timetable import Timetable
 from auvplan.plot import (
     busiest_leg,
@@ -26,6 +25,7 @@ from auvplan.plot import (
     style,
 )
 from auvplan.plot.style import figure_of, save
+from auvplan.runtime.files import OutputError
 from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
 NAMES = ["mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"]

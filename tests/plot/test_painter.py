@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.files import OutputError
 from auvplan.plot import draw_run
 from auvplan.plot.painter import Painter
+from auvplan.runtime.files import OutputError
 from tests.io.sample_run import make_run
 
 RUN = make_run()

@@ -9,11 +9,11 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 from scipy import stats
 
-from auvplan.files import OutputError
 from auvplan.plot import study as figures
 from auvplan.plot import style
 from auvplan.plot.study import draw_study, shown_mission
 from auvplan.plot.sweep import MEASURES, plot_paired, plot_sweep
+from auvplan.runtime.files import OutputError
 from auvplan.study.statistics import leg_times, relative_errors
 from tests.plot.sample_study import AVAILABLE, SPEED, make_study, without_legs
 

@@ -6,10 +6,10 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from auvplan.files import write_dataset
 from auvplan.io import save_run
 from auvplan.ocean.seabed import Seabed
 from auvplan.report import write_report
+from auvplan.runtime.files import write_dataset
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.view.sheet import sheet_of

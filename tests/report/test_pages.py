@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.report import write_report, write_run_report
 from auvplan.report.area import current_data, map_data
 from auvplan.report.page import asset, packed, plain, script_json
 from auvplan.report.run import obstacle_data, run_data
 from auvplan.report.study import study_data
+from auvplan.runtime.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.scenario.scenario import Scenario
 from auvplan.view.sheet import waypoint_name
 from tests.io.sample_run import make_closure, make_run, refused_leg

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.compiled import compilations
 from auvplan.errors import ScenarioError
 from auvplan.ocean.currents import SumCurrent, UniformCurrent, combine, partition
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.runtime.compiled import compilations
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.waypoints import lines_clear, make_graph
 from auvplan.simulation.sea import ModelSea, stacked

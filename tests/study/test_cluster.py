@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from auvplan.errors import ScenarioError
-from auvplan.files import read_dataset, write_dataset
+from auvplan.runtime.files import read_dataset, write_dataset
 from auvplan.study import StudyError, cluster, load_study, run_study, runner, without_clocks
 from tests.study import light
 from tests.study.light import cache_settings, calm, unbroken

@@ -8,8 +8,8 @@ import xarray as xr
 import auvplan as ap
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
-from auvplan.files import write_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.runtime.files import write_dataset
 from auvplan.scenario import Scenario
 from auvplan.study import Design
 from auvplan.study.rehearsal import rehearsal_of, require_one_sea

@@ -13,8 +13,8 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.files import ResultError, read_summary, write_dataset
 from auvplan.io import load_run
+from auvplan.runtime.files import ResultError, read_summary, write_dataset
 from auvplan.scenario.scenario import Scenario
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
 from auvplan.study import runner as runner_module

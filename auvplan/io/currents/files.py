@@ -18,9 +18,9 @@ from xarray import conventions
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from auvplan.files import require_whole
 from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
+from auvplan.runtime.files import require_whole
 
 #: Coordinates with more values are refused before they are read.
 MAX_COORDINATE = 50_000_000

@@ -11,13 +11,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.files import OutputError, write_dataset
 from auvplan.io.currents.files import File, text
 from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
 from auvplan.io.forecasts.servers import OPENERS, Remote
+from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
 #: Bytes that are fetched at most, and about so many with one request.

@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.files import require_whole
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.grid import LocalGrid, local_grid
@@ -30,6 +29,7 @@ from auvplan.io.geo.nodes import (
 )
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
+from auvplan.runtime.files import require_whole
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

@@ -18,8 +18,8 @@ from auvplan.io.geo.error import Faults, GeoError, read_text, reading
 from auvplan.io.geo.features import MAX_JOBS_BYTES, READERS, Feature, check_place, positions, read_features
 from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
+from auvplan.runtime.formatting import counted
 from auvplan.site import Site, is_place
-from auvplan.words import counted
 
 #: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
 _HOURS = ("from", "to", "windows", "window", "priority_after")

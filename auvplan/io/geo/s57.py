@@ -29,8 +29,8 @@ from auvplan.io.geo.features import MAX_BYTES, Feature
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
+from auvplan.runtime.formatting import counted
 from auvplan.site import Site, swapped_hint
-from auvplan.words import counted
 
 #: Water that may be shallower is closed, m below the chart's datum, unless a scenario says otherwise.
 SAFETY_DEPTH = 5.0

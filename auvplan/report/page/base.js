@@ -38,7 +38,7 @@ report.figure = function (value, digits = 4) {
   return value.toLocaleString("en", form).replace("-", "−");
 };
 
-/** A least distance in metres, as `auvplan.words.clearance` states it: no finer than what it is to is known. */
+/** A least distance in metres, as `auvplan.runtime.formatting.clearance` states it: no finer than what it is to is known. */
 report.clearance = function (value, accuracy = 0, reach = null) {
   if (!report.isNumber(value)) return "–";
   if (reach !== null && value >= reach) return `> ${report.fixed(reach)}`;

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from auvplan.files import write_dataset
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.currents.ocean import summary_of
+from auvplan.runtime.files import write_dataset
 from tests.io.currents.samples import LAT, LON, START, fvcom, regular, roms, schism, ugrid, write, write_plain
 
 MADE = {

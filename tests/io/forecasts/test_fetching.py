@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.files import OutputError, write_dataset
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.forecasts import ForecastError, Request, fetch_current
+from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import source_files
 from tests.io.currents.samples import LAT, LON, START, regular, roms, ugrid
 from tests.io.forecasts.servers import serving

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
-from auvplan.motion import Motion, ground_velocity, orientation, rotation
+from auvplan.path.motion import Motion, ground_velocity, orientation, rotation
 from tests.path.worlds import GOAL, START, world
 
 SPEED = 2.5

@@ -22,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-from auvplan.files import write_atomically
+from auvplan.runtime.files import write_atomically
 
 T = TypeVar("T")
 

@@ -2,7 +2,7 @@
 
 JAX's own compilation cache spares the compiler, but a program has to be traced and lowered before it is found
 there, which takes several times as long as loading it. A `Program` is looked up by what it is called with: by
-shapes and types of its arguments, its settings, and all else that compiled code depends on (`auvplan.cache`).
+shapes and types of its arguments, its settings, and all else that compiled code depends on (see `cache`).
 Where one is not found, cannot be stored or does not load, it is compiled as `jax.jit` does.
 """
 
@@ -23,7 +23,7 @@ from jax import monitoring
 from jax.core import Tracer
 from jax.experimental import serialize_executable
 
-from auvplan import cache
+from auvplan.runtime import cache
 
 #: Packages whose classes are what they were when a program was stored, as long as their versions are.
 _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"

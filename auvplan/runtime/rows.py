@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan import cores
+from auvplan.runtime import cores
 
 #: Batches of one call are padded to these sizes, so that their number never causes a compilation.
 SIZES = (1, 8, 32, 128)

@@ -16,8 +16,9 @@ import pytest
 from PIL import Image
 
 import auvplan as ap
-from auvplan import cache
-from auvplan.compiled import (
+from auvplan.ocean.currents import FunctionCurrent, evaluated
+from auvplan.runtime import cache
+from auvplan.runtime.compiled import (
     Program,
     compilations,
     compiled,
@@ -27,7 +28,6 @@ from auvplan.compiled import (
     held,
     listening,
 )
-from auvplan.ocean.currents import FunctionCurrent, evaluated
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_a_second_call_compiles_and_loads_nothing(place):
 def test_a_process_holds_few_programs_and_computes_on(place, monkeypatch):
     """Linux gives a process 65,530 mappings of memory; one that plans in ever new currents would crash."""
     most = held() + 3
-    monkeypatch.setattr("auvplan.compiled.MOST", most)
+    monkeypatch.setattr("auvplan.runtime.compiled.MOST", most)
     one = program()
     for size in range(2, 12):
         x = np.arange(float(size))
@@ -129,7 +129,7 @@ def test_a_damaged_entry_is_left_out_and_told_to_the_log(place, caplog, harm):
     program()(np.arange(3.0), times=2)
     (entry,) = entries()
     entry.path.write_bytes(harm(entry.path.read_bytes()))
-    with caplog.at_level(logging.INFO, "auvplan.cache"):
+    with caplog.at_level(logging.INFO, "auvplan.runtime.cache"):
         np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
     assert len(caplog.messages) == 1
     assert "made anew" in caplog.text
@@ -143,7 +143,7 @@ def test_an_entry_that_is_no_program_is_left_out(place, caplog):
     (entry,) = entries()
     name, key = entry.path.stem.rsplit("-", 1)
     cache.store(name, key, (b"nothing of the kind", None))
-    with caplog.at_level(logging.INFO, "auvplan.cache"):
+    with caplog.at_level(logging.INFO, "auvplan.runtime.cache"):
         np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
     assert "made anew" in caplog.text
 
@@ -158,7 +158,7 @@ def test_nothing_is_kept_where_that_is_switched_off(place, monkeypatch):
 def test_a_folder_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch, caplog):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "file"))
-    with caplog.at_level(logging.INFO, "auvplan.cache"):
+    with caplog.at_level(logging.INFO, "auvplan.runtime.cache"):
         np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
     assert "is not stored" in caplog.text
 
@@ -269,7 +269,7 @@ def test_what_one_occasion_used_is_loaded_for_the_next(place):
         one(np.arange(3.0), times=17)
     (entry,) = (entry for entry in entries() if "sorted_sum" in entry.name)
     key = entry.path.stem.rsplit("-", 1)[1]
-    listed = cache.load("auvplan.compiled.expecting", cache.key_of("tests"))
+    listed = cache.load("auvplan.runtime.compiled.expecting", cache.key_of("tests"))
     assert [found for _, found in listed] == [key]
 
 
@@ -279,7 +279,7 @@ def test_what_an_occasion_used_is_kept_by_what_it_is_of_too(place):
         with expecting("tests", of):
             one(np.arange(3.0), times=times)
     this, that, last = (
-        cache.load("auvplan.compiled.expecting", cache.key_of(name))
+        cache.load("auvplan.runtime.compiled.expecting", cache.key_of(name))
         for name in ("tests this", "tests that", "tests")
     )
     assert len(this) == len(that) == 1

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from auvplan import rows
+from auvplan.runtime import rows
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import jax
 
-from auvplan import cores
-from auvplan.compiled import compilations
+from auvplan.runtime import cores
+from auvplan.runtime.compiled import compilations
 
 T = TypeVar("T")
 

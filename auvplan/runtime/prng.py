@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvplan.compiled import compiled
+from auvplan.runtime.compiled import compiled
 
 
 def as_key(key: Any, name: str = "key", instead: str = "") -> jax.Array:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import auvplan as ap
-from auvplan.pytree import register_without_init
+from auvplan.runtime.pytree import register_without_init
 
 
 @register_without_init
