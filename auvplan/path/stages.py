@@ -62,6 +62,11 @@ _ROUNDABOUT = 1.5
 #: plane are wider than the leg, and profiles move through a good part of the box's depth.
 _DEEPER = 4.0
 
+#: Where the vertical is limited and the current sheared a path is polished once more: on slopes at their
+#: limit larger steps break it, and none of them is kept. Share of the penalties' weights and of the step, and
+#: times as many steps.
+_STEEP = 0.03, 0.25, 2
+
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
 _STRICTER = (0.1, 0.99), (1.0, 0.98)
@@ -327,6 +332,13 @@ def polish_finely(
         return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
 
     ranked = _ranked(*polished(rows, fine))
+    if _traced(world, config)["deep"] and vehicle.vertical_limits:
+        softness, less, times = _STEEP
+        steps, size = times * fine.refine_steps, less * fine.refine_step_size
+        gentle = fine.replace(refine_steps=steps, refine_step_size=size)
+        first = polished(ranked[0][:, :1], gentle, softness=softness)
+        pairs = zip(first, ranked, strict=True)
+        ranked = tuple(np.concatenate([new, old[:, 1:]], axis=1) for new, old in pairs)
     best = judged(*ranked)
     for softness, lower in _STRICTER:
         if not best["violations"].any():
