@@ -1,6 +1,6 @@
 """All benchmarks of the path layer: ``python -m benchmarks [--out FILE.json] [--quick]``.
 
-Prints a table each of scoring, whole plans, plans against global references and plans anew on the way, walks
+Prints a table each of scoring, whole plans, plans against global references and re-plans on the way, walks
 paths that are called clear, and writes one JSON file with the machine and the versions. Compile and run times
 stand apart in every row.
 """

@@ -33,9 +33,9 @@ def readings() -> dict[str, ap.PathConfig]:
     every_siv = {"mutation_genes": None, "mutation_max": 0.1}
     changed = {
         "the preset": {},
-        "values drawn anew within bounds": {"mutation": "uniform"},
+        "values drawn again within bounds": {"mutation": "uniform"},
         "m(S) for every SIV": every_siv,
-        "m(S) for every SIV, drawn anew": every_siv | {"mutation": "uniform"},
+        "m(S) for every SIV, drawn again": every_siv | {"mutation": "uniform"},
         "the same, migration SIV by SIV, two elites": every_siv
         | {"mutation": "uniform", "migration": "siv", "elites": 2},
         "the same, the better of habitat and candidate kept": every_siv

@@ -1,7 +1,7 @@
 """Re-planning on the way: what the kept population is worth (Fig. 5).
 
 ``python -m benchmarks.path_replans`` disturbs plans under way: the current takes a step of Eq. 2, obstacles
-turn out to lie elsewhere, and in half of the cases one lies across the rest of the path. It plans anew from
+turn out to lie elsewhere, and in half of the cases one lies across the rest of the path. It re-plans from
 where the vehicle is: warm from the kept population, cold, and cold with ten times the budget of a window. It
 prints a row for each way to plan: by how much the travel time exceeds that of the largest budget, how many
 plans are feasible, and the time of one.
@@ -47,7 +47,7 @@ class Situation:
 
 
 #: A row for each way to plan: excess of the travel time over that of the largest budget.
-TITLE = "Planning anew on the way"
+TITLE = "Re-planning on the way"
 COLUMNS = {
     "how": "{name}", "mean excess": "{mean:+.2%}", "worst": "{worst:+.2%}", "feasible": "{feasible:.0%}",
     "a plan": "{milliseconds:.0f} ms", "first calls": "{first_seconds:.0f} s",
@@ -105,7 +105,7 @@ def cold(situation: Situation, key: jax.Array, times: int, **changes: object) ->
 
 
 LARGEST = f"cold, {TIMES} windows' budget, passages"
-#: Ways to plan anew.
+#: Ways to re-plan.
 WAYS: dict[str, Callable[..., ap.PathPlan]] = {
     "warm": warm,
     "warm, no passages": partial(warm, passages=0),
@@ -123,7 +123,7 @@ def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
     all_ = situations(count, progress)
     times, seconds = np.full((2, len(WAYS), len(all_)), np.nan)
     first, compiled = np.zeros(len(WAYS)), set()
-    for k, situation in enumerate(progress.track(all_, description="plans anew")):
+    for k, situation in enumerate(progress.track(all_, description="re-plans")):
         for way, (name, plan_anew) in enumerate(WAYS.items()):
             call = partial(plan_anew, situation, jax.random.key(1000 + k))
             if (name, situation.problem.family) not in compiled:

@@ -159,7 +159,7 @@ class Leg:
         track: [S, 3] m that is followed, and `arc` m how far: the plan's, or that of an escape.
         moving: whether it follows the track; otherwise it keeps station.
         escaping: whether the track gives way to an obstacle.
-        windows: s, times at which the path is planned anew.
+        windows: s, times at which the path is re-planned.
         stopped: why it was given up, or empty.
         stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as executed, with velocity over
             ground and current [n, 3] m/s of the steps before; the first stretch is the start, without a step.

@@ -185,16 +185,16 @@ class _Executor:
         self._route = [run.start]
         self._count = 0  # legs that are done
         self._new: _Next | None = None
-        self._due = ""  # why the rest is to be planned anew
-        self._settled = -1  # legs that were done when the rest was last planned anew for its times
+        self._due = ""  # why the rest is to be re-planned
+        self._settled = -1  # legs that were done when the rest was last re-planned for its times
         self._started = False
         self._holding = False  # because of a hazard; a new plan is needed to go on
         self._tries = 0  # answers in a row to what did not go away
         self._failed = -math.inf  # s, when something failed that is tried again later
         self._ahead = -math.inf  # s, when the track ahead was last looked at
-        self._cost = 0.0  # s of mission time that planning anew takes
+        self._cost = 0.0  # s of mission time that re-planning takes
         self._silent = self._over = False
-        self._measured = -math.inf  # s, when the rest was last planned anew for a current
+        self._measured = -math.inf  # s, when the rest was last re-planned for a current
         # s and [3] m, when and where the vehicle was last seen.
         self._sight: tuple[float, Array] | None = None
 
@@ -536,7 +536,7 @@ class _Executor:
         where = f"{report.state.value}, {report.message}" if report.message else report.state.value
         self._try("stopped", f"no way made for {now - progress.since:.0f} s ({where}): started again")
         if self._asked(self._start_again):
-            self._failed = now  # it gets under way before what is left is planned anew for its times
+            self._failed = now  # it gets under way before what is left is re-planned for its times
         progress.since = now
 
     def _start_again(self) -> None:
@@ -613,7 +613,7 @@ class _Executor:
         """
         if self._now - self._failed < _PAUSE:
             return
-        self._try(kind, f"{why}: the vehicle is held, and the way from there planned anew")
+        self._try(kind, f"{why}: the vehicle is held, and the way from there re-planned")
         if self._asked(self._link.hold):
             self._holding, self._new, self._due = True, None, kind
             self._failed = -math.inf
@@ -663,7 +663,7 @@ class _Executor:
         return begins, found
 
     def _check_time(self, report: Report) -> None:
-        """See whether the vehicle is so far off its plan that the rest is planned anew."""
+        """See whether the vehicle is so far off its plan that the rest is re-planned."""
         late = self._late(report)
         if late is None or self._due or self._new is not None or self._settled == self._count:
             return

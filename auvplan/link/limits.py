@@ -18,7 +18,7 @@ class Limits:
         silence: s of wall-clock time without a message after which the link counts as lost.
         outdated: s of wall-clock time after an upload in which progress is taken to be of the plan before.
         look: s of mission time between two looks at the vehicle.
-        late: s of mission time that the vehicle may be off its plan before the rest is planned anew.
+        late: s of mission time that the vehicle may be off its plan before the rest is re-planned.
         idle: s of mission time that a vehicle may have no plan under way before it is started again.
         stall: s of mission time without `moved` m of way after which the vehicle counts as stopped.
         moved: m.

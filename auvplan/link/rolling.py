@@ -1,4 +1,4 @@
-"""The plan of a mission that is under way: what is left of it is planned anew by the mission's own planners.
+"""The plan of a mission that is under way: what is left of it is re-planned by the mission's own planners.
 
 Before every leg the state of the planners is kept. A new plan begins from the state before the first leg that
 may still change, with what has been learnt since.
@@ -106,7 +106,7 @@ class Prospect:
 
 
 class RollingPlan:
-    """A mission planned to its end, and from any of its legs on planned anew.
+    """A mission planned to its end, and from any of its legs on re-planned.
 
     Attributes:
         followed: the plan that is executed, from the first call of `plan` on.
@@ -146,7 +146,7 @@ class RollingPlan:
 
     @property
     def tolerance(self) -> float:
-        """Seconds by which the rest may overrun before it is planned anew, as the scenario has it."""
+        """Seconds by which the rest may overrun before it is re-planned, as the scenario has it."""
         return self._context.rules.tolerance
 
     @property
@@ -191,7 +191,7 @@ class RollingPlan:
             done.add(count)
 
     def _rehearse(self) -> None:
-        """Plan the first leg as if it had to be planned anew, and forget it."""
+        """Plan the first leg as if it had to be re-planned, and forget it."""
         state, record = _fork(self._state(0)), replace(self.legs[0], plans=[])
         if self._set_out_from(state, record, np.asarray(self.legs[0].positions[0], float)):
             go_as_planned(self._context, [state])

@@ -29,7 +29,7 @@ def upper_bound(
 ) -> float:
     """No route from the start to the goal in time has more total priority than this.
 
-    It holds for a whole mission in which no waypoint is visited twice, however often it is planned anew;
+    It holds for a whole mission in which no waypoint is visited twice, however often it is re-planned;
     where waypoints may be visited again, `trail_bound` does.
 
     Paths are unit flows x_ij on the edges, relaxed to [0, 1]: conservation at every waypoint, at most one

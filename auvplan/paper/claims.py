@@ -422,7 +422,7 @@ QUESTIONS = (
         _stable_calls,
     ),
     _Question(
-        "the mission is planned anew when, and only when, a leg was late",
+        "the mission is re-planned when, and only when, a leg was late",
         "3.3.2, 4.2",
         "no new route without a late leg; in every mission on time as many as late legs before the last one",
         _replans_when_late,

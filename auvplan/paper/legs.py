@@ -38,7 +38,7 @@ class Legs:
 
     Attributes:
         scenarios: of each of `SCENARIOS`, as planned from the kept population.
-        fresh: of each of `SCENARIOS`, planned anew from a fresh population.
+        fresh: of each of `SCENARIOS`, re-planned from a fresh population.
         rates: of scenario-1, by each of `RATES`.
     """
 
@@ -202,7 +202,7 @@ def rest_of(plan: PlanRecord, position: Array) -> Array:
 
 
 def replan_gain(run: MissionRun) -> float:
-    """Return share of the time left that planning anew saves against the old path, mean over re-plans.
+    """Return share of the time left that re-planning saves against the old path, mean over re-plans.
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """

@@ -131,7 +131,7 @@ class PathConfig:
         choice the reading is taken under which the violation vanishes as in Fig. 11: m(S) is the probability
         that a habitat mutates in one of its SIVs, by a Gaussian step of 5 % of its range, and control points
         keep within 35 % of the distance from the straight line. Read as a probability of every SIV, or with
-        values drawn anew within the bounds, mutation keeps the mean violation of the population above 1e-3
+        values drawn again within the bounds, mutation keeps the mean violation of the population above 1e-3
         (`python -m benchmarks.paper_scenarios`).
 
         Args:
@@ -160,7 +160,7 @@ class PathConfig:
 
     @classmethod
     def quick(cls) -> Self:
-        """Return a fifth of the effort, for legs that are planned anew several times on the way."""
+        """Return a fifth of the effort, for legs that are re-planned several times on the way."""
         return cls(
             bbo=cls().bbo.replace(population=32, iterations=8),
             control_points=8,

@@ -120,7 +120,7 @@ class _Shown:
 
 
 class _Film:
-    """One figure, whose moving parts are drawn anew over what stays."""
+    """One figure, whose moving parts are drawn again over what stays."""
 
     def __init__(self, run: MissionRun, width: int, fade: float) -> None:
         """Draw what stays.

@@ -194,7 +194,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     pen.handles += style.obstacle_patches(kinds, ", later darker", alpha=0.7)
     lines: dict[str, dict[str, Any]] = {
         "first path": {"ls": "--", "lw": 1.4, "zorder": 4},
-        "planned anew": {"lw": 2.8, "zorder": 5},
+        "re-planned": {"lw": 2.8, "zorder": 5},
         "given up at the next re-plan": {"ls": ":", "lw": 1.2, "zorder": 3},
     }
     first, anew, left = (

@@ -192,7 +192,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     bar.set_label("current [m/s]")
     style.legend_below(figure, [
         style.line("first path", color=style.RED, ls="--", lw=1.5),
-        style.line("planned anew", color="black", lw=2.8),
+        style.line("re-planned", color="black", lw=2.8),
         style.line("given up at the next re-plan", color="black", ls=":", lw=1.1),
         style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan"),
         style.mark(style.GOAL, "target"),

@@ -413,7 +413,7 @@ class SafetySettings(Section):
 
 
 class SimulatedObstacles(Section):
-    """Obstacles that only the simulator knows, drawn anew between the two waypoints of each leg."""
+    """Obstacles that only the simulator knows, drawn again between the two waypoints of each leg."""
 
     static: Annotated[int, Field(ge=0, le=50, description="that stay where they are, on each leg")] = 2
     afloat: Annotated[int, Field(ge=0, le=50, description="that the current carries")] = 2
@@ -609,11 +609,11 @@ class PlanningSettings(Section):
         "(T-Series); default 'interval', paper 'window'",
     )
     replan_from: Literal["kept", "fresh"] = Field(
-        default="kept", description="population that a path is planned anew from on the way"
+        default="kept", description="population that a path is re-planned from on the way"
     )
     routes_from: Preset[Literal["kept", "fresh"]] = Field(
         default=_FROM_PRESET,
-        description="population that a route is planned anew from; default 'fresh' beside the rest "
+        description="population that a route is re-planned from; default 'fresh' beside the rest "
         "of the last route, paper 'kept'",
     )
     window_change: Preset[NotNegative] = Field(

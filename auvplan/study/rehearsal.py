@@ -23,7 +23,7 @@ def require_one_sea(scenario: Scenario) -> None:
         )
     if mission.jobs is None and (mission.waypoints > 2 or mission.start is None or mission.goal is None):
         raise ScenarioError(
-            "mission.waypoints are drawn anew for each mission: a rehearsal needs mission.jobs, or one leg "
+            "mission.waypoints are drawn again for each mission: a rehearsal needs mission.jobs, or one leg "
             "with start and goal"
         )
 

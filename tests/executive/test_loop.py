@@ -1,4 +1,4 @@
-"""Rules of the loop by themselves: when routes are planned anew, legs refused, and which searches serve."""
+"""Rules of the loop by themselves: when routes are re-planned, legs refused, and which searches serve."""
 
 from types import SimpleNamespace
 

@@ -35,7 +35,7 @@ def causes(late: float, reserve: float) -> list[str]:
 
 
 def test_the_reserve_is_not_eaten_unnoticed():
-    """The rest of a route that overruns the reserve by more than the tolerance of 30 s is planned anew."""
+    """The rest of a route that overruns the reserve by more than the tolerance of 30 s is re-planned."""
     assert causes(SLACK + 25.0, 300.0) == ["start"]
     assert causes(SLACK + 45.0, 300.0) == ["start", "late"]
 

@@ -518,7 +518,7 @@ def test_a_vehicle_without_a_plan_gets_it_once_and_soon():
     (again,) = [event for event in record.events if event.kind == "stopped"]
     assert 301.0 < again.time < 330.0
     assert "idle" in again.text
-    assert len(vehicle.uploads) == 2, "neither twice at once, nor planned anew for seconds"
+    assert len(vehicle.uploads) == 2, "neither twice at once, nor re-planned for seconds"
     assert record.success
 
 

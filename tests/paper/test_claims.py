@@ -79,7 +79,7 @@ def test_legs_are_late_by_the_rule_that_missions_were_planned_by():
         times = {"leg_t_path": whole.missions["leg_t_path"].clip(max=1400.0)}
         spoiled = replace(whole, missions=whole.missions.assign(times).assign_attrs(scenario=scenario))
         found = {claim.claim: claim.paper for claim in judge(spoiled)}
-        words = found["the mission is planned anew when, and only when, a leg was late"]
+        words = found["the mission is re-planned when, and only when, a leg was late"]
         assert words.startswith(f"{late} late legs, 15 new routes")
 
 
@@ -93,7 +93,7 @@ def test_a_new_route_without_a_late_leg_contradicts_the_rule():
     causes = missions()["route_cause"].values.copy()
     causes[:, 0] = 2
     found = {claim.claim: claim for claim in judge(changed_missions(route_cause=causes))}
-    claim = found["the mission is planned anew when, and only when, a leg was late"]
+    claim = found["the mission is re-planned when, and only when, a leg was late"]
     assert claim.verdict == "not confirmed"
     assert claim.paper.startswith("15 late legs, 20 new routes")
 

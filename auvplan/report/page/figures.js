@@ -70,7 +70,7 @@ report.errors = (values, low, high, more) => ({
  * A figure in the place of an element.
  *
  * `draw(colours, width)` returns `data`, `layout`, `height` and perhaps `config`; `after(host)` is called once it is there
- * and whenever it is drawn anew.
+ * and whenever it is drawn again.
  */
 report.drawn = function (host, label, draw, after) {
   host.classList.add("figure");

@@ -257,7 +257,7 @@
     present.length && ["obstacles", "obstacles", "disc", present[0][1]],
     run.simulated && present.length && ["boundary", "their uncertainty boundaries", "halo", "quiet"],
     run.sensing && present.length && ["sensed", "sensed range", "ring", "sense"],
-    replanned.length && ["replans", "route planned anew", "square", "earlier"],
+    replanned.length && ["replans", "route re-planned", "square", "earlier"],
     ["waypoints", "waypoints", "disc", "task"],
     ["names", "names", "text", "text"],
   ].filter(Boolean);
@@ -913,7 +913,7 @@
     if (late.length)
       made.append(
         report.details(
-          "Why the route was planned anew",
+          "Why the route was re-planned",
           report.element("ul", { class: "small" }, late.map(why)),
         ),
       );
