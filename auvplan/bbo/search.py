@@ -4,7 +4,7 @@ A habitat is a row of a [P, D] array, real or integer; a cost function scores al
 the cost [P], or the pair (cost [P], violation [P]), whose second member is only reported.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import chex
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
@@ -210,6 +211,18 @@ def statistics(state: State) -> History:
     return History(
         state.cost[0], *moments(state.cost), state.violation[0], *moments(state.violation)
     )  # fmt: skip
+
+
+def rows(history: History, kept: slice) -> History:
+    """Return some iterations of histories [B, I + 1], in NumPy."""
+    return jax.tree.map(lambda plane: np.asarray(plane)[:, kept], history)
+
+
+def joined(parts: Sequence[History], still: int) -> History:
+    """Return the histories of a search in parts as one, its last iteration repeated `still` times."""
+    return jax.tree.map(
+        lambda *planes: np.pad(np.concatenate(planes, axis=1), ((0, 0), (0, still)), mode="edge"), *parts
+    )
 
 
 def run(

@@ -15,7 +15,7 @@ from auvplan.mission import objective as objectives
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.problem import Edges, Problem, prepare
 from auvplan.runtime import prng
-from auvplan.runtime.budget import UNLIMITED, Budget
+from auvplan.runtime.budget import Budget, share_of
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import over_rows
 
@@ -100,13 +100,13 @@ def search_within(
     Where it is too short for a beam search, it starts without one.
     """
     *graph, given, known = problem
-    share = UNLIMITED if budget is None else budget.next_row()
+    share = share_of(budget)
     kind = given.shape, known.shape, len(keys)
     seeded = config if share.allows((config, *kind)) else config.replace(seeds=0)
     done = iterations if budget is None else 0
     begin = partial(search_missions, keys, *graph, given, known, count=count, config=seeded)
     result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(done)))
-    later, chunks = config.replace(seeds=0, plant=False), [_rows(result, slice(0, done + 1))]
+    later, chunks = config.replace(seeds=0, plant=False), [search.rows(result.history, slice(0, done + 1))]
     while done < iterations and (chunk := share.units((later, *kind), iterations - done)):
         population = result.state.population
         search_on = partial(
@@ -120,17 +120,9 @@ def search_within(
             config=later,
         )
         result, best, _ = share.spend((later, *kind), search_on, chunk + 1)
-        chunks.append(_rows(result, slice(1, chunk + 1)))
+        chunks.append(search.rows(result.history, slice(1, chunk + 1)))
         done += chunk
-    left = iterations - done
-    history = jax.tree.map(
-        lambda *rows: np.pad(np.concatenate(rows, axis=1), ((0, 0), (0, left)), mode="edge"), *chunks
-    )
-    return replace(result, history=history), best, least
-
-
-def _rows(result: search.Result, kept: slice) -> search.History:
-    return jax.tree.map(lambda row: np.asarray(row)[:, kept], result.history)
+    return replace(result, history=search.joined(chunks, iterations - done)), best, least
 
 
 def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:

@@ -36,7 +36,7 @@ from auvplan.path.passages import trace_passages
 from auvplan.path.profile import is_searched_in_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.runtime import prng
-from auvplan.runtime.budget import UNLIMITED, Budget, Share, Unlimited
+from auvplan.runtime.budget import UNLIMITED, Budget, Share, Unlimited, share_of
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import over_rows
@@ -157,11 +157,12 @@ def search_legs(
     """
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
-    share, work = UNLIMITED if budget is None else budget.next_row(), partial(_named, world, config)
+    share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
     found = None
     if config.passages and share.allows(work("trace")):
-        trace = partial(_trace, **world, config=config.only("field_cells"), **_traced(world, config))
+        cells = config.only("field_cells")
+        trace = partial(_trace, **world, config=cells, count=config.passages, deep=_is_deep(world))
         passages, _, *known = share.spend(work("trace"), trace)
         found = passages, *known
     elif config.passages:
@@ -240,13 +241,10 @@ def _evolved(
         evolve = partial(_evolve, chunk_keys, population, *bounds, np.int32(chunk), **world, config=settings)
         state, history = share.spend(work, evolve, chunk + 1)
         population, done = state.population, done + chunk
-        kept = slice(1 if parts else 0, chunk + 1)
-        parts.append(jax.tree.map(lambda rows, kept=kept: np.asarray(rows)[:, kept], history))
+        parts.append(search.rows(history, slice(1 if parts else 0, chunk + 1)))
         if not chunk:
             break
-    history = jax.tree.map(lambda *rows: np.concatenate(rows, axis=1), *parts)
-    still = most - done
-    return state, jax.tree.map(lambda rows: np.pad(rows, ((0, 0), (0, still)), mode="edge"), history)
+    return state, search.joined(parts, most - done)
 
 
 def _descended(
@@ -318,7 +316,9 @@ def polish_finely(
     polished = partial(_polished, keys, world=world)
     if again:
         dense = config.only("finer").replace(field_cells=config.dense_cells)
-        passages, few, _, *outcome = _trace(**world, config=dense, **_traced(world, config))
+        passages, few, _, *outcome = _trace(
+            **world, config=dense, count=config.passages, deep=_is_deep(world)
+        )
         rows = np.concatenate([rows, passages], axis=1)
         settings = config.replace(refine_steps=config.passage_steps)
         rows = _ranked(*polished(rows, settings, together=rows.shape[1]))[0][:, :1]
@@ -332,7 +332,7 @@ def polish_finely(
         return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
 
     ranked = _ranked(*polished(rows, fine))
-    if _traced(world, config)["deep"] and vehicle.vertical_limits:
+    if _is_deep(world) and vehicle.vertical_limits:
         softness, less, times = _STEEP
         steps, size = times * fine.refine_steps, less * fine.refine_step_size
         gentle = fine.replace(refine_steps=steps, refine_step_size=size)
@@ -363,11 +363,11 @@ def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
     return {"legs": legs, "common": Common(shared, vehicle, *numbers)}
 
 
-def _traced(world: dict[str, Any], config: PathConfig) -> dict[str, Any]:
-    """Return how many passages are traced, and whether each at depths of its own."""
+def _is_deep(world: dict[str, Any]) -> bool:
+    """Return whether paths may find other currents at other depths."""
     env, own = world["common"].env, world["legs"].own
     current = env.current if own is None else combine(env.current, row_kinds(own[0]))
-    return {"count": config.passages, "deep": is_searched_in_depth(env, world["common"].vehicle, current)}
+    return is_searched_in_depth(env, world["common"].vehicle, current)
 
 
 def _polished(
@@ -396,7 +396,7 @@ def _polished(
 
 def _step_sizes(step_size: float, world: dict[str, Any], config: PathConfig) -> np.ndarray | np.float32:
     """Return the first step of a descent as shares of the bounds, [3 n] where depth is searched, else []."""
-    if not _traced(world, config)["deep"]:
+    if not _is_deep(world):
         return np.float32(step_size)
     return np.repeat(
         np.asarray([step_size, step_size, _DEEPER * step_size], np.float32), config.control_points

@@ -136,3 +136,8 @@ class Unlimited:
 
 
 UNLIMITED = Unlimited()
+
+
+def share_of(budget: Budget | None) -> Share | Unlimited:
+    """Return the next row's share of a budget; one without an end where there is no budget."""
+    return UNLIMITED if budget is None else budget.next_row()

@@ -133,3 +133,16 @@ def test_references_keep_off_spheres_and_are_no_slower_than_a_simple_way(seed):
     assert found.score.clearance > -world.tolerance
     assert found.score.travel_time < 1.01 * grid_time
     assert found.score.travel_time < evaluate(problem, way(problem), world).travel_time
+
+
+def test_a_slope_at_the_limit_on_pitch_does_not_end_the_polish():
+    """Larger steps break the limit on the way down, and what lies deeper than the slopes ends is slow."""
+    pytest.importorskip("numba")
+    from benchmarks.references import STORED_DEEP, load, stored_reference
+
+    problem = drawn("shear", 7012)
+    best = stored_reference(problem, load(STORED_DEEP))
+    plan = problem.plan(jax.random.key(0), ap.PathConfig())
+    score = evaluate(problem, plan.positions, World.of(problem))
+    assert score.feasible
+    assert best.travel_time < score.travel_time < 1.025 * best.travel_time

@@ -51,6 +51,23 @@ def test_precision_reaches_the_threads(program):
     assert program.traced == [np.float64]
 
 
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_batch_of_one_is_traced_without_its_axis(count):
+    seen = []
+
+    def one(key, values):
+        seen.append("Batch" in type(values).__name__)
+        start = jax.random.normal(key)
+        return {"key": jax.random.fold_in(key, 1), "sum": start + jnp.cumsum(values), "start": start}
+
+    keys, values = _batch(count)
+    found, whole = jax.jit(rows.over_rows(one))(keys, values), jax.vmap(one)(keys, values)
+    assert jax.tree.map(jnp.shape, found) == jax.tree.map(jnp.shape, whole)
+    np.testing.assert_array_equal(*(jax.random.key_data(one["key"]) for one in (found, whole)))
+    np.testing.assert_allclose(found["sum"], whole["sum"], rtol=1e-6)
+    assert seen == [count > 1, True]
+
+
 @pytest.mark.parametrize("count", [1, 5, 40, 130])
 def test_padding_on_accelerators(program, count, monkeypatch):
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
