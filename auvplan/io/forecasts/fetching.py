@@ -16,7 +16,7 @@ from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
-from auvplan.io.forecasts.servers import OPENERS, Remote
+from auvplan.io.forecasts.servers import OPENERS, Remote, as_file
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
@@ -146,7 +146,7 @@ def _fetched(
         if name == cut.seam:
             values = np.unwrap(values, period=360.0)
         variables[name] = xr.Variable(raw.dims, values, _plain(raw.attrs))
-    return xr.Dataset(variables, attrs=_plain(remote.attributes))
+    return xr.Dataset(variables, attrs=_plain(remote.file.attributes))
 
 
 def _cut_of(file: File, request: Request) -> _Cut:
@@ -344,8 +344,7 @@ def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _require_current(data: xr.Dataset, request: Request) -> None:
     """Refuse what cannot be read as a current, or holds none."""
-    decoded = xr.decode_cf(data, decode_times=False, decode_coords=False, decode_timedelta=False)
-    variables = {str(name): variable for name, variable in decoded.variables.items()}
-    ocean = ocean_of((File(request.dataset, variables, decoded.attrs, lambda: None),))
-    if not np.isfinite(variables[str(ocean.source("uo"))].values).any():
+    file = as_file(request.dataset, data)
+    ocean = ocean_of((file,))
+    if not np.isfinite(file.variables[str(ocean.source("uo"))].values).any():
         raise request.fail("the box holds no water at these times: look at --box")
