@@ -326,7 +326,7 @@ def _add_current(source: Source, names: Names) -> None:
     if turn is not None:
         source.add("angle", (), lambda _, *keys: turn(*keys)[None])
     _add_depths(source, "depth", "level", east.levels)
-    if (up := find_upward(source.series)) is not None:
+    if (up := find_upward(series)) is not None:
         dims = series.dims(up)
         if set(source.dims) <= set(dims) and len(dims) <= len(source.dims) + 1:
             rising = _component(source, up, None, 0, None)
@@ -540,7 +540,7 @@ def _add_masks(source: Source, deep: Callable | None, levels: Levels) -> None:
 def _turn(source: Source, names: Names, staggered: bool) -> Callable[..., Array] | None:
     """Return what tells the angle, rad, from east to the first component's axis, or None without one."""
     grid, series, notes, crs = source.geometry, source.series, source.notes, source.crs
-    standard = source.series.standard_name(names.east)
+    standard = series.standard_name(names.east)
     if not (names.along_grid or staggered):
         return None
     words = [series.text(name, "long_name").lower() for name in (names.east, names.north)]
