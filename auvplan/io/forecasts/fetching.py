@@ -66,13 +66,13 @@ class _Cut:
         names: of the variables, each once.
         picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
             not named are taken whole.
-        seam: the longitudes, where the part reaches over the seam of a grid round the globe; or None.
+        wrapped: the longitudes, where the part crosses the wrap-around of a grid round the globe; or None.
         notes: what is to be noted of it.
     """
 
     names: tuple[str, ...]
     picks: dict[str, Indices]
-    seam: str | None
+    wrapped: str | None
     notes: tuple[str, ...]
 
 
@@ -109,7 +109,7 @@ def fetch_current(
 
 
 def _origin_of(request: Request, head: File) -> dict[str, str]:
-    """Return the attributes that tell where a current is from."""
+    """Return the attributes that state where a current is from."""
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
@@ -143,7 +143,7 @@ def _fetched(
             parts.append(part)
             done += part.nbytes
         values = np.concatenate(parts) if raw.ndim else parts[0]
-        if name == cut.seam:
+        if name == cut.wrapped:
             values = np.unwrap(values, period=360.0)
         variables[name] = xr.Variable(raw.dims, values, _plain(raw.attrs))
     return xr.Dataset(variables, attrs=_plain(remote.file.attributes))
@@ -191,7 +191,7 @@ def _cut_of(file: File, request: Request) -> _Cut:
 
 
 def _reference_time(file: File) -> str:
-    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set tells; else "".
+    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set states it; else "".
 
     Where it holds several runs, it is the latest one's.
     """
@@ -270,7 +270,7 @@ def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
 
 
 def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
-    """Velocities, the height of the surface, and what tells where and when they are."""
+    """Velocities, the height of the surface, and what states where and when they are."""
     form = ocean.form.variables
     level = form["uo"].encoding["level"]
     wanted = ["uo", "vo", "zos", "deptho", "longitude", "latitude"]
