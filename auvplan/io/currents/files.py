@@ -365,7 +365,7 @@ def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
                 continue
             sizes = zip(part.shape, part.maxshape or (), variable.shape, strict=False)
             if len(part.shape) != variable.ndim or any(
-                most is not None and own != told for own, most, told in sizes
+                most is not None and own != stated for own, most, stated in sizes
             ):
                 raise ValueError(f"{name} has the sizes {part.shape}, its dimensions {variable.shape}")
 

@@ -5,7 +5,7 @@ Its variables, by name:
 - `uo`, `vo` [time, level, points] m/s, NaN where there is none: east and north or, beside an `angle` [points]
   rad, along axes turned by it from east, counter-clockwise. `wo` [time, level or level_w, points] m/s up.
 - `longitude`, `latitude` degrees: of columns and rows, of points in rows and columns (y, x), or of a mesh's
-  nodes or faces. `face_nodes` [face, corner], `node_lon` and `node_lat` tell a mesh's cells.
+  nodes or faces. `face_nodes` [face, corner], `node_lon` and `node_lat` define a mesh's cells.
 - `time` s since 1970-01-01 UTC, and the `file` of each.
 - `depth` [level] m below the surface, rising; or [time, level, points] where levels follow the sea bed.
   `depth_w` is that of `level_w`; `bed` [time, points] m is the depth of the sea bed then.
@@ -45,7 +45,7 @@ from auvplan.io.currents.triangles import Geometry, Triangles, cell_means, find_
 from auvplan.io.currents.units import speed_factor
 from auvplan.ocean.gridded import CurrentError
 
-#: Variables that tell the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
+#: Variables with the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
 _ANGLES = ("angle", "ANGLE")
 #: Directions of axes, rad, that differ by less are the same.
 _SAME_AXES = np.deg2rad(2.0)
@@ -170,7 +170,7 @@ class Source:
 
     @cached_property
     def floor_name(self) -> str | None:
-        """The variable that tells the depth of the sea bed, or None."""
+        """The variable with the depth of the sea bed, or None."""
         names = [find_floor(self.series, self.dims)]
         names += [] if self.corners is None else [find_floor(self.series, (self.corners,))]
         return next(filter(None, names), None)
@@ -190,7 +190,7 @@ class Source:
 
     @cached_property
     def _downward(self) -> float:
-        """1, or -1 where the sea bed is told as a height: so it says, or it is negative everywhere."""
+        """1, or -1 where the sea bed is given as a height: so it says, or it is negative everywhere."""
         name = str(self.floor_name)
         values = self.series.read(name)
         up = self.series.text(name, "positive").lower() == "up" and bool((values < 0.0).any())
@@ -199,7 +199,7 @@ class Source:
 
     @cached_property
     def rise_name(self) -> str | None:
-        """The variable that tells the height of the surface, or None."""
+        """The variable with the height of the surface, or None."""
         fitting = [
             name
             for name in self.series.variables
@@ -238,12 +238,12 @@ class Source:
         ]
 
     def mask(self, level: str | None = None) -> Callable[..., NDArray[np.bool_]] | None:
-        """Return what tells by indices where there is water, as `masks`.
+        """Return what gives by indices where there is water, as `masks`.
 
         It is None without a mask, or where it says land everywhere: that was never written.
         """
         for name in self.masks(level):
-            # Of many levels the first and the last tell it, one of which is the surface.
+            # Of many levels the first and the last are enough: one of them is the surface.
             ends = (
                 {} if level is None else {level: np.unique([0, self.series.variables[name].sizes[level] - 1])}
             )
@@ -257,7 +257,7 @@ class Source:
 
     @cached_property
     def water(self) -> Callable[..., NDArray[np.bool_]] | None:
-        """What tells by indices of the points where there is water; None without a mask of land."""
+        """What gives by indices of the points where there is water; None without a mask of land."""
         return self.mask()
 
     def _wet(self, name: str, values: Array) -> NDArray[np.bool_]:
@@ -326,7 +326,7 @@ def _add_current(source: Source, names: Names) -> None:
     if turn is not None:
         source.add("angle", (), lambda _, *keys: turn(*keys)[None])
     _add_depths(source, "depth", "level", east.levels)
-    if (up := find_upward(source.series)) is not None:
+    if (up := find_upward(series)) is not None:
         dims = series.dims(up)
         if set(source.dims) <= set(dims) and len(dims) <= len(source.dims) + 1:
             rising = _component(source, up, None, 0, None)
@@ -538,9 +538,9 @@ def _add_masks(source: Source, deep: Callable | None, levels: Levels) -> None:
 
 
 def _turn(source: Source, names: Names, staggered: bool) -> Callable[..., Array] | None:
-    """Return what tells the angle, rad, from east to the first component's axis, or None without one."""
+    """Return what gives the angle, rad, from east to the first component's axis, or None without one."""
     grid, series, notes, crs = source.geometry, source.series, source.notes, source.crs
-    standard = source.series.standard_name(names.east)
+    standard = series.standard_name(names.east)
     if not (names.along_grid or staggered):
         return None
     words = [series.text(name, "long_name").lower() for name in (names.east, names.north)]

@@ -20,20 +20,20 @@ Index = NDArray[np.int64]
 _TINY = 1e-9
 #: A place so near to a triangle, m, is in it: edges that are straight in degrees bulge in metres.
 _SLACK = 0.5
-#: At least so much of the weight must lie on points that have a value.
+#: At least this share of the weight must lie on points that have a value.
 ENOUGH = 0.5 - 1e-9
 #: Metres in a degree of latitude, near enough for telling how far outside a place is.
 DEGREE = 111_195.0
 #: Neighbours that lie so many times as far apart as usual are none.
 _TORN = 30.0
-#: So large a share of cells lies the other way round at the seams of sound grids.
+#: At the folds of sound grids up to this share of cells lies the other way round.
 _FOLDED = 0.05
 #: Places beyond an axis by less, in degrees, are taken to be on its end.
 _EDGE = 1e-6
 
 #: A run of indices of a dimension.
 Run = slice | NDArray[np.int64]
-#: The form's variables that tell places, by name: their dimensions and values.
+#: The form's variables that define places, by name: their dimensions and values.
 Coordinates = dict[str, tuple[tuple[str, ...], NDArray[Any]]]
 
 
@@ -93,7 +93,7 @@ class _Grid:
 
     @property
     def coordinates(self) -> Coordinates:
-        """The form's variables that tell the places."""
+        """The form's variables that define the places."""
         flat = self.longitude.ndim == 2
         dims = {
             "latitude": self.dims if flat else self.dims[:1],
@@ -102,7 +102,7 @@ class _Grid:
         return {name: (along, getattr(self, name)) for name, along in dims.items()}
 
     def window(self, index: Index) -> Window:
-        """Return the rows and columns that hold some points, over the seam of a globe if that is shorter."""
+        """Return the rows and columns that hold some points, across the wrap-around if that is shorter."""
         row, column = np.divmod(index, self.shape[1])
         rows, columns = _run(row, None), _run(column, self.shape[1] if self._around else None)
         inner = _position(rows, row) * _length(columns) + _position(columns, column)
@@ -244,7 +244,7 @@ class Curvilinear(_Grid):
             # A cell may hold a place though none of its corners lies among the places.
             near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
         if not near.any():
-            near.flat[nearest(self.longitude, self.latitude, middle)] = True  # far away: tells how far
+            near.flat[nearest(self.longitude, self.latitude, middle)] = True  # far away: shows how far
         row, column = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
         width = self.longitude.shape[1]
         first = row * width + column
@@ -268,7 +268,7 @@ def edge_lengths(longitude: Array, latitude: Array, triangles: Index) -> Array:
 
 def bounds(longitude: Array, latitude: Array) -> tuple[Array, Array]:
     """Middle [2] and half the extent [2] of places, degrees east and north."""
-    # Places on both sides of the date line are turned to the first of them before they are compared.
+    # Places on both sides of the antimeridian are turned to the first of them before they are compared.
     east = longitude[0] + _wrapped(longitude - longitude[0])
     spans = [(values.min(), values.max()) for values in (east, latitude)]
     return np.asarray([sum(span) / 2 for span in spans]), np.asarray([np.ptp(span) / 2 for span in spans])
@@ -424,7 +424,7 @@ def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
     try:
         finder = Triangulation(x, y, local[whole]).get_trifinder()
     except RuntimeError:
-        # Grids that overlap themselves, as tripolar ones do at their seam, are searched triangle by triangle.
+        # Grids that overlap themselves, as tripolar ones do at their fold, are searched triangle by triangle.
         return search(points, triangles, whole, places)
     found = np.asarray(finder(places[:, 1], places[:, 0]), np.int64)
     found = np.where(found >= 0, whole[found], -1)

@@ -73,7 +73,7 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
     for heights in HEIGHTS:
         if heights in file.variables and dim in file.variables[heights].dims:
             return _stated(source, heights, dim)
-    s_depth = _s_levels(source.series, dim, source.notes)
+    s_depth = _s_levels(file, dim, source.notes)
     if s_depth is not None:
         return _following(source, name, dim, s_depth)
     for sigma, variable in file.variables.items():
@@ -85,7 +85,7 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
             return _stated(source, heights, dim)
     axis = depth_axis(file, dim)
     if axis is None:
-        raise source.series.fail(
+        raise file.fail(
             f"{name} has levels along {dim}, but no depths of them: if they are levels, give their depths in "
             f"metres as {dim}({dim}) with positive = down; if not, take one of them out, such as by "
             f"ncks -d {dim},0"
@@ -103,7 +103,7 @@ def _fixed(source: "Source", axis: str, dim: str | None) -> Levels:
                 f"the depth do: say which, such as by ncatted -a units,{axis},c,c,m or by its standard_name"
             )
         source.notes.append(f"{axis} has no units: taken as metres")
-    depths = _downward(source, axis, values * source.series.metres(axis))
+    depths = _downward(source, axis, values * series.metres(axis))
     if (far := float(np.max(np.abs(depths)))) > _DEEPEST:
         raise series.fail(f"depths {axis} reach {far:g} m, where there is no sea: check units")
     steps = np.diff(depths)
@@ -185,7 +185,7 @@ def _following(source: "Source", name: str, dim: str, depths: Callable[[Array, A
 def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
     """Shares of the water's depth, the same everywhere or given for each point; FVCOM, SELFE, POM."""
     series = source.series
-    values = source.series.coordinate(sigma)
+    values = series.coordinate(sigma)
     if series.text(sigma, "positive").lower() == "up" and (values > 0.0).any():
         raise series.fail(
             f"levels {sigma} are positive upward, from the bed: CF's sigma, 0 at the surface and -1 at the "
@@ -214,7 +214,7 @@ def _stated(source: "Source", heights: str, dim: str) -> Levels:
     series = source.series
     positive = series.text(heights, "positive").lower()
     down = positive == "down" or (series.standard_name(heights) == "depth" and not positive)
-    metres = source.series.metres(heights) * (-1.0 if down else 1.0)
+    metres = series.metres(heights) * (-1.0 if down else 1.0)
     alone = source.rise_name is None
     if heights not in HEIGHTS and not down and alone:
         source.notes.append("the surface's height is not given: taken as 0")
@@ -279,14 +279,13 @@ def s_depths(s: Array, curve: Array, critical: float, transform: int, floor: Arr
 
 def _s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Array], Array] | None:
     """Return `s_depths` of levels along a dimension by sea bed and surface; None for other levels."""
-    file = series
-    axis = next((name for name in _AXES if name in file.variables and series.dims(name) == (dim,)), dim)
+    axis = next((name for name in _AXES if name in series.variables and series.dims(name) == (dim,)), dim)
     between = axis in ("s_w", "sc_w")
     coordinates, curves = _CURVES["w" if between else "rho"]
-    own = file.standard_name(axis) if axis in file.variables else ""
+    own = series.standard_name(axis) if axis in series.variables else ""
     if axis not in _AXES and not own.startswith("ocean_s_coordinate"):
         return None
-    count = next(v.sizes[dim] for v in file.variables.values() if dim in v.dims)
+    count = next(v.sizes[dim] for v in series.variables.values() if dim in v.dims)
     s = _parameter(series, (axis, *coordinates), count)
     if s is None:
         steps = np.arange(count) / (count - 1) if between else (np.arange(count) + 0.5) / count

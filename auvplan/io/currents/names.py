@@ -47,7 +47,7 @@ _FLOOR_NAMES = ("sea_floor_depth_below_sea_level", "sea_floor_depth_below_geoid"
 #: Masks of land by name, 1 is water: ROMS, NEMO, MITgcm and MOM6; and by standard name.
 MASKS = ("mask_rho", "tmask", "maskC", "hFacC", "wet")
 MASK_NAMES = ("sea_binary_mask", "land_binary_mask")
-#: Heights of levels above the datum, as SCHISM and SELFE tell them, and shares of the depth.
+#: Heights of levels above the datum, as SCHISM and SELFE give them, and shares of the depth.
 HEIGHTS = ("zcor", "zCoordinates", "zval")
 SIGMAS = ("siglay", "sigma", "siglev")
 
@@ -58,7 +58,7 @@ class Names:
 
     Attributes:
         east, north: names of the components; the same where one variable holds both.
-        both: the dimension that tells the components of one variable apart, or None.
+        both: the dimension along which one variable holds both components, or None.
         along_grid: whether they may follow the grid's axes rather than east and north.
         note: what they are not all of the current of; empty where they are.
     """
@@ -296,7 +296,7 @@ def find_floor(file: File, dims: Sequence[str]) -> str | None:
 
 
 def is_level(file: File, dim: str) -> bool:
-    """Return whether a file tells where levels along a dimension lie."""
+    """Return whether a file defines where levels along a dimension lie."""
     return depth_axis(file, dim) is not None or any(
         dim in variable.dims
         and (name in (*HEIGHTS, *SIGMAS) or file.standard_name(name).startswith("ocean_s"))
@@ -312,7 +312,7 @@ def is_vertical(file: File, name: str) -> bool:
 
 
 def depth_axis(file: File, dim: str) -> str | None:
-    """Return the variable that tells the depths along a dimension, None where there is none."""
+    """Return the variable with the depths along a dimension, None where there is none."""
     found = []
     for name, variable in file.variables.items():
         if variable.dims != (dim,) or variable.dtype.kind not in "iuf":

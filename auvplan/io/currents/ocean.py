@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.currents.files import Array, File, Paths, open_files
+from auvplan.io.currents.files import Array, File, Paths, open_files, text
 from auvplan.io.currents.form import ABOUT, to_form
 from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
 from auvplan.io.currents.levels import at_depth
@@ -224,10 +224,10 @@ class OceanData:
 
         It is NaN on land and beyond the data.
         """
-        weights = self.geometry.locate(longitude, latitude)
-        window = self.geometry.window(weights.index)
         if "deptho" not in self.form:
             return None
+        weights = self.geometry.locate(longitude, latitude)
+        window = self.geometry.window(weights.index)
         (depth,) = mix_gathered(weights.weight, self.field("deptho", slice(0, 1), window)[0][window.index])
         return np.where(weights.outside, np.nan, depth)
 
@@ -453,5 +453,5 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
         "source": ocean.label,
         "comment": "; ".join(ocean.notes),
     }
-    origin = {name: str(value).strip() for name, value in form.attrs.items() if str(name).startswith(ORIGIN)}
+    origin = {name: text(form.attrs, name) for name in form.attrs if str(name).startswith(ORIGIN)}
     return xr.Dataset(current, found, attributes | origin)

@@ -251,8 +251,10 @@ def _read(
         for values in (floor, lowest)
     )
     water = np.asarray(np.isfinite(u[:, 0]).all(axis=0)) & covered
-    told = tuple(dict.fromkeys(notes))
-    return CurrentFile(field, epoch, water, covered, sea_floor, low_water, origin, apart, told, site, source)
+    stated = tuple(dict.fromkeys(notes))
+    return CurrentFile(
+        field, epoch, water, covered, sea_floor, low_water, origin, apart, stated, site, source
+    )
 
 
 def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
@@ -423,12 +425,13 @@ def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Ar
     floor = None if block.floor is None else columns(block.floor[:, None])[0]
     level = columns(block.east), columns(block.north)
     depths = columns(block.depths)
+    rising = None if block.up is None else (columns(block.up), columns(block.depths_up))
     found = np.empty((3, count, len(wanted), len(matrix.indptr) - 1))
     for k, depth in enumerate(wanted):
         pair = at_depth(level, depths, np.full(1, depth), floor)
         found[:2, :, k] = mix(matrix, *(values.reshape(count, points) for values in pair))
         found[2, :, k] = np.nan
-        if block.up is not None:
-            (up,) = at_depth((columns(block.up),), columns(block.depths_up), np.full(1, depth), floor)
+        if rising is not None:
+            (up,) = at_depth(rising[:1], rising[1], np.full(1, depth), floor)
             (found[2, :, k],) = mix(matrix, up.reshape(count, points))
     return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])

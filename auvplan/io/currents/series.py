@@ -14,14 +14,14 @@ from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.currents.triangles import has_cells
 from auvplan.ocean.gridded import CurrentError
 
-#: Coordinates that tell where a component lies; they must agree among files that are put together.
+#: Coordinates that state where a component lies; they must agree among files that are put together.
 _PLACES = ("nav_lon", "nav_lat", "longitude", "latitude", "lon", "lat")
 #: What levels and directions depend on beside the axes; files of a series must agree on it.
 _FIXED = ("h", "hc", "Vtransform", "angle", "mask_rho")
 
 
 def unified(files: Sequence[File]) -> tuple[File, ...]:
-    """Return files each of which tells the whole current of its times.
+    """Return files each of which has the whole current of its times.
 
     Components, grid and levels in files of their own are put together: those of one stretch of time by their
     equal times, those without a time with all. Components on the edges of cells (ROMS, NEMO with its mesh
@@ -39,7 +39,7 @@ def unified(files: Sequence[File]) -> tuple[File, ...]:
 
 
 def _whole(file: File) -> bool:
-    """Return whether a file tells a current and its places."""
+    """Return whether a file has a current and its places."""
     try:
         names = find_current(file)
         dims = [file.variables[name].dims[-2:] for name in (names.east, names.north)]

@@ -100,7 +100,7 @@ class Triangles:
 
     @property
     def coordinates(self) -> Coordinates:
-        """The form's variables that tell the places and, where they are known, the cells."""
+        """The form's variables that define the places and, where they are known, the cells."""
         found: Coordinates = {
             "latitude": (self.dims, self.latitude),
             "longitude": (self.dims, self.longitude),
@@ -248,7 +248,7 @@ def find_triangles(
             return Triangles(longitude, latitude, cells, True), cells.cell_dim, crs
         notes.append("the places of the cells' middles are not given: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
-        # As directions, longitudes on both sides of the date line have a middle.
+        # As directions, longitudes on both sides of the antimeridian have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))
         longitude = np.rad2deg(np.angle(cell_means(cells, turned, everything)))
         latitude = cell_means(cells, cells.latitude, everything)
@@ -267,7 +267,7 @@ def find_triangles(
 
 
 def has_cells(file: File) -> bool:
-    """Return whether a file tells the cells of a mesh, of which nothing is read; errors as `_cells`."""
+    """Return whether a file has the cells of a mesh, of which nothing is read; errors as `_cells`."""
     return (_topology(file) or _by_name(file)) is not None
 
 

@@ -16,7 +16,7 @@ from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
-from auvplan.io.forecasts.servers import OPENERS, Remote
+from auvplan.io.forecasts.servers import OPENERS, Remote, as_file
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
@@ -66,13 +66,13 @@ class _Cut:
         names: of the variables, each once.
         picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
             not named are taken whole.
-        seam: the longitudes, where the part reaches over the seam of a grid round the globe; or None.
+        wrapped: the longitudes, where the part crosses the wrap-around of a grid round the globe; or None.
         notes: what is to be noted of it.
     """
 
     names: tuple[str, ...]
     picks: dict[str, Indices]
-    seam: str | None
+    wrapped: str | None
     notes: tuple[str, ...]
 
 
@@ -109,7 +109,7 @@ def fetch_current(
 
 
 def _origin_of(request: Request, head: File) -> dict[str, str]:
-    """Return the attributes that tell where a current is from."""
+    """Return the attributes that state where a current is from."""
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
@@ -143,10 +143,10 @@ def _fetched(
             parts.append(part)
             done += part.nbytes
         values = np.concatenate(parts) if raw.ndim else parts[0]
-        if name == cut.seam:
+        if name == cut.wrapped:
             values = np.unwrap(values, period=360.0)
         variables[name] = xr.Variable(raw.dims, values, _plain(raw.attrs))
-    return xr.Dataset(variables, attrs=_plain(remote.attributes))
+    return xr.Dataset(variables, attrs=_plain(remote.file.attributes))
 
 
 def _cut_of(file: File, request: Request) -> _Cut:
@@ -191,7 +191,7 @@ def _cut_of(file: File, request: Request) -> _Cut:
 
 
 def _reference_time(file: File) -> str:
-    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set tells; else "".
+    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set states it; else "".
 
     Where it holds several runs, it is the latest one's.
     """
@@ -270,7 +270,7 @@ def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
 
 
 def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
-    """Velocities, the height of the surface, and what tells where and when they are."""
+    """Velocities, the height of the surface, and what states where and when they are."""
     form = ocean.form.variables
     level = form["uo"].encoding["level"]
     wanted = ["uo", "vo", "zos", "deptho", "longitude", "latitude"]
@@ -344,8 +344,7 @@ def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _require_current(data: xr.Dataset, request: Request) -> None:
     """Refuse what cannot be read as a current, or holds none."""
-    decoded = xr.decode_cf(data, decode_times=False, decode_coords=False, decode_timedelta=False)
-    variables = {str(name): variable for name, variable in decoded.variables.items()}
-    ocean = ocean_of((File(request.dataset, variables, decoded.attrs, lambda: None),))
-    if not np.isfinite(variables[str(ocean.source("uo"))].values).any():
+    file = as_file(request.dataset, data)
+    ocean = ocean_of((file,))
+    if not np.isfinite(file.variables[str(ocean.source("uo"))].values).any():
         raise request.fail("the box holds no water at these times: look at --box")

@@ -48,28 +48,31 @@ class Remote:
     Attributes:
         file: its head, decoded but for times, as the readers of currents look at it.
         raw: its variables as the server stores them; their values are not to be read.
-        attributes: of the whole data set.
         read: values of a variable in a range of indices of each of its dimensions, as the server stores them.
     """
 
     file: File
     raw: Mapping[str, xr.Variable]
-    attributes: Mapping[str, Any]
     read: Callable[[str, Mapping[str, slice]], np.ndarray]
 
     @classmethod
-    def of(cls, label: str, dataset: xr.Dataset, read: Callable, attributes: Mapping[str, Any]) -> "Remote":
+    def of(cls, label: str, dataset: xr.Dataset, read: Callable) -> "Remote":
         """Return the remote of an undecoded data set.
 
         Args:
             label: its name for messages.
             dataset: its head.
-            read, attributes: as above.
+            read: as above.
         """
-        decoded = xr.decode_cf(dataset, decode_times=False, decode_coords=False, decode_timedelta=False)
-        variables = {str(name): variable for name, variable in decoded.variables.items()}
         raw = {str(name): variable for name, variable in dataset.variables.items()}
-        return cls(File(label, variables, attributes, lambda: None), raw, attributes, read)
+        return cls(as_file(label, dataset), raw, read)
+
+
+def as_file(label: str, dataset: xr.Dataset) -> File:
+    """Return an undecoded data set as a file, decoded but for times; the label names it in messages."""
+    decoded = xr.decode_cf(dataset, decode_times=False, decode_coords=False, decode_timedelta=False)
+    variables = {str(name): variable for name, variable in decoded.variables.items()}
+    return File(label, variables, decoded.attrs, lambda: None)
 
 
 def open_copernicus(request: Request, timeout: float) -> Remote:
@@ -119,7 +122,7 @@ def open_copernicus(request: Request, timeout: float) -> Remote:
             return np.asarray(dataset.variables[name].isel(picks).values)
 
     with _guarded(request):
-        return Remote.of(request.dataset, dataset, read, dataset.attrs)
+        return Remote.of(request.dataset, dataset, read)
 
 
 @contextmanager
@@ -140,7 +143,7 @@ def _guarded(request: Request) -> Iterator[None]:
 
 def _refused(request: Request, error: Exception) -> ForecastError:
     """Return the line for what the client raised; its exceptions are known by their names."""
-    kind, said = type(error).__name__, " ".join(str(error).split())[:200]
+    kind, said = type(error).__name__, " ".join(str(error).split())[:_LONGEST]
     if "Credentials" in kind or "UsernameOrPassword" in kind:
         return request.fail(
             f"Copernicus Marine refuses the name or the password ({said}): run `copernicusmarine login`"
@@ -164,7 +167,7 @@ def _without_dates(dataset: xr.Dataset) -> xr.Dataset:
             seconds = (variable.values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
             kept = {key: value for key, value in variable.attrs.items() if key not in ("units", "calendar")}
             changed[name] = variable.dims, seconds, kept | _SECONDS
-    plain = dataset.drop_vars([name for name in changed if name in dataset.variables])
+    plain = dataset.drop_vars(list(changed))
     return plain.assign({name: xr.Variable(*parts) for name, parts in changed.items()})
 
 
@@ -222,7 +225,8 @@ def open_erddap(request: Request, timeout: float) -> Remote:
         return cut({name: whole})[name].values
 
     with _answering(request, timeout):
-        return Remote.of(request.dataset, xr.Dataset(head), read, attributes.get("NC_GLOBAL", {}))
+        undecoded = xr.Dataset(head, attrs=attributes.get("NC_GLOBAL", {}))
+        return Remote.of(request.dataset, undecoded, read)
 
 
 def _head(stated: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
@@ -276,7 +280,7 @@ def open_opendap(request: Request, timeout: float) -> Remote:
             return np.asarray(dataset.variables[name].isel(picks).values)
 
     with _quiet(request, timeout):
-        return Remote.of(request.dataset, dataset, read, dataset.attrs)
+        return Remote.of(request.dataset, dataset, read)
 
 
 def _carrier(request: Request, timeout: float) -> Callable[[dict[str, Any], Callable], list[bytes]]:
