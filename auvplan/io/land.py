@@ -15,6 +15,8 @@ from auvplan.errors import ScenarioError, ScenarioWarning, blaming
 from auvplan.io import geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
+from auvplan.ocean.closures import Zone
+from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.settings import ChartSettings
 from auvplan.site import Site
 
@@ -45,6 +47,16 @@ class Land(NamedTuple):
     notes: tuple[str, ...] = ()
     cells: geo.Cells | None = None
 
+    @property
+    def hazards(self) -> tuple[KnownObstacle, ...]:
+        """Obstacles of S-57 cells."""
+        return () if self.cells is None else self.cells.hazards
+
+    @property
+    def closed(self) -> tuple[Zone, ...]:
+        """Closed areas of S-57 cells."""
+        return () if self.cells is None else self.cells.closed
+
 
 def read_land(
     settings: ChartSettings, site: Site | None, box: Corners, home: str, current: "CurrentFile | None"
@@ -56,7 +68,7 @@ def read_land(
         site: where local coordinates count from.
         box: corners of the area, m.
         home: folder that relative paths start from.
-        current: whose files tell where water is, where they are the chart.
+        current: whose files show where water is, where they are the chart.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -68,26 +80,28 @@ def read_land(
         return Land()
     size, notes, cells = settings.pixel_size, (), None
     more, file = beyond(box, size), in_folder(home, settings.file or "")
-    sides: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2]}
+    place: dict[str, Any] = {
+        "lower": box[0][:2],
+        "upper": box[1][:2],
+        "pixel_size": size,
+        "beyond": more,
+    }
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
             coast, chart, notes = _picture(settings, home)
     elif settings.source == "enc":
         assert site is not None
-        names = "pixel_size", "safety_depth", "hazard_radius"
-        told = {name: getattr(settings, name) for name in names} | {
-            "deepest": box[1][2],
-            "beyond": more,
-        }
+        depth, radius = settings.safety_depth, settings.hazard_radius
         with blaming("chart", "file"):
-            cells = geo.read_cells(file, site, **sides, **told)
+            cells = geo.read_cells(
+                file, site, deepest=box[1][2], safety_depth=depth, hazard_radius=radius, **place
+            )
         coast, chart, notes = cells.coast, cells.chart, cells.notes
     elif settings.source == "current":
         assert current is not None
         coast = chart = _water_chart(current, box, size)
     else:
         assert site is not None
-        place: dict[str, Any] = {**sides, "pixel_size": size, "beyond": more}
         with blaming("chart", "file"):
             if settings.source == "raster":
                 colours = settings.colours.given
