@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +22,6 @@ from auvplan.site import Site
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 #: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
 _LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
 #: Pixels of a raster made from a current's file at most.
@@ -195,9 +193,11 @@ def on_land(chart: Chart) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
     """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
+    from auvplan.io.currents.times import seconds_of
+
     pixels = pixels_of(box, size, "chart.pixel_size")
     source, site = current.source, current.site
-    first = (current.epoch - _EPOCH).total_seconds()
+    first = float(seconds_of(current.epoch))
     times = np.asarray(current.field.times, float)
     frames = source.frames(first + times[0], first + times[-1])
     reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
