@@ -30,7 +30,7 @@ from auvplan.site import Site
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
-#: What was read last is kept, so many pieces of it.
+#: The most pieces of files that are kept, those that were read last.
 _KEPT = 12
 
 _Read = TypeVar("_Read")
@@ -231,8 +231,6 @@ class AreaFiles:
         for part in self.PARTS:
             getattr(self, part)
         truth, land = self.truth, self.land
-        hazards = () if land.cells is None else land.cells.hazards
-        closed = () if land.cells is None else land.cells.closed
         return OperatingArea(
             self._closed(),
             self.seabed[0],
@@ -240,11 +238,11 @@ class AreaFiles:
             self.forecast,
             self.tide if truth is None else truth.field,
             self.jobs,
-            (*hazards, *self.obstacles),
+            (*land.hazards, *self.obstacles),
             self.closures,
             self.notes,
             land.coast,
-            (*closed, *(zone for zone in self.no_go if not zone.hours)),
+            (*land.closed, *(zone for zone in self.no_go if not zone.hours)),
         )
 
     def readable(self, part: str) -> Any:
@@ -389,7 +387,7 @@ class AreaFiles:
             assert current is not None
             if current.sea_floor is None:
                 raise ScenarioError(
-                    "'current': the current's files do not tell the depth", field="bathymetry.source"
+                    "'current': the current's files do not give the depth", field="bathymetry.source"
                 )
             size, corner = settings.pixel_size or min(current.spacing) / 2.0, box[0][:2]
             pixels = pixels_of(box, size, "bathymetry.pixel_size")
@@ -406,9 +404,10 @@ class AreaFiles:
         else:
             assert settings.file is not None
             path = self._path(settings.file)
-            told = {name: getattr(settings, name) for name in ("pixel_size", "variable", "positive", "crs")}
+            names = "pixel_size", "variable", "positive", "crs"
+            given = {name: getattr(settings, name) for name in names}
             with blaming("bathymetry", "file"):
-                found = geo.read_bathymetry(path, self._on_earth, **self._sides, **told)
+                found = geo.read_bathymetry(path, self._on_earth, **self._sides, **given)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
                         f"{path}: no pixel of the area lies below the sea surface: say by "

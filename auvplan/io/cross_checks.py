@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError, ScenarioWarning
+from auvplan.io.land import Corners
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
@@ -20,18 +21,17 @@ from auvplan.site import Site, is_place
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
-Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 Mask = NDArray[np.bool_]
 
 #: Places along the longer side of the area at which two sources are compared.
 _PLACES = 240
-#: A coast is known to so many cells of the coarser source.
+#: Accuracy of a coast, in cells of the coarser source.
 _CELLS = 1.5
 #: Shares of the area, and of all land in it, from which on two sources contradict each other.
 _OF_AREA, _OF_LAND = 0.02, 0.1
 #: Turned over, the chart agrees much better if less than this share of the contradiction is left.
 _LEFT = 0.4
-#: Jobs farther off than so many times the area's diagonal are of another place, or in other units.
+#: Jobs farther off than this, in diagonals of the area, are of another place, or in other units.
 _AREAS = 10.0
 
 
@@ -79,7 +79,7 @@ def warn_of_contradictions(
 ) -> None:
     """Compare where chart, sea bed and current have land.
 
-    Places that are nearer to a coast than coarse files can tell count for none.
+    Places nearer to a coast than coarse files resolve are left out.
 
     Args:
         scenario: that names them.
@@ -122,7 +122,7 @@ def _sources(
     seabed: Seabed | None,
     currents: "Sequence[CurrentFile | None]",
 ) -> list[_Land]:
-    """Return what tells of land, each file once; the chart first, then the sea bed."""
+    """Return the sources that show land, each file once; the chart first, then the sea bed."""
     found, source = [], scenario.chart.source
     if chart is not None:
         passability, size = np.asarray(chart.passability), float(chart.pixel_size)

@@ -191,19 +191,20 @@ def _errors(error: AuvplanError, section: str, document: Document) -> list[Findi
 
 def _readable(files: "AreaFiles") -> "tuple[OperatingArea, tuple[Zone, ...]]":
     """Return what could be read, in one, and the closed areas."""
+    from auvplan.io.land import Land
     from auvplan.scenario.area import OperatingArea
 
     seabed, _ = files.readable("seabed") or (None, ())
-    cells = getattr(files.readable("land"), "cells", None)
+    land = files.readable("land") or Land()
     area = OperatingArea(
         chart=files.readable("chart"),
         seabed=seabed,
         site=files.site,
         forecast=files.readable("forecast"),
         jobs=files.readable("jobs"),
-        obstacles=(*(() if cells is None else cells.hazards), *(files.readable("obstacles") or ())),
+        obstacles=(*land.hazards, *(files.readable("obstacles") or ())),
     )
-    return area, (*(() if cells is None else cells.closed), *(files.readable("no_go") or ()))
+    return area, (*land.closed, *(files.readable("no_go") or ()))
 
 
 def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) -> Iterator[Finding]:

@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,13 +14,14 @@ from auvplan.errors import ScenarioError, ScenarioWarning, blaming
 from auvplan.io import geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
+from auvplan.ocean.closures import Zone
+from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.settings import ChartSettings
 from auvplan.site import Site
 
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 #: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
 _LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
 #: Pixels of a raster made from a current's file at most.
@@ -45,6 +45,16 @@ class Land(NamedTuple):
     notes: tuple[str, ...] = ()
     cells: geo.Cells | None = None
 
+    @property
+    def hazards(self) -> tuple[KnownObstacle, ...]:
+        """Obstacles of S-57 cells."""
+        return () if self.cells is None else self.cells.hazards
+
+    @property
+    def closed(self) -> tuple[Zone, ...]:
+        """Closed areas of S-57 cells."""
+        return () if self.cells is None else self.cells.closed
+
 
 def read_land(
     settings: ChartSettings, site: Site | None, box: Corners, home: str, current: "CurrentFile | None"
@@ -56,7 +66,7 @@ def read_land(
         site: where local coordinates count from.
         box: corners of the area, m.
         home: folder that relative paths start from.
-        current: whose files tell where water is, where they are the chart.
+        current: whose files show where water is, where they are the chart.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -68,26 +78,28 @@ def read_land(
         return Land()
     size, notes, cells = settings.pixel_size, (), None
     more, file = beyond(box, size), in_folder(home, settings.file or "")
-    sides: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2]}
+    place: dict[str, Any] = {
+        "lower": box[0][:2],
+        "upper": box[1][:2],
+        "pixel_size": size,
+        "beyond": more,
+    }
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
             coast, chart, notes = _picture(settings, home)
     elif settings.source == "enc":
         assert site is not None
-        names = "pixel_size", "safety_depth", "hazard_radius"
-        told = {name: getattr(settings, name) for name in names} | {
-            "deepest": box[1][2],
-            "beyond": more,
-        }
+        depth, radius = settings.safety_depth, settings.hazard_radius
         with blaming("chart", "file"):
-            cells = geo.read_cells(file, site, **sides, **told)
+            cells = geo.read_cells(
+                file, site, deepest=box[1][2], safety_depth=depth, hazard_radius=radius, **place
+            )
         coast, chart, notes = cells.coast, cells.chart, cells.notes
     elif settings.source == "current":
         assert current is not None
         coast = chart = _water_chart(current, box, size)
     else:
         assert site is not None
-        place: dict[str, Any] = {**sides, "pixel_size": size, "beyond": more}
         with blaming("chart", "file"):
             if settings.source == "raster":
                 colours = settings.colours.given
@@ -181,9 +193,11 @@ def on_land(chart: Chart) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
     """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
+    from auvplan.io.currents.times import seconds_of
+
     pixels = pixels_of(box, size, "chart.pixel_size")
     source, site = current.source, current.site
-    first = (current.epoch - _EPOCH).total_seconds()
+    first = float(seconds_of(current.epoch))
     times = np.asarray(current.field.times, float)
     frames = source.frames(first + times[0], first + times[-1])
     reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0

@@ -201,7 +201,7 @@ class Scenario(Section):
 
 
 def _site(given: dict[str, Any]) -> Site | None:
-    """Return the site of plain data, or any where it is at fault, which its validation tells."""
+    """Return the site of plain data, or any where it is at fault, which its validation reports."""
     try:
         return None if given.get("site") is None else SiteSettings.model_validate(given["site"]).site
     except ValueError:

@@ -92,10 +92,7 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
             else; its `lines` are all that is wrong.
     """
     _refuse_other(path)
-    try:
-        root = json.loads(read_text(path, MAX_BYTES))
-    except (json.JSONDecodeError, RecursionError):
-        raise GeoError(f"{path}: not valid JSON") from None
+    root = _json(path, MAX_BYTES)
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
     _check_crs(path, root.get("crs"))
@@ -326,10 +323,7 @@ def _coordinates(where: str, shape: Element) -> tuple[list[list[float]], bool]:
 
 
 def _plan(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
-    try:
-        root = json.loads(read_text(path, MAX_JOBS_BYTES))
-    except (json.JSONDecodeError, RecursionError):
-        raise GeoError(f"{path}: not valid JSON") from None
+    root = _json(path, MAX_JOBS_BYTES)
     mission = root.get("mission") if isinstance(root, dict) and root.get("fileType") == "Plan" else None
     items = mission.get("items") if isinstance(mission, dict) else None
     if not isinstance(items, list):
@@ -399,6 +393,14 @@ def _short(value: Any) -> str:
 
 def _quoted(name: str) -> str:
     return f" {name[:40]!r}" if name else ""
+
+
+def _json(path: str | Path, limit: int) -> Any:
+    """Return the content of a JSON file of no more than `limit` bytes."""
+    try:
+        return json.loads(read_text(path, limit))
+    except (json.JSONDecodeError, RecursionError):
+        raise GeoError(f"{path}: not valid JSON") from None
 
 
 def _xml(path: Path, kind: str) -> Element:

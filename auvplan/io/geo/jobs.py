@@ -274,29 +274,29 @@ def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
             _check_reading(path, given, rows, site)
     local = axes[0] == "north"
     found: list[Feature] = []
-    vertices: dict[str, list[list[float]]] = {}
-    shared: dict[str, dict[str, Any]] = {}
+    lines: dict[str, Feature] = {}
     broken: set[str] = set()
     last = ""
     for where, row in rows:
         line, before, sound = row.pop("line", ""), last, faults.count
         last, place = line, []
+        goes_on = line in lines and line != before
+        if line and line not in lines:
+            of, number = f"{path}: line {line!r}", len(found) + 1
+            lines[line] = Feature(of, number, "LineString", [], {"name": line}, local)
+            found.append(lines[line])
         faults.places += 1
         numbers = _numbers(where, row, faults) if line else {}
         depth = numbers.pop("depth", None)
         with faults.kept():
             place = _place(where, row, axes)
-            if line in vertices and line != before:
+            if goes_on:
                 raise GeoError(f"{where}: line {line!r} goes on after other rows")
             if line:
                 hours = {name: row[name] for name in _HOURS if name in row}
-                _agree(where, line, shared.setdefault(line, {"name": line}), numbers | hours)
+                _agree(where, line, lines[line].properties, numbers | hours)
         if line:
-            if line not in vertices:
-                of, vertices[line] = f"{path}: line {line!r}", []
-                known = shared.setdefault(line, {"name": line})
-                found.append(Feature(of, len(found) + 1, "LineString", vertices[line], known, local))
-            vertices[line].append(place + ([] if depth is None else [-depth]))
+            lines[line].coordinates.append(place + ([] if depth is None else [-depth]))
             if faults.count > sound:
                 broken.add(line)
         elif place:
@@ -451,7 +451,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     Args:
         where: the file, as messages name it.
         given: names in the file, in lower case.
-        known: names that mean something, each to what it tells.
+        known: names that mean something, each with its meaning.
 
     Returns:
         By name, what to warn of: it is another word for something that is not given, or asks for what jobs do
@@ -471,12 +471,12 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
         raise GeoError(*slips)
     doubts = {}
     for name in names:
+        if name in known:
+            continue
         plain = _plain(name)
         meant = next(
             (kind for kind, words in _OTHER_WORDS.items() if plain in words.split() and kind in known), None
         )
-        if name in known:
-            continue
         if meant and meant not in stated:
             doubts[name] = f"{where}: {name!r} is ignored: did you mean {meant!r}{_in_words(meant)}?"
         elif plain in _UNHEEDED.split():

@@ -25,7 +25,7 @@ _AROUND = 360.0 - 1e-6
 _TOGETHER = 256
 _STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
 _SHAPEFILE = b"\0\0\x27\x0a"
-# An edge of a projection in pieces of so many metres is straight in degrees too.
+# m, the longest piece of a projection's edge that is straight in degrees too.
 _PIECE = 1000.0
 #: Parts of a Shapefile in an archive.
 _BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qix", ".qmd", ".xml", ".txt", ".md", ".html")
@@ -196,7 +196,7 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
     Rings that cross the antimeridian have longitudes beyond 180 or -180 degrees, but for those of WGS 84.
 
     Raises:
-        GeoError: one line; the file cannot be read, tells no reference system, has no polygons, several
+        GeoError: one line; the file cannot be read, has no reference system, has no polygons, several
             layers of them, something else among them, or one lies off the Earth.
     """
     try:
@@ -308,8 +308,8 @@ def _source(path: Path) -> str:
     """Return what GDAL is to open: the file, or the one in a zip archive.
 
     Raises:
-        GeoError: the file, or one in the archive, is not of the format that its name tells: GDAL takes it for
-            others, some of which name files and servers that it then reads; or the archive holds several.
+        GeoError: the file, or one in the archive, is not of the format that its name states: GDAL takes it
+            for others, some of which name files and servers that it then reads; or the archive holds several.
     """
     starts: list[tuple[str, bytes]] = []
     zipped = False

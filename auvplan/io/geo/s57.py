@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning, reason_of
-from auvplan.io.geo.charts import Zone
 from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.features import MAX_BYTES, Feature
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Zone
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.formatting import counted
 from auvplan.site import Site, swapped_hint
