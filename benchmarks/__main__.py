@@ -48,13 +48,13 @@ def main() -> None:
         planned = plans.rows(screen, progress, 2 if quick else plans.SEEDS)
         screen.print(table(plans.TITLE, planned, plans.COLUMNS))
         compared = against_references(screen, progress, quick)
-        anew = path_replans.rows(4 if quick else path_replans.SITUATIONS, progress)
-        screen.print(table(path_replans.TITLE, anew, path_replans.COLUMNS))
+        replans = path_replans.rows(4 if quick else path_replans.SITUATIONS, progress)
+        screen.print(table(path_replans.TITLE, replans, path_replans.COLUMNS))
         arrivals = path_arrivals.rows()
         screen.print(table(path_arrivals.TITLE, arrivals, path_arrivals.COLUMNS, names=2))
         walked = path_walks.watched(200 if quick else path_walks.COUNT, progress)
         screen.print(path_walks.said(walked))
-    parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew, "arrivals": arrivals}
+    parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans, "arrivals": arrivals}
     write(options.out, {"quick": quick, **parts, "walks": asdict(walked)})
 
 

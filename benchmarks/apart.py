@@ -26,7 +26,7 @@ def within(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0)
 
 
-def told_apart(
+def run_apart(
     work: Callable[..., None],
     given: tuple[Any, ...],
     numbers: Sequence[int],
@@ -61,18 +61,18 @@ def told_apart(
                 fault = f"no answer in {patience:.0f} s"
                 continue
             try:
-                told = ours.recv()
+                message = ours.recv()
             except EOFError:
                 process.join()
                 fault = f"the process died ({process.exitcode})"
                 continue
-            if told is None:
+            if message is None:
                 numbers = []
-            elif len(told) == 2:
-                begun = told
+            elif len(message) == 2:
+                begun = message
             else:
                 begun, died, numbers = None, None, numbers[1:]
-                yield told
+                yield message
         process.kill()
         process.join()
         if fault and begun is None:

@@ -156,14 +156,13 @@ def pycma(seed: int, number: int, given: Instance, dim: int) -> float:
     return best
 
 
-def searches(dim: int) -> dict[str, Search]:
-    """The compared searches by name, pycma's aside."""
-    return {
-        "BBO": ours(bbo.BBOConfig(iterations=EVALUATIONS * dim // 100 - 1), dim),
-        "evosax DE": evosax("DifferentialEvolution", 50, dim),
-        "evosax PSO": evosax("PSO", 50, dim),
-        "evosax CMA-ES": evosax("CMA_ES", 4 + int(3 * np.log(dim)), dim),
-    }
+#: The compared searches by name, for a dimension each; pycma's aside.
+SEARCHES: dict[str, Callable[[int], Search]] = {
+    "BBO": lambda dim: ours(bbo.BBOConfig(iterations=EVALUATIONS * dim // 100 - 1), dim),
+    "evosax DE": lambda dim: evosax("DifferentialEvolution", 50, dim),
+    "evosax PSO": lambda dim: evosax("PSO", 50, dim),
+    "evosax CMA-ES": lambda dim: evosax("CMA_ES", 4 + int(3 * np.log(dim)), dim),
+}
 
 
 def measured(name: str, dim: int, seeds: tuple[int, ...]) -> np.ndarray:
@@ -174,7 +173,7 @@ def measured(name: str, dim: int, seeds: tuple[int, ...]) -> np.ndarray:
     else:
         stacked = jax.tree.map(lambda *rows: jnp.stack(rows), *given)
         keys = jax.vmap(jax.random.key)(jnp.asarray(seeds))
-        batched = jax.jit(jax.vmap(searches(dim)[name], in_axes=(0, None, 0)))
+        batched = jax.jit(jax.vmap(SEARCHES[name](dim), in_axes=(0, None, 0)))
         cost = [batched(keys, jnp.int32(f), stacked) for f in range(24)]
     return np.maximum(np.log10(np.maximum(np.asarray(cost), 1e-300)), FLOOR)
 
@@ -201,7 +200,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bbob", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--dims", type=int, nargs="+", default=DIMENSIONS)
-    parser.add_argument("--only", nargs="+", default=[*searches(2), "pycma"], help="names of searches")
+    parser.add_argument("--only", nargs="+", default=[*SEARCHES, "pycma"], help="names of searches")
     parser.add_argument("--out", type=Path, help="JSON file of all medians")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)

@@ -42,13 +42,17 @@ class Box:
         north, east = self.half
         return {"lower": (-north, -east), "upper": (north, east)}
 
+    @property
+    def local(self) -> Proj:
+        """Degrees to m east and north of the site."""
+        return Proj(proj="aeqd", lon_0=self.site.longitude, lat_0=self.site.latitude, datum="WGS84")
+
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
         """Longitude and latitude [nx, ny] of the pixels' centres, by PROJ."""
         counts = [int(np.ceil(2 * side / self.pixel - 1e-6)) for side in self.half]
         axes = [-side + (np.arange(n) + 0.5) * self.pixel for side, n in zip(self.half, counts, strict=True)]
         north, east = np.meshgrid(*axes, indexing="ij")
-        local = Proj(proj="aeqd", lon_0=self.site.longitude, lat_0=self.site.latitude, datum="WGS84")
-        return local(east, north, inverse=True)
+        return self.local(east, north, inverse=True)
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,7 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
         lon, lat, z = raw.values(names[1]), raw.values(names[2], dims), _height(raw, names[0], dims)
         if mask is not None and raw.find(mask) is not None:
             z = np.where(raw.values(mask, dims) == 0, np.nan, z)
-    local = Proj(proj="aeqd", lon_0=box.site.longitude, lat_0=box.site.latitude, datum="WGS84")
+    local = box.local
     if not np.isfinite(lon + lat).all():
         raise ValueError("places are missing")
     x, y = local(lon, lat)
@@ -200,7 +204,7 @@ def rasterized(path: Path, box: Box) -> np.ndarray:
         meta, _, wkb, _ = pyogrio.raw.read(path)
         turn = Transformer.from_crs(meta["crs"], 4326, always_xy=True)
         shapes = shapely.transform(shapely.from_wkb(wkb), lambda p: np.stack(turn.transform(*p.T), axis=1))
-    local = Proj(proj="aeqd", lon_0=box.site.longitude, lat_0=box.site.latitude, datum="WGS84")
+    local = box.local
     window = shapely.box(
         box.site.longitude - 3, box.site.latitude - 3, box.site.longitude + 3, box.site.latitude + 3
     )

@@ -37,7 +37,7 @@ from rich.progress import Progress
 
 import auvplan
 from auvplan.errors import AuvplanError
-from benchmarks.apart import Late, told_apart, within
+from benchmarks.apart import Late, run_apart, within
 from benchmarks.fuzz_changes import change
 from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
 from benchmarks.machine import arguments, bars, console, table, write
@@ -135,7 +135,7 @@ def _own_folders() -> tuple[str, ...]:
 
 
 class Tripwire:
-    """Tells of files of a folder that were opened, by libraries in C too; of none but on Linux."""
+    """Lists files of a folder that were opened, by libraries in C too; none but on Linux."""
 
     _OPENED = 0x20
 
@@ -235,7 +235,7 @@ def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire)
 
 
 def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection) -> None:
-    """Make and read cases, and tell of each before and after; runs in a process of its own."""
+    """Make and read cases, and report each before and after; runs in a process of its own."""
     os.environ["AUVPLAN_CACHE"] = "off"
     warnings.simplefilter("ignore")
     watch, wire = Watch(), Tripwire(cases.outside)
@@ -293,7 +293,7 @@ def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, kee
 def fuzz(
     cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, first: int = 0
 ) -> dict[str, Any]:
-    """Read cases of a reader, for so long or so many; return what became of them."""
+    """Read cases of a reader until the time is up or `most` are read; return what became of them."""
     outcomes, failures, memory = Counter(), [], 0.0
     end, whole = time.monotonic() + 60.0 * minutes, 60.0 * minutes
     task, place = bar.add_task(cases.name, total=whole), cases.folder / "case"
@@ -302,9 +302,7 @@ def fuzz(
     def left() -> float:
         return end - time.monotonic()
 
-    for number, said, found, *grown in told_apart(
-        work, given, numbers, "spawn", PATIENCE, lambda: left() > 0
-    ):
+    for number, said, found, *grown in run_apart(work, given, numbers, "spawn", PATIENCE, lambda: left() > 0):
         if not grown:
             with contextlib.suppress(OSError):
                 keep_case(cases, number, said, found, place, keep)

@@ -61,7 +61,7 @@ class Compiled(logging.Handler):
 
 
 def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
-    """Simulate so many missions; return what was seen every so often: memory in MiB, programs, open files."""
+    """Simulate missions; return a row every `EVERY` of them: memory in MiB, programs, open files."""
     rows, late = [], 0
     with tempfile.TemporaryDirectory() as name:
         missions = execute_missions(scenario(sea, Path(name)), seeds=range(count), together=TOGETHER)

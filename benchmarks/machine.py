@@ -152,7 +152,7 @@ def table(
     Args:
         title: above it.
         columns: heading to a format of a row's entries, such as "{gap:.2%}"; "-" where an entry is None.
-        names: so many of the first columns are names, to the left; the first is written once.
+        names: number of first columns that are names, to the left; repeats in the first are left blank.
         options: of all columns, as rich has them.
     """
     made, last = Table(title=title), None

@@ -25,7 +25,7 @@ import xarray as xr
 
 from auvplan.errors import AuvplanError
 from auvplan.io.currents import open_ocean
-from benchmarks.apart import told_apart, within
+from benchmarks.apart import run_apart, within
 from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table, Unreadable
@@ -251,7 +251,7 @@ def text(path: Path, rng: Rng) -> Change:
 
 
 def _swap(position: list[float], east: float = 0.0) -> None:
-    """Swap the axes of a position, or move it so many degrees to the east."""
+    """Swap the axes of a position, or move it by some degrees to the east."""
     position[:2] = position[1::-1] if not east else [position[0] + east, position[1]]
 
 
@@ -414,7 +414,7 @@ def outcome(work: Callable[[], str]) -> str:
 
 
 def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> None:
-    """Make copies and tell what became of each; runs in a process of its own."""
+    """Make copies and report what became of each; runs in a process of its own."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as name:
@@ -474,7 +474,7 @@ def main() -> None:
         if options.only and options.only not in case.name:
             continue
         begin, found, failures = time.perf_counter(), Counter(), []
-        for number, change, became in told_apart(copies_of, (case,), range(options.copies), "fork"):
+        for number, change, became in run_apart(copies_of, (case,), range(options.copies), "fork"):
             fault = not became.startswith(("refused", "right"))
             found["failed" if fault else became.split(":")[0]] += 1
             failures += [f"{change}: {became}"] * fault

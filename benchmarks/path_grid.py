@@ -44,7 +44,7 @@ _PLANE_SLOWER, _DEEP_SLOWER = 0.04, 0.06
 #: One node in so many to each side stands for the passages through its neighbours.
 _THINNED = 2
 
-#: Cross-sections in which ways are told apart, shares of the leg; cells by which they differ in the mean.
+#: Cross-sections in which ways are distinguished, shares of the leg; cells by which they differ in the mean.
 _SECTIONS, _APART = (0.15, 0.3, 0.5, 0.7, 0.85), 1.5
 
 _REACH = range(-5, 6)

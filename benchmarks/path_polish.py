@@ -223,7 +223,7 @@ def _cost(
 
 
 def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.Array:
-    """m, bilinear, as `World.coast_distance`."""
+    """m, bilinear, as `path_ruler.Raster.at`."""
     raster, origin, pixel, _ = coast
     north, east = raster.shape
     i = jnp.clip((x - origin[0]) / pixel - 0.5, 0.0, north - 1.0)

@@ -23,7 +23,7 @@ from benchmarks.machine import arguments, bars, clock, console, table, write
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
-#: What a window gets, so many times: the budget of the plan that all others are held against.
+#: The plan that all others are compared with has the budget of this number of windows.
 TIMES = 10
 #: m, standard deviation of the error with which an obstacle was known before.
 SHIFT = 40.0
@@ -95,7 +95,7 @@ def warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPlan
 
 
 def cold(situation: Situation, key: jax.Array, times: int, **changes: object) -> ap.PathPlan:
-    """Plan as if for the first time, with so many times a window's budget."""
+    """Plan as if for the first time, with a multiple of a window's budget."""
     problem = situation.problem
     window = ap.PathConfig(**problem.changes).replace(**changes).window()
     bbo = window.bbo.replace(iterations=times * window.bbo.iterations)
@@ -124,8 +124,8 @@ def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
     times, seconds = np.full((2, len(WAYS), len(all_)), np.nan)
     first, compiled = np.zeros(len(WAYS)), set()
     for k, situation in enumerate(progress.track(all_, description="re-plans")):
-        for way, (name, plan_anew) in enumerate(WAYS.items()):
-            call = partial(plan_anew, situation, jax.random.key(1000 + k))
+        for way, (name, replan) in enumerate(WAYS.items()):
+            call = partial(replan, situation, jax.random.key(1000 + k))
             if (name, situation.problem.family) not in compiled:
                 compiled.add((name, situation.problem.family))
                 first[way] += clock(call)[0]

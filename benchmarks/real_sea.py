@@ -7,6 +7,7 @@ Whitsunday Islands in a synthetic tide over a synthetic sea bed, checks it and w
 ../shared; what is read of files of currents is compared by `benchmarks.files`.
 """
 
+import argparse
 import json
 import tempfile
 import time
@@ -88,6 +89,7 @@ def _southernmost(job: dict) -> float:
 
 def main() -> None:
     """Print all lines."""
+    argparse.ArgumentParser(description="Real data in, vehicle files out.").parse_args()
     if not DATA.is_dir():
         raise SystemExit(f"{DATA}: no such folder")
     print(fjord(), flush=True)

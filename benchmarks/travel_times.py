@@ -6,7 +6,7 @@ default, some 300 legs) and prints, for d / |v| of Eq. 13 and for each level of 
 without the task. Estimates are made as in a mission: from the forecast as the leg is planned.
 """
 
-import sys
+import argparse
 from typing import NamedTuple
 from unittest.mock import patch
 
@@ -77,7 +77,9 @@ def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.
 
 def main() -> None:
     """Print the table."""
-    scenario, count = ap.load_scenario("whitsunday"), int(sys.argv[1]) if len(sys.argv) > 1 else 16
+    parser = argparse.ArgumentParser(description="Travel times of edges against paths.")
+    parser.add_argument("missions", nargs="?", type=int, default=16)
+    scenario, count = ap.load_scenario("whitsunday"), parser.parse_args().missions
     legs = executed_legs(count)
     records, starts, goals, departs, stated, t_plan = zip(*legs, strict=True)
     starts, goals, planned = np.stack(starts), np.stack(goals), np.asarray(t_plan)

@@ -7,6 +7,7 @@ on both sides. Dynamic programming over distance and depth alone shares no code 
 import numpy as np
 from numba import njit
 
+from auvplan.ocean.currents import is_steady
 from benchmarks.path_grid import levels_through, limits_of
 from benchmarks.path_polish import Polished
 from benchmarks.path_problems import PathProblem
@@ -32,6 +33,8 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     tidal = problem.environment.current
     factor = tidal.factor if isinstance(tidal, TidalCurrent) else np.ones_like
     current = without_tide(tidal)
+    if not is_steady(current) or len(world.spheres):
+        return None
     arc = length / _STATIONS * np.arange(-_BEYOND, _STATIONS + _BEYOND + 1)
     speed, _, _, upright_max = limits_of(problem)
     a, z = np.meshgrid(arc, np.linspace(world.low[2], world.high[2], _LEVELS), indexing="ij")
@@ -46,8 +49,7 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
         tables.append((u * along[0] + v * along[1]).reshape(a.shape))
     apart = max(np.abs(table - tables[0]).max() for table in tables)
     uneven = max(np.abs(bed - beds[0]).max() for bed in beds)
-    steady = getattr(current, "steady", False)
-    if not steady or len(world.spheres) or apart > _ALIKE * speed or uneven > 0.1:
+    if apart > _ALIKE * speed or uneven > 0.1:
         return None
     moments = np.linspace(0.0, 30.0 * length / speed, 6001)
     levels, (last, first) = levels_through(world, _LEVELS, (goal[2], start[2]))

@@ -6,7 +6,7 @@ order of two arguments; or it leaves out a guard, a call or a change of state. I
 repository, and runs the tests that go with the file there. A mutant that they pass survives, and is listed.
 ``--list`` prints all mutants that can be drawn, and runs nothing.
 
-Why a survivor may live is told by `REASONS`, which `tools/reliability.py` prints beside it.
+`REASONS` states why a survivor may live, which `tools/reliability.py` prints beside it.
 """
 
 import argparse

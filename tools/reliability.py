@@ -68,7 +68,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "independent": ("benchmarks.waters", "benchmarks.path_arrivals"),
         "peer": ("benchmarks.plans", "benchmarks.paths"),
     },
-    "Plans anew on the way": {
+    "Re-plans under way": {
         "tests": ("tests/path/test_reuse.py", "tests/path/test_outlook.py"),
         "independent": ("benchmarks.path_replans",),
         "fault": ("tests/faults/test_machine.py", "benchmarks.faults"),

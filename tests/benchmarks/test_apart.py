@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from benchmarks.apart import Late, told_apart, within
+from benchmarks.apart import Late, run_apart, within
 
 
 def work(folder, numbers, pipe):
@@ -19,13 +19,13 @@ def work(folder, numbers, pipe):
 
 
 def test_a_case_that_kills_its_process_is_begun_once_more(tmp_path):
-    found = [(number, became) for number, _, became in told_apart(work, (tmp_path,), range(5), "fork")]
+    found = [(number, became) for number, _, became in run_apart(work, (tmp_path,), range(5), "fork")]
     assert found == [(0, "right"), (1, "right"), (2, "right"), (3, "the process died (7)"), (4, "right")]
 
 
 def test_no_more_cases_are_begun_when_it_is_enough(tmp_path):
     seen = []
-    for number, *_ in told_apart(work, (tmp_path,), range(5), "fork", more=lambda: len(seen) < 2):
+    for number, *_ in run_apart(work, (tmp_path,), range(5), "fork", more=lambda: len(seen) < 2):
         seen.append(number)
     assert seen == [0, 1]
 
