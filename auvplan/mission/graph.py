@@ -422,6 +422,15 @@ def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list
     return way[::-1]
 
 
+def shortest_times(leg_times: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Shortest time from each waypoint to each other one, [N, N] s, infinite where it is out of reach.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+    """
+    return scipy.sparse.csgraph.shortest_path(_sparse(leg_times))
+
+
 def _sparse(leg_times: NDArray[np.floating]) -> scipy.sparse.csr_array:
     """[N, N] leg times with entries for the finite ones alone, those of no time among them."""
     edges = np.nonzero(np.isfinite(leg_times))

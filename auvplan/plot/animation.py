@@ -21,7 +21,7 @@ from PIL import Image
 from auvplan.errors import AuvplanError
 from auvplan.plot import style
 from auvplan.plot.maps import Map
-from auvplan.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.site import at_time
@@ -111,9 +111,9 @@ def _writer(path: Path) -> Callable[[Iterator[Frame], "_Film", Path, int], None]
 
 @dataclass(frozen=True)
 class _Shown:
-    """A plan and how long it is followed: `places` [S, 3] m, from `begin` to `end`, s."""
+    """A plan and how long it is followed: `line` [S, 2] in the axes' unit, from `begin` to `end`, s."""
 
-    places: style.Array
+    line: style.Array
     begin: float
     end: float
     kept: bool
@@ -147,7 +147,7 @@ class _Film:
         self._canvas = FigureCanvasAgg(self._figure)
         self._axes = axes = self._figure.subplots()
         self._pen = pen = Map(axes, low, high)
-        self._track, self._plans = pen.flat(track), _plans(run)
+        self._track, self._plans = pen.flat(track), _plans(run, pen)
         axes.tick_params(labelsize=7)
         axes.set_xlabel(axes.get_xlabel(), fontsize=8)
         axes.set_ylabel(axes.get_ylabel(), fontsize=8)
@@ -255,7 +255,7 @@ class _Film:
         drawn.append(parts["track"])
         current = [plan for plan in self._plans if plan.begin <= time < plan.end]
         if current:
-            parts["plan"].set_data(*self._pen.flat(current[-1].places).T)
+            parts["plan"].set_data(*current[-1].line.T)
             drawn.append(parts["plan"])
         drawn.append(parts["stops"])
         if self._range:
@@ -268,7 +268,7 @@ class _Film:
         ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
         shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
         past = self.moving["past"]
-        past.set_segments([self._pen.flat(plan.places) for plan, _ in shown])
+        past.set_segments([plan.line for plan, _ in shown])
         past.set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
         return past
 
@@ -353,15 +353,18 @@ class _Film:
         return found + (style.obstacle_patches(kinds, "") if self._run.simulated else [])
 
 
-def _plans(run: MissionRun) -> list[_Shown]:
+def _plans(run: MissionRun, pen: Map) -> list[_Shown]:
     """Return all plans that were followed or refused, by time."""
+
+    def shown(plan: PlanRecord, begin: float, end: float, kept: bool = False) -> _Shown:
+        return _Shown(pen.flat(plan.positions), begin, end, kept)
+
     refused = [leg.plans[-1] for leg in refused_legs(run)]
-    found = [_Shown(plan.positions, plan.made_at, plan.made_at, False) for plan in refused]
+    found = [shown(plan, plan.made_at, plan.made_at) for plan in refused]
     for leg in executed_legs(run):
         plans, ends = leg.followed_plans, float(leg.times[-1])
-        for plan, later in pairwise(plans):
-            found.append(_Shown(plan.positions, plan.made_at, later.made_at, False))
-        found += [_Shown(last.positions, min(last.made_at, ends), ends, True) for last in plans[-1:]]
+        found += [shown(plan, plan.made_at, later.made_at) for plan, later in pairwise(plans)]
+        found += [shown(last, min(last.made_at, ends), ends, True) for last in plans[-1:]]
     return sorted(found, key=lambda plan: plan.begin)
 
 

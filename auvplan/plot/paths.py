@@ -197,7 +197,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         "re-planned": {"lw": 2.8, "zorder": 5},
         "given up at the next re-plan": {"ls": ":", "lw": 1.2, "zorder": 3},
     }
-    first, anew, left = (
+    first, followed, dropped = (
         kind | {"color": "black", "path_effects": style.halo(kind["lw"] + 1.4)} for kind in lines.values()
     )
     for number, plan in enumerate(plans):
@@ -205,8 +205,8 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
             pen.line(plan.positions, **first)
             continue
         executed, given_up = until_next(plans, number)
-        pen.line(given_up, **left)
-        pen.line(executed, **anew)
+        pen.line(given_up, **dropped)
+        pen.line(executed, **followed)
         pen.dots(plan.positions[0], **(style.VEHICLE | {"zorder": 7}))
     pen.dots(plans[0].positions[0], **(style.START | {"zorder": 6}))
     pen.dots(plans[0].positions[-1], **(style.GOAL | {"zorder": 6}))

@@ -26,7 +26,7 @@ from auvplan.view.scene import (
 
 #: Obstacles farther than this many times the frame's edge are left out.
 _FAR = 0.6
-#: Height of the box beside its horizontal edges; depths are drawn at most so many times as large.
+#: Height of the box beside its horizontal edges, and greatest vertical exaggeration.
 _HEIGHT, _STRETCH = 0.5, 3.0
 #: Points along each edge of a layer of current: of its colours and of its arrows. Height of its box.
 _FINE, _ARROWS, _LAYERS_HEIGHT = 50, 8, 0.75
@@ -48,7 +48,7 @@ class Space:
         self.axes.plot(positions[:, 1] / self.metres, positions[:, 0] / self.metres, positions[:, 2], **kind)
 
     def sphere(self, centre: Array, radius: float, kind: str, parts: int, **more: Any) -> None:
-        """Draw an obstacle, of so many parts from the top to the bottom."""
+        """Draw an obstacle of a kind, in `parts` bands from the top to the bottom."""
         around, up = np.meshgrid(
             np.linspace(0.0, 2.0 * np.pi, 2 * parts + 1), np.linspace(0.0, np.pi, parts + 1)
         )

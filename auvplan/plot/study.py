@@ -22,6 +22,7 @@ from auvplan.study.statistics import (
     leg_times,
     over_finite,
     planning_time,
+    positive,
     relative_errors,
     sweep_dims,
     use_of_time,
@@ -160,9 +161,9 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     Args:
         dataset: without a sweep, missions in order of seed.
     """
-    calls = _positive(dataset["plan_cpu"].values)
+    calls = positive(dataset["plan_cpu"].values)
     low, middle, high = call_times(dataset)
-    whole = _positive(planning_time(dataset))
+    whole = positive(planning_time(dataset))
     place = np.arange(len(whole))
     figure = style.new_figure(11.0, 5.4)
     axes = figure.subplots()
@@ -402,8 +403,3 @@ def _seconds(value: float, _: Any) -> str:
 def _mark_size(count: int) -> float:
     """Size of the marks of `count` missions side by side, points."""
     return float(np.clip(400.0 / count, 1.8, 6.0))
-
-
-def _positive(values: Array) -> Array:
-    """Return what has a place on a logarithmic scale; the rest is NaN."""
-    return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)

@@ -41,16 +41,15 @@ def map_data(
         chart, seabed: or None.
         site: or None; with one, the corners' longitude and latitude are given.
     """
-    # South-west, south-east, north-west and north-east, degrees.
-    corners = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
+    # South-west, south-east, north-west and north-east.
+    north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
+    corners = None if site is None else np.stack(site.to_geographic(north, east), axis=1).tolist()
     return {
         "low": low,
         "high": high,
         "chart": None if chart is None else _picture(chart, low, high),
         "depths": None if seabed is None else _depths(seabed, low, high),
-        "corners": None
-        if site is None
-        else np.stack(site.to_geographic(*np.stack(corners)), axis=1).tolist(),
+        "corners": corners,
     }
 
 

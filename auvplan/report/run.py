@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import shortest_path
 
+from auvplan.mission.graph import shortest_times
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
@@ -287,8 +286,7 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
     route, priority = run.route, np.asarray(run.graph.priority, float)
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = times - np.asarray(run.graph.duration)
-    edges = np.nonzero(np.isfinite(travel))
-    ways = shortest_path(csr_array((travel[edges], edges), shape=travel.shape))
+    ways = shortest_times(travel)
     rows = []
     for node in sorted(set(range(len(travel))) - set(route)):
         detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]

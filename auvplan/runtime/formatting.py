@@ -26,7 +26,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def figure(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, all of those before the point, never with an exponent.
+    """Return a number to some significant digits, all of those before the point, never with an exponent.
 
     Example:
         >>> figure(12345.678), figure(0.012345), figure(98.0), figure(0.0)
@@ -77,7 +77,7 @@ def plain(text: str) -> str:
 
 
 class ReprMixin:
-    """A result that tells what matters of it; subclasses say what that is in `_repr_items`."""
+    """A result that is shown by what matters of it; subclasses say what that is in `_repr_items`."""
 
     def _repr_items(self) -> dict[str, str]:
         """Words for each figure, with its unit; the first one is how it ended."""

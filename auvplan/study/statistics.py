@@ -49,6 +49,11 @@ def over_finite(values: Array, reduce: Callable[..., Array]) -> Array:
     return reduced
 
 
+def positive(values: Array) -> Array:
+    """Return the finite values above zero; the rest is NaN."""
+    return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
+
+
 def mean_interval(values: Array) -> tuple[Array, Array, Array]:
     """Mean and its 95 % interval by Student's t, along the last axis; NaN ends where one value is alone."""
     values = np.where(np.isfinite(values), values, np.nan)
@@ -110,8 +115,7 @@ def planning_time(dataset: xr.Dataset) -> Array:
 
 def call_times(dataset: xr.Dataset) -> tuple[Array, Array, Array]:
     """Return 5 %, median and 95 % of the time of each mission's path planning calls, [..., missions] s."""
-    calls = dataset["plan_cpu"].values
-    calls = np.where(np.isfinite(calls) & (calls > 0.0), calls, np.nan)
+    calls = positive(dataset["plan_cpu"].values)
     low, middle, high = (over_finite(calls, partial(np.nanquantile, q=q)) for q in (0.05, 0.5, 0.95))
     return low, middle, high
 

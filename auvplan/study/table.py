@@ -231,7 +231,7 @@ def without_clocks(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def flag_names(variable: xr.DataArray) -> list[str]:
-    """Return the names of a row of flags; empty ones where the file does not tell."""
+    """Return the names of a row of flags; empty ones where the file does not define them."""
     meanings = str(variable.attrs.get("flag_meanings", "")).split()
     names = dict(zip(np.atleast_1d(variable.attrs.get("flag_values", [])).tolist(), meanings, strict=False))
     return [names.get(int(code), "") for code in variable.values]

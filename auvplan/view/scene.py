@@ -69,7 +69,7 @@ def refused_legs(run: MissionRun) -> list[LegRecord]:
 
 
 def busiest_leg(run: MissionRun) -> LegRecord | None:
-    """Return the leg that tells most: of most re-plans, then the one that passed an obstacle most closely.
+    """Return the leg of most re-plans, and of these the one that passed an obstacle most closely.
 
     An executed one where there is any. None without plans.
     """

@@ -12,10 +12,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import shortest_path
 
-from auvplan.mission.graph import shortest_way, time_to_go
+from auvplan.mission.graph import shortest_times, shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
@@ -430,9 +428,7 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     if with_it is None:
         return "no open way leads there: the current, the coast or the sea bed closes every leg"
     if not np.isfinite(with_it.ends[-1]):
-        edges = np.nonzero(np.isfinite(times))
-        ways = shortest_path(csr_array((times[edges], edges), shape=times.shape))
-        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], ways)):
+        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], shortest_times(times))):
             return why
         words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
         return f"its window is {words}: from no place of the route on are it and the other tasks in theirs"

@@ -18,6 +18,10 @@ report.unpack = function (array) {
   return values;
 };
 
+/** An object with its arrays of these names unpacked, null where it has none; nothing of nothing. */
+report.unpacked = (one, ...names) =>
+  one && { ...one, ...Object.fromEntries(names.map((name) => [name, report.unpack(one[name])])) };
+
 report.isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
 /** A number with so many decimals; a dash where there is none. */
@@ -210,7 +214,7 @@ report.table = function (caption, columns, rows, options = {}) {
   );
 };
 
-/** A column of numbers: of a field or a function of a row, with so many decimals. */
+/** A column of numbers: of a field or a function of a row, to some decimals. */
 report.number = function (title, of, decimals = 0, more = {}) {
   const key = typeof of === "function" ? of : (row) => row[of];
   return { title, key, text: (row) => report.fixed(key(row), decimals), ...more };
@@ -417,7 +421,7 @@ report.provenance = function (told) {
     report.pair(
       origin.length && report.facts("Seed and versions", origin),
       !settings
-        ? report.element("p", {}, "The folder does not tell which scenario this was.")
+        ? report.element("p", {}, "The folder does not state which scenario this was.")
         : settings.length
           ? differ()
           : report.element("p", {}, "All settings have their defaults."),

@@ -2,20 +2,13 @@
 
 (function () {
   const run = report.data;
-  const track = Object.fromEntries(
-    ["time", "north", "east", "depth", "coast", "closed", "bed", "obstacle"].map((name) => [
-      name,
-      report.unpack(run.track[name]),
-    ]),
-  );
+  const TRACK = ["time", "north", "east", "depth", "coast", "closed", "bed", "obstacle"];
+  const track = report.unpacked(run.track, ...TRACK);
   const waypoints = run.waypoints;
-  /** The same with the arrays of these names unpacked. */
-  const unpacked = (one, ...names) =>
-    one && { ...one, ...Object.fromEntries(names.map((name) => [name, report.unpack(one[name])])) };
-  const obstacles = run.legs.map((leg) => unpacked(leg.obstacles, "times", "places"));
-  const plans = run.plans.map((plan) => unpacked(plan, "places", "times"));
-  const current = unpacked(run.current, "u", "v");
-  const section = unpacked(run.section, "times", "along");
+  const obstacles = run.legs.map((leg) => report.unpacked(leg.obstacles, "times", "places"));
+  const plans = run.plans.map((plan) => report.unpacked(plan, "places", "times"));
+  const current = report.unpacked(run.current, "u", "v");
+  const section = report.unpacked(run.section, "times", "along");
   const state = { time: run.begin, axis: "time", playing: false };
   const since = (time) => time - run.begin;
   const CAUSES = {
@@ -129,13 +122,13 @@
       radius: known.radius,
       boundary: known.radius,
     }));
-    const told = obstacles[number];
-    if (!told || !told.places) return found;
-    const [count, at] = [told.kinds.length, step(told.times, time)];
-    told.kinds.forEach((kind, m) => {
-      const [north, east] = [0, 1].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
-      const radius = told.radii[m];
-      found.push({ kind, north, east, radius, boundary: radius + grown(number, told.looks[m], time) });
+    const own = obstacles[number];
+    if (!own || !own.places) return found;
+    const [count, at] = [own.kinds.length, step(own.times, time)];
+    own.kinds.forEach((kind, m) => {
+      const [north, east] = [0, 1].map((axis) => between(own.places, at, 3 * count, 3 * m + axis));
+      const radius = own.radii[m];
+      found.push({ kind, north, east, radius, boundary: radius + grown(number, own.looks[m], time) });
     });
     return found;
   }
@@ -752,7 +745,7 @@
       const floor = section ? section.depth.at(-1) : Math.max(...(bed || track.depth)) * 1.06 + 1;
       const data = section ? water(colours) : [];
       /** A line over the way that the pointer asks the moment of. */
-      const told = (y, color, width, name, words, more) =>
+      const trace = (y, color, width, name, words, more) =>
         data.push({
           x: axis,
           y,
@@ -764,16 +757,16 @@
           ...more,
         });
       if (bed) {
-        told(bed, colours.bed, 1.5, "sea bed", "sea bed %{y:,.0f} m");
+        trace(bed, colours.bed, 1.5, "sea bed", "sea bed %{y:,.0f} m");
         const ends = [axis[0], axis[axis.length - 1]];
         const filled = { fill: "tonexty", fillcolor: report.mix(colours.bed, 0.6, colours.card) };
         data.push(report.line(ends, [floor, floor], { width: 0 }, filled));
       }
       const depth = Array.from(track.depth);
-      told(depth, colours.plan, 2.2, "vehicle", "vehicle %{y:,.0f} m deep at %{customdata}");
+      trace(depth, colours.plan, 2.2, "vehicle", "vehicle %{y:,.0f} m deep at %{customdata}");
       const safe = (values) => Array.from(values, (value) => Math.max(value, 0.5));
       for (const [name, words, colour] of near)
-        told(safe(track[name]), colours[colour], 1.6, words, `%{y:,.0f} m ${words}`, { yaxis: "y2" });
+        trace(safe(track[name]), colours[colour], 1.6, words, `%{y:,.0f} m ${words}`, { yaxis: "y2" });
       const shapes = [];
       for (const { name, margin } of run.limits) {
         const drawn = near.find(([other]) => other === name);

@@ -5,11 +5,7 @@
   const seeds = study.seeds;
   const cases = study.cases.map((one) => ({
     ...one,
-    legs: {
-      mission: report.unpack(one.legs.mission),
-      expected: report.unpack(one.legs.expected),
-      executed: report.unpack(one.legs.executed),
-    },
+    legs: report.unpacked(one.legs, "mission", "expected", "executed"),
   }));
   const swept = study.sweeps.map((sweep) => sweep.field);
   const caseName = (one, from = 0) =>
@@ -197,7 +193,6 @@
         },
       };
     });
-    measure.addEventListener("change", () => figure.draw());
   }
 
   // --- statistics ----------------------------------------------------------------------------------------
@@ -569,7 +564,7 @@
     for (const row of table.querySelectorAll("tbody tr"))
       row.classList.toggle("chosen", Number(row.dataset.row) === number);
     cloud.draw();
-    const told = one.missions[number];
+    const mission = one.missions[number];
     const facts = [
       ["outcome", one.reason[number]],
       ...MEASURES.map(([name, words, decimals]) => [
@@ -584,19 +579,19 @@
     );
     const columns = report.pair(report.facts("Figures", facts), ways(one, number, seed));
     detail.replaceChildren(title, columns);
-    if (told) {
+    if (mission) {
       const host = report.element("div", { class: "map", id: "route" });
       const list = report.select({ id: "route-made", onchange: () => route.figure.draw() }, [
         ["-1", "way taken"],
-        ...told.routes.map(([cause, made], k) => [
+        ...mission.routes.map(([cause, made], k) => [
           k,
           k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
         ]),
       ]);
       const legs = report.table(
-        report.counted(told.legs.length, "leg"),
+        report.counted(mission.legs.length, "leg"),
         [
-          { title: "leg", key: (leg) => told.legs.indexOf(leg), text: (_, k) => String(k + 1) },
+          { title: "leg", key: (leg) => mission.legs.indexOf(leg), text: (_, k) => String(k + 1) },
           report.words("from → to", ([from, to]) => `${from} → ${to}`),
           report.number("expected, s", 2),
           report.number("executed, s", 3),
@@ -605,7 +600,7 @@
           report.number("re-plans", 6),
           report.yesNo("reached", (leg) => leg[7] === 1, true),
         ],
-        told.legs,
+        mission.legs,
         { id: "mission-legs" },
       );
       const made = report.table(
@@ -618,7 +613,7 @@
           { title: "priority", text: (route) => report.figure(route[3], 3) },
           report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
         ],
-        told.routes,
+        mission.routes,
         { id: "mission-routes" },
       );
       const beside = report.pair(
@@ -631,7 +626,7 @@
       );
       beside.style.marginTop = "1.1rem";
       detail.append(beside, made);
-      route = study.map && routeMap(host, list, told);
+      route = study.map && routeMap(host, list, mission);
     }
     if (scroll) {
       part.scrollIntoView({ behavior: "smooth", block: "start" });
@@ -681,13 +676,13 @@
     ];
   }
 
-  function routeMap(host, list, told) {
-    const places = report.unpack(told.waypoints);
+  function routeMap(host, list, mission) {
+    const places = report.unpack(mission.waypoints);
     const place = (node) => [places[3 * node], places[3 * node + 1]];
     const count = places.length / 3;
     const way = [
-      told.legs.length ? told.legs[0][0] : 0,
-      ...told.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
+      mission.legs.length ? mission.legs[0][0] : 0,
+      ...mission.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
     ];
     const labels = Array.from({ length: count }, (_, node) => ({
       text: String(node),
@@ -702,7 +697,7 @@
       study.map,
       (colours, { unit }) => {
         const route = Number(list.value);
-        const nodes = route < 0 ? way : told.routes[route][4];
+        const nodes = route < 0 ? way : mission.routes[route][4];
         const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
         const at = (chosen, more) =>
           report.points(
