@@ -76,14 +76,15 @@ def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
     arc = 0.0 if leg.escaping else leg.arc
     # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
     times = mission.now + plan.times - np.interp(arc, leg.marks, plan.times)
-    ahead = leg.marks >= arc - 1.0
-    return _meets(leg, plan.positions[ahead], times[ahead], mission.now + horizon)
+    return _meets(leg, plan.positions, times, mission.now, mission.now + horizon)
 
 
-def _meets(leg: Leg, positions: np.ndarray, times: np.ndarray, until: float) -> bool:
-    """Return whether timed positions [n, 3] m, [n] s are in a believed collision boundary by a time, s."""
-    soon = times <= until
-    return bool(soon.any()) and bool(leg.belief.clearance(positions[soon], times[soon]).min() < 0.0)
+def _meets(leg: Leg, positions: np.ndarray, times: np.ndarray, since: float, until: float) -> bool:
+    """Return whether a path [n, 3] m, [n] s is in a believed collision boundary between two times, s."""
+    inner = times[(times > since) & (times < until)]
+    moments = np.clip(np.concatenate([[since], inner, [until]]), times[0], times[-1])
+    places = np.stack([np.interp(moments, times, axis) for axis in positions.T], axis=1)
+    return bool(leg.belief.clearance(places, moments).min() < 0.0)
 
 
 def replan(context: SimulationContext, reviews: Sequence[Review]) -> None:
@@ -117,7 +118,8 @@ def _best(context: SimulationContext, one: Review) -> tuple[_Standing, Offer]:
         # Obstacles further away do not count: they move, and are known better from near.
         until = one.mission.now + context.lookahead
         others = set(plan.broken()) - {"obstacle"}
-        return _meets(one.mission.active_leg, plan.positions, plan.times, until), bool(others)
+        meets = _meets(one.mission.active_leg, plan.positions, plan.times, one.mission.now, until)
+        return meets, bool(others)
 
     known = [(standing(offer.plan), offer) for offer in one.offers]
     return min(known, key=lambda pair: (pair[0], pair[1].plan.travel_time))

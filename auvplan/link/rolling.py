@@ -21,6 +21,7 @@ from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
+from auvplan.ocean.obstacles import nearest
 from auvplan.ocean.perturbed import perturbed
 from auvplan.ocean.vortices import rounded_up
 from auvplan.records import LegRecord, MissionRun
@@ -313,14 +314,14 @@ class RollingPlan:
         return max(own - self._task, 0.0) if own > 0.0 else 0.0
 
     def clearance(self, positions: Array, times: Array) -> float:
-        """Return m, least distance of timed positions [n, 3] m, [n] s to the known obstacles' spheres."""
+        """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""
         known = self._context.known_obstacles(0.0)
         ways = (
             np.asarray(positions, float)[:, None]
             - known.position
             - np.asarray(times)[:, None, None] * known.velocity
         )
-        return float((np.linalg.norm(ways, axis=2) - known.radius).min(initial=np.inf))
+        return float((nearest(ways)[0] - known.radius).min(initial=np.inf))
 
     @property
     def margin(self) -> float:

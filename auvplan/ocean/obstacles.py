@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current
 
@@ -163,3 +164,19 @@ class Obstacles:
         grown = jnp.minimum(self.growth * jnp.maximum(t - self.observed_at, 0.0), self.growth_max)
         spread = CONFIDENCE * jnp.sqrt(self.position_std**2 + self.radius_std**2 + 1e-12)
         return self.radius + spread + grown
+
+
+def nearest(ways: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return how near a vehicle and M obstacles come to each other between n moments.
+
+    Args:
+        ways: [n, M, 3] m, from the obstacles' centres to the vehicle, which all go straight in between.
+
+    Returns:
+        Least distance, m, between each moment and the next, and where in between it is, 0 to 1, both [n, M];
+        the last moment is by itself.
+    """
+    moves = np.diff(ways, axis=0, append=ways[-1:])
+    length = np.maximum((moves**2).sum(axis=-1), np.finfo(float).tiny)
+    share = np.clip(-(ways * moves).sum(axis=-1) / length, 0.0, 1.0)
+    return np.linalg.norm(ways + share[..., None] * moves, axis=-1), share

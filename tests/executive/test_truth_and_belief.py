@@ -166,6 +166,26 @@ def test_planner_and_belief_see_the_same_boundary():
         assert -inside == pytest.approx(float(seen.boundary(jnp.asarray(t))[0]), rel=1e-4)
 
 
+def test_a_boundary_between_two_places_of_a_path_is_met():
+    """A sphere of 40 m crosses half way between places that are 120 m apart, none of which is near it."""
+    sensors = SensorSettings(prior_std=0.0, velocity_std=0.0, growth=0.1, growth_max=20.0)
+    moves = np.array([[0.0, -1.0, 0.0]])
+    truth = TrueObstacles(
+        np.array([[180.0, 90.0, 10.0]]), moves, np.ones(1), np.array([40.0]), ["self-motivated"]
+    )
+    belief = ObstacleBelief(truth, moves, 0.0, sensors, np.random.default_rng(0))
+    times = 60.0 * np.arange(4)
+    track = np.stack([2.0 * times, 0.0 * times, 0.0 * times + 10.0], axis=1)
+    assert min(belief.clearance(track[k][None], times[k][None])[0] for k in range(4)) > 10.0
+    fine = np.linspace(0.0, times[-1], 20_001)
+    places = np.stack([np.interp(fine, times, axis) for axis in track.T], axis=1)
+    for k, found in enumerate(belief.clearance(track, times)[:-1]):
+        within = (fine >= times[k]) & (fine <= times[k + 1])
+        each = [belief.clearance(places[j][None], fine[j][None])[0] for j in np.flatnonzero(within)[::20]]
+        assert found == pytest.approx(min(each), abs=0.5)
+    assert belief.clearance(track, times).min() < -30.0
+
+
 def test_escape_goes_away_from_what_comes():
     sensors = SensorSettings(prior_std=0.0, velocity_std=0.0)
     truth = TrueObstacles(

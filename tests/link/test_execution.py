@@ -144,6 +144,15 @@ def test_what_is_left_is_planned_anew_for_a_vehicle_that_is_off_its_times(speed)
 
 
 @pytest.mark.slow
+def test_an_obstacle_between_two_samples_of_a_leg_is_in_its_way():
+    plan, _ = made()
+    assert plan.plan()
+    leg = plan.legs[1]
+    north, east, depth = np.asarray(leg.positions[10:12], float).mean(axis=0).tolist()
+    plan.add_obstacle(KnownObstacle("buoy", (north, east), 2.0, depth - 1.0, depth + 1.0))
+    assert plan.clearance(leg.positions, leg.times) < -2.0
+
+
 def test_a_told_obstacle_on_the_way_is_gone_around():
     plan, vehicle = made()
     radius, found = 60.0, []
