@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.obstacles import CONFIDENCE
+from auvplan.ocean.obstacles import CONFIDENCE, nearest
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.runtime.formatting import counted
 from auvplan.scenario.settings import SensorSettings
@@ -97,13 +97,8 @@ def clearance(leg: LegRecord) -> float:
     tracks = np.asarray(leg.obstacle_positions, float)
     if not tracks.size:
         return float("inf")
-    apart = tracks - leg.positions[:, None]
-    steps = np.diff(apart, axis=0)
-    # Between records both move straight: the nearest point of each step.
-    square = np.maximum((steps**2).sum(axis=-1), 1e-12)
-    share = np.clip(-(apart[:-1] * steps).sum(axis=-1) / square, 0.0, 1.0)
-    closest = np.concatenate([apart, apart[:-1] + share[..., None] * steps])
-    return float((np.linalg.norm(closest, axis=-1) - leg.obstacle_radii).min())
+    distance, _ = nearest(leg.positions[:, None] - tracks)
+    return float((distance - leg.obstacle_radii).min())
 
 
 def leg_title(run: MissionRun, leg: LegRecord) -> str:
@@ -153,10 +148,10 @@ def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
     if index + 1 == len(plans):
         return positions, positions[:0]
     end = plans[index + 1].positions[0]
-    nearest = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
+    last = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
     return (
-        np.concatenate([positions[:nearest], end[None]]),
-        np.concatenate([end[None], positions[nearest + 1 :]]),
+        np.concatenate([positions[:last], end[None]]),
+        np.concatenate([end[None], positions[last + 1 :]]),
     )
 
 
