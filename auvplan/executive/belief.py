@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.ocean.obstacles import CONFIDENCE, Obstacles, nearest
+from auvplan.ocean.obstacles import CONFIDENCE, Obstacles, closest_approach
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.world import KNOWN, TrueObstacles
 
@@ -79,16 +79,16 @@ class ObstacleBelief:
         self.observed_at[seen] = now
 
     def clearance(self, positions: Array, times: Array) -> Array:
-        """Return the distance to the nearest collision boundary along a path, [n] m.
+        """Return the distance along a path to the nearest collision boundary, [n] m.
 
-        Of n places [n, 3] m at times [n] s: between each and the next, where the vehicle comes nearest to the
-        centre of each obstacle; the last is at its place.
+        Between each of n places [n, 3] m, [n] s and the next it is taken where the vehicle comes nearest to
+        the centre of each obstacle; at the last place, there.
         """
         if not len(self.radius):
             return np.full(len(times), np.inf)
         since = np.maximum(times[:, None] - self.observed_at, 0.0)
-        ways = positions[:, None] - self.position - self.velocity * since[..., None]
-        distance, share = nearest(ways)
+        centre = self.position + self.velocity * since[..., None]
+        distance, share = closest_approach(positions[:, None] - centre)
         since = since + share * np.diff(since, axis=0, append=since[-1:])
         grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max) * self._unknown
         return (distance - self.radius - CONFIDENCE * np.sqrt(2.0) * self.std - grown).min(axis=1)

@@ -71,20 +71,21 @@ def detours(leg: Leg) -> bool:
 
 
 def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
-    """Return whether the belief sees the followed plan inside a collision boundary within so many seconds."""
+    """Return whether the belief sees the followed plan meet a collision boundary within a horizon, s."""
     leg, plan = mission.active_leg, mission.active_leg.followed
     arc = 0.0 if leg.escaping else leg.arc
     # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
     times = mission.now + plan.times - np.interp(arc, leg.marks, plan.times)
-    return _meets(leg, plan.positions, times, mission.now, mission.now + horizon)
+    return _meets(mission, plan.positions, times, horizon)
 
 
-def _meets(leg: Leg, positions: np.ndarray, times: np.ndarray, since: float, until: float) -> bool:
-    """Return whether a path [n, 3] m, [n] s is in a believed collision boundary between two times, s."""
-    inner = times[(times > since) & (times < until)]
-    moments = np.clip(np.concatenate([[since], inner, [until]]), times[0], times[-1])
+def _meets(mission: Mission, positions: np.ndarray, times: np.ndarray, horizon: float) -> bool:
+    """Return whether a path [n, 3] m, [n] s meets a believed collision boundary within a horizon, s."""
+    now, until = mission.now, mission.now + horizon
+    inner = times[(times > now) & (times < until)]
+    moments = np.clip(np.concatenate([[now], inner, [until]]), times[0], times[-1])
     places = np.stack([np.interp(moments, times, axis) for axis in positions.T], axis=1)
-    return bool(leg.belief.clearance(places, moments).min() < 0.0)
+    return bool(mission.active_leg.belief.clearance(places, moments).min() < 0.0)
 
 
 def replan(context: SimulationContext, reviews: Sequence[Review]) -> None:
@@ -116,10 +117,8 @@ def _best(context: SimulationContext, one: Review) -> tuple[_Standing, Offer]:
 
     def standing(plan: PathPlan) -> _Standing:
         # Obstacles further away do not count: they move, and are known better from near.
-        until = one.mission.now + context.lookahead
         others = set(plan.broken()) - {"obstacle"}
-        meets = _meets(one.mission.active_leg, plan.positions, plan.times, one.mission.now, until)
-        return meets, bool(others)
+        return _meets(one.mission, plan.positions, plan.times, context.lookahead), bool(others)
 
     known = [(standing(offer.plan), offer) for offer in one.offers]
     return min(known, key=lambda pair: (pair[0], pair[1].plan.travel_time))

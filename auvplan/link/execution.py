@@ -8,7 +8,6 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -600,7 +599,7 @@ class _Executor:
                 break
             places.append(places[-1] + min(1.0, left / max(gap, 1e-6)) * (step.position - places[-1]))
             left -= gap
-        track = np.concatenate([np.linspace(a, b, 12) for a, b in pairwise(places)] or [np.asarray(places)])
+        track = np.asarray(places)
         passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(track, axis=0), axis=1))])
         if self._plan.clearance(track, now + passed / speed) < 0.5 * self._plan.margin:
             self._hold("hazard", "an obstacle is in the way of the present leg")

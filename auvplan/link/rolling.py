@@ -21,7 +21,7 @@ from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
-from auvplan.ocean.obstacles import nearest
+from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
 from auvplan.ocean.vortices import rounded_up
 from auvplan.records import LegRecord, MissionRun
@@ -316,12 +316,12 @@ class RollingPlan:
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""
         known = self._context.known_obstacles(0.0)
-        ways = (
+        apart = (
             np.asarray(positions, float)[:, None]
             - known.position
             - np.asarray(times)[:, None, None] * known.velocity
         )
-        return float((nearest(ways)[0] - known.radius).min(initial=np.inf))
+        return float((closest_approach(apart)[0] - known.radius).min(initial=np.inf))
 
     @property
     def margin(self) -> float:

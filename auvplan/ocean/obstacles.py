@@ -166,17 +166,17 @@ class Obstacles:
         return self.radius + spread + grown
 
 
-def nearest(ways: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return how near a vehicle and M obstacles come to each other between n moments.
+def closest_approach(apart: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return how near a vehicle and M obstacles come to each other between n moments of a path.
 
     Args:
-        ways: [n, M, 3] m, from the obstacles' centres to the vehicle, which all go straight in between.
+        apart: [n, M, 3] m, from the obstacles' centres to the vehicle; all go straight between two moments.
 
     Returns:
-        Least distance, m, between each moment and the next, and where in between it is, 0 to 1, both [n, M];
-        the last moment is by itself.
+        [n, M] m, least distance between each moment and the next, and [n, M] where in between, from 0 to 1;
+        of the last moment its own distance.
     """
-    moves = np.diff(ways, axis=0, append=ways[-1:])
-    length = np.maximum((moves**2).sum(axis=-1), np.finfo(float).tiny)
-    share = np.clip(-(ways * moves).sum(axis=-1) / length, 0.0, 1.0)
-    return np.linalg.norm(ways + share[..., None] * moves, axis=-1), share
+    moves = np.diff(apart, axis=0, append=apart[-1:])
+    square = np.maximum((moves**2).sum(axis=-1), np.finfo(float).tiny)
+    share = np.clip(-(apart * moves).sum(axis=-1) / square, 0.0, 1.0)
+    return np.linalg.norm(apart + share[..., None] * moves, axis=-1), share

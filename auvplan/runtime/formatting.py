@@ -77,7 +77,7 @@ def plain(text: str) -> str:
 
 
 class ReprMixin:
-    """A result that is shown by what matters of it; subclasses say what that is in `_repr_items`."""
+    """A result that is shown by its main figures; subclasses give them in `_repr_items`."""
 
     def _repr_items(self) -> dict[str, str]:
         """Words for each figure, with its unit; the first one is how it ended."""

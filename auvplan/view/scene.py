@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.obstacles import CONFIDENCE, nearest
+from auvplan.ocean.obstacles import CONFIDENCE, closest_approach
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.runtime.formatting import counted
 from auvplan.scenario.settings import SensorSettings
@@ -97,7 +97,7 @@ def clearance(leg: LegRecord) -> float:
     tracks = np.asarray(leg.obstacle_positions, float)
     if not tracks.size:
         return float("inf")
-    distance, _ = nearest(leg.positions[:, None] - tracks)
+    distance, _ = closest_approach(leg.positions[:, None] - tracks)
     return float((distance - leg.obstacle_radii).min())
 
 

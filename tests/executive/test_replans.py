@@ -1,6 +1,7 @@
 """A plan in hand gives way to a faster one, or where it breaks a limit; to no other."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,6 +38,29 @@ def slowed(monkeypatch) -> list[int]:
 
     monkeypatch.setattr(path_calls, "replan_paths", offer)
     return calls
+
+
+@pytest.mark.parametrize(
+    ("arc", "horizon", "meets"),
+    [
+        pytest.param(0.0, 130.0, False, id="beyond the horizon"),
+        pytest.param(0.0, 140.0, True, id="within it"),
+        pytest.param(300.0, 10.0, True, id="at its centre"),
+        pytest.param(329.0, 10.0, True, id="on the way out"),
+        pytest.param(331.0, 600.0, False, id="passed"),
+    ],
+)
+def test_an_obstacle_between_the_only_two_samples_of_a_plan_is_a_hazard(arc, horizon, meets):
+    """1,000 m at 2 m/s, which the vehicle does late, and an obstacle of 30 m that stands at 300 m."""
+    place = np.array([[300.0, 0.0, 0.0]])
+    truth = TrueObstacles(place, np.zeros((1, 3)), np.zeros(1), np.array([30.0]), ["static"])
+    exact = SensorSettings(prior_std=0.0, velocity_std=0.0, growth=0.0)
+    belief = ObstacleBelief(truth, np.zeros((1, 3)), 0.0, exact, np.random.default_rng(0))
+    plan = SimpleNamespace(positions=np.array([[0.0, 0, 0], [1000.0, 0, 0]]), times=np.array([40.0, 540.0]))
+    leg = SimpleNamespace(
+        followed=plan, marks=np.array([0.0, 1000.0]), arc=arc, escaping=False, belief=belief
+    )
+    assert replans.hazard(SimpleNamespace(active_leg=leg, now=5000.0), horizon) is meets
 
 
 @pytest.fixture
