@@ -20,7 +20,7 @@ from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import over_rows
 
 
-@partial(compiled, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",), quick=True)
 def search_missions(
     keys: jax.Array,
     edges: Edges,

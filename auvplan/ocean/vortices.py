@@ -77,25 +77,21 @@ class LambVortices:
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))
         # One long row of points makes longer vector loops than a plane of short ones.
         x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))
-        total = [jnp.full_like(x, self.uniform[axis]) for axis in range(3)]  # type: ignore[index]
+        still = tuple(jnp.full_like(x, self.uniform[axis]) for axis in range(3))  # type: ignore[index]
         gamma = jnp.asarray(self.vertical_scale, x.dtype)
-        vortices = self.centers[..., 0], self.centers[..., 1], self.strength, self.radius
-        for layer, weight in enumerate(self._layer_weights(z)):
-            found = _compiled_layer(x, y, tuple(field[layer] for field in vortices), gamma)
-            total = [sum_ + weight * one for sum_, one in zip(total, found, strict=True)]
+        layers = self.centers[..., 0], self.centers[..., 1], self.strength, self.radius
+        total = _compiled_layers(x, y, self._layer_weights(z), layers, gamma, still)
         return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
 
-    def _layer_weights(self, z: jax.Array) -> list[ArrayLike]:
-        """Linear interpolation weights of the layers at depth z; they sum to one."""
+    def _layer_weights(self, z: jax.Array) -> jax.Array | None:
+        """Linear interpolation weights [L, N] of the layers at depths z; they sum to one. None for one layer."""
         assert self.depths is not None
-        layers = self.strength.shape[0]
-        if layers == 1:
-            return [1.0]
-        below = [
-            jnp.clip((z - self.depths[k]) / (self.depths[k + 1] - self.depths[k]), 0.0, 1.0)
-            for k in range(layers - 1)
-        ]
-        return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
+        if self.strength.shape[0] == 1:
+            return None
+        above, below = self.depths[:-1, None], self.depths[1:, None]
+        share = jnp.clip((z - above) / (below - above), 0.0, 1.0)
+        whole = jnp.ones_like(share[:1])
+        return jnp.concatenate([whole, share]) - jnp.concatenate([share, jnp.zeros_like(whole)])
 
     def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating]:
         """Bound the departure from means within boxes, see `auvplan.ocean.deviation`.
@@ -236,8 +232,28 @@ def _layer_jvp(primals: tuple, tangents: tuple) -> tuple[Velocity, Velocity]:
     return (u, v, w), (u_y * dy - shear * dx, v_x * dx + shear * dy, w_x * dx + w_y * dy)
 
 
+def _layers(
+    x: jax.Array,
+    y: jax.Array,
+    weights: jax.Array | None,
+    layers: _Vortices,
+    gamma: jax.Array,
+    still: Velocity,
+) -> Velocity:
+    """Add up velocities of layers, [L, K] vortices each, at N points, by weights [L, N]; None for one layer."""
+
+    def add(total: Velocity, layer: tuple[jax.Array, _Vortices]) -> tuple[Velocity, None]:
+        weight, vortices = layer
+        found = _layer(x, y, vortices, gamma)
+        return tuple(sum_ + weight * one for sum_, one in zip(total, found, strict=True)), None
+
+    if weights is None:
+        return jax.tree.map(jnp.add, still, _layer(x, y, tuple(field[0] for field in layers), gamma))
+    return jax.lax.scan(add, still, (weights, layers))[0]
+
+
 #: Compiled, or every call outside a compiled program would compile its loop anew.
-_compiled_layer = compiled(_layer)
+_compiled_layers = compiled(_layers)
 
 
 @dataclass(frozen=True)
@@ -338,7 +354,7 @@ def random_vortices(
     return (field if isinstance(field.strength, Tracer) else jax.device_get(field)).first(count)
 
 
-@partial(compiled, static_argnames=("count", "layers"))
+@partial(compiled, static_argnames=("count", "layers"), quick=True)
 def _random_vortices(
     key: jax.Array,
     low: jax.Array,

@@ -81,7 +81,7 @@ def outlook(
     )
 
 
-@partial(compiled, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",), quick=True)
 def _executed(
     positions: jax.Array,
     depart: jax.Array,

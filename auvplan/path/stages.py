@@ -422,7 +422,7 @@ def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, Path
     return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
 
 
-@partial(compiled, static_argnames=("config", "count", "deep"), wide=True)
+@partial(compiled, static_argnames=("config", "count", "deep"), wide=True, quick=True)
 def _trace(legs: Legs, common: Common, config: PathConfig, count: int, deep: bool) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
