@@ -84,7 +84,7 @@ class LambVortices:
         return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
 
     def _layer_weights(self, z: jax.Array) -> jax.Array | None:
-        """Linear interpolation weights [L, N] of the layers at depths z; they sum to one. None for one layer."""
+        """Linear interpolation weights [L, N] of the layers at depths z; summing to one; None for one layer."""
         assert self.depths is not None
         if self.strength.shape[0] == 1:
             return None
@@ -240,12 +240,12 @@ def _layers(
     gamma: jax.Array,
     still: Velocity,
 ) -> Velocity:
-    """Add up velocities of layers, [L, K] vortices each, at N points, by weights [L, N]; None for one layer."""
+    """Add up velocities of layers, [L, K] vortices each, at N points, by weights [L, N] or one layer's."""
 
     def add(total: Velocity, layer: tuple[jax.Array, _Vortices]) -> tuple[Velocity, None]:
         weight, vortices = layer
         found = _layer(x, y, vortices, gamma)
-        return tuple(sum_ + weight * one for sum_, one in zip(total, found, strict=True)), None
+        return jax.tree.map(lambda sum_, one: sum_ + weight * one, total, found), None
 
     if weights is None:
         return jax.tree.map(jnp.add, still, _layer(x, y, tuple(field[0] for field in layers), gamma))
