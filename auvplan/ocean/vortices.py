@@ -84,7 +84,7 @@ class LambVortices:
         return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
 
     def _layer_weights(self, z: jax.Array) -> jax.Array | None:
-        """Linear interpolation weights [L, N] of the layers at depths z; summing to one; None for one layer."""
+        """Linear interpolation weights [L, N] of the layers at depths z, summing to one; None for one."""
         assert self.depths is not None
         if self.strength.shape[0] == 1:
             return None
