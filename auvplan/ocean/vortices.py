@@ -77,17 +77,11 @@ class LambVortices:
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))
         # One long row of points makes longer vector loops than a plane of short ones.
         x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))
-        still = tuple(jnp.full_like(x, self.uniform[axis]) for axis in range(3))  # type: ignore[index]
-        gamma = jnp.asarray(self.vertical_scale, x.dtype)
-        layers = self.centers[..., 0], self.centers[..., 1], self.strength, self.radius
-        total = _compiled_layers(x, y, self._layer_weights(z), layers, gamma, still)
-        return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
+        return tuple(component.reshape(shape) for component in _compiled_velocity(self, x, y, z))  # type: ignore[return-value]
 
-    def _layer_weights(self, z: jax.Array) -> jax.Array | None:
-        """Linear interpolation weights [L, N] of the layers at depths z, summing to one; None for one."""
+    def _layer_weights(self, z: jax.Array) -> jax.Array:
+        """Linear interpolation weights [L, N] of two or more layers at depths z [N] m; they sum to one."""
         assert self.depths is not None
-        if self.strength.shape[0] == 1:
-            return None
         above, below = self.depths[:-1, None], self.depths[1:, None]
         share = jnp.clip((z - above) / (below - above), 0.0, 1.0)
         whole = jnp.ones_like(share[:1])
@@ -232,28 +226,26 @@ def _layer_jvp(primals: tuple, tangents: tuple) -> tuple[Velocity, Velocity]:
     return (u, v, w), (u_y * dy - shear * dx, v_x * dx + shear * dy, w_x * dx + w_y * dy)
 
 
-def _layers(
-    x: jax.Array,
-    y: jax.Array,
-    weights: jax.Array | None,
-    layers: _Vortices,
-    gamma: jax.Array,
-    still: Velocity,
-) -> Velocity:
-    """Add up velocities of layers, [L, K] vortices each, at N points, by weights [L, N] or one layer's."""
+def _velocity(field: LambVortices, x: jax.Array, y: jax.Array, z: jax.Array) -> Velocity:
+    """Velocity of all layers at N points; x, y and z [N] m."""
+    gamma = jnp.asarray(field.vertical_scale, x.dtype)
+    north, east, down = (jnp.full_like(x, field.uniform[axis]) for axis in range(3))  # type: ignore[index]
+    total = north, east, down
+    layers = field.centers[..., 0], field.centers[..., 1], field.strength, field.radius
+    if len(field.strength) == 1:
+        return jax.tree.map(jnp.add, total, _layer(x, y, tuple(part[0] for part in layers), gamma))
 
     def add(total: Velocity, layer: tuple[jax.Array, _Vortices]) -> tuple[Velocity, None]:
         weight, vortices = layer
         found = _layer(x, y, vortices, gamma)
         return jax.tree.map(lambda sum_, one: sum_ + weight * one, total, found), None
 
-    if weights is None:
-        return jax.tree.map(jnp.add, still, _layer(x, y, tuple(field[0] for field in layers), gamma))
-    return jax.lax.scan(add, still, (weights, layers))[0]
+    # One loop in place of a copy for each layer: programs ask for the current in dozens of places.
+    return jax.lax.scan(add, total, (field._layer_weights(z), layers))[0]
 
 
-#: Compiled, or every call outside a compiled program would compile its loop anew.
-_compiled_layers = compiled(_layers)
+#: Compiled, or every call outside a compiled program would compile its loops anew.
+_compiled_velocity = compiled(_velocity)
 
 
 @dataclass(frozen=True)

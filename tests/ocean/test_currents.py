@@ -1,7 +1,10 @@
 """Lamb vortices against a NumPy twin, their limits and symmetries, and their evolution (Eqs 1-2)."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
+import jax.test_util
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -134,6 +137,30 @@ def test_depth_interpolates_between_layers_and_holds_outside():
     np.testing.assert_allclose(at(-50.0), at(0.0))
     np.testing.assert_allclose(at(900.0), at(300.0), rtol=1e-5)
     assert not np.allclose(at(0.0), at(300.0))
+
+
+@pytest.mark.parametrize("layers", [1, 2, 4])
+@pytest.mark.usefixtures("x64")
+def test_gradients_through_all_layers_match_finite_differences(layers):
+    field, t = field_of(layers), jnp.zeros(2)
+    points = jnp.array([[1200.0, 900.0, 40.0], [400.0, 2100.0, 260.0]])
+
+    def total(points, field):
+        return sum(jnp.sum(part * (k + 1.0)) for k, part in enumerate(field(*points.T, t)))
+
+    jax.test_util.check_grads(lambda p: total(p, field), (points,), 1, eps=1e-2, rtol=1e-6)
+    strengths = field.strength
+    jax.test_util.check_grads(
+        lambda g: total(points, replace(field, strength=g)), (strengths,), 1, eps=1e-2, rtol=1e-6
+    )
+
+
+def test_more_layers_make_no_longer_program():
+    def lines(layers):
+        field, place = field_of(layers), jnp.zeros(7)
+        return jax.jit(lambda *at: field(*at)).lower(place, place, place, place).as_text().count("\n")
+
+    assert lines(3) == lines(6)
 
 
 def test_evolution_steps_have_the_asked_size_and_seed():
