@@ -14,6 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.interpreters import partial_eval
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
@@ -214,15 +215,8 @@ def _uses_depth(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
         return tree.unflatten(leaves)(*where)[:2]
 
     program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
-    depends = {program.invars[len(kinds) + 2]}
-
-    def of_depth(variables: Sequence[Any]) -> bool:
-        return any(not hasattr(variable, "val") and variable in depends for variable in variables)
-
-    for equation in program.eqns:
-        if of_depth(equation.invars):
-            depends |= set(equation.outvars)
-    return of_depth(program.outvars)
+    _, used = partial_eval.dce_jaxpr(program, [True, True])
+    return used[len(kinds) + 2]
 
 
 def is_quasi_steady(current: Current) -> bool:

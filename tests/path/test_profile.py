@@ -53,6 +53,8 @@ def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stati
         (ap.UniformCurrent(0.5, 0.1), False),
         (lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0), False),
         (lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z), False),
+        (jax.jit(lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z)), False),
+        (jax.jit(lambda x, y, z, t: (0.4 + 0.0 * z, y * 1e-4, 0.0 * x)), True),
         (two_layers, True),
         (gridded(1), False),
         (gridded(2), True),
