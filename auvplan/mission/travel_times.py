@@ -24,7 +24,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
-from auvplan.path.profile import is_searched_in_depth, profiles
+from auvplan.path.profile import compared, is_searched_in_depth, profiles
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import padded_batches
@@ -119,7 +119,9 @@ def travel_times(
     inside = _inside(starts, env) & _inside(goals, env)
 
     shared = padded(env.current)
-    deep = is_searched_in_depth(env, vehicle, shared if world is None else row_kinds(shared))
+    kind = shared if world is None else row_kinds(shared)
+    deep = is_searched_in_depth(env, vehicle, kind)
+    config = replace(config, path=compared(config.path, env, kind))
     leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 

@@ -6,7 +6,7 @@ around both in which it is nowhere shallower.
 """
 
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import jax
 import jax.numpy as jnp
@@ -116,7 +116,9 @@ def _between_with_slopes(first: jax.Array, last: jax.Array, gap: jax.Array) -> t
 _USUAL = 1.5
 
 
-def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: Environment) -> jax.Array:
+def bed_altitude(
+    x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: Environment, parts: int = 1
+) -> jax.Array:
     """Certified altitude of segments above the sea bed, [S - 1, P] m.
 
     Each half of a segment is no deeper than its deeper end, and over a bed that the sample at its outer end
@@ -126,16 +128,28 @@ def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: 
         x, y, z: [S, P] m, samples.
         gap: [S - 1, P] m, level lengths of the segments between them.
         env: the world.
+        parts: into which each segment is divided: the bed is looked up at the ends of all of them.
     """
     bed = env.seabed
     if bed is None:
         return jnp.full_like(gap, jnp.inf)
+    if parts > 1:
+        x, y, z = (_divided(axis, parts) for axis in (x, y, z))
+        altitude = bed_altitude(x, y, z, jnp.repeat(gap / parts, parts, axis=0), env)
+        return reduce(jnp.minimum, [altitude[k::parts] for k in range(parts)])  # see `most_met`
     usual = _USUAL / gap.shape[0] * norm(x[-1] - x[0], y[-1] - y[0])
     longer = jnp.maximum(jnp.concatenate([gap[:1], gap]), jnp.concatenate([gap, gap[-1:]]))
     longer = jnp.maximum(longer, jnp.minimum(usual, 2.0 * bed.reach[-1]))
     above = bed.shallowest_at(x, y, longer) - z
     dive = 0.5 * (z[1:] - z[:-1])
     return jnp.minimum(above[:-1] - jnp.maximum(dive, 0.0), above[1:] - jnp.maximum(-dive, 0.0))
+
+
+def _divided(axis: jax.Array, parts: int) -> jax.Array:
+    """[(S - 1) * parts + 1, P], samples [S, P] and the ends of so many equal parts of what lies between."""
+    share = jnp.asarray(np.arange(parts) / parts, axis.dtype)[:, None]
+    inner = axis[:-1, None] + share * (axis[1:] - axis[:-1])[:, None]
+    return jnp.concatenate([inner.reshape(-1, axis.shape[1]), axis[-1:]])
 
 
 def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:

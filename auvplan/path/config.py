@@ -9,6 +9,9 @@ from auvplan.vehicle import SpeedReading
 #: m, by which the margins that a polish keeps are wider than what is asked for.
 GUIDE_MARGIN = 1.0
 
+#: m, the same for the altitude above the sea bed, of which a few metres are kept where tens are from a coast.
+GUIDE_ALTITUDE = 0.2
+
 
 @dataclass(frozen=True)
 class Penalties:
@@ -30,7 +33,7 @@ class Penalties:
 
 
 #: Settings that the form of a path's cost depends on.
-_OF_THE_COST = "control_points", "degree", "samples", "speed_reading", "penalties"
+_OF_THE_COST = "control_points", "degree", "samples", "quadrature", "speed_reading", "penalties"
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class PathConfig:
             many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
+        quadrature: places on each segment between two samples at which the current is met; None for one, and
+            for more where a path in depth may find another current within a segment.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
         start_shape: initial habitats as the straight line and "smooth" detours of few bends, or as "uniform"
             draws within bounds.
@@ -83,6 +88,7 @@ class PathConfig:
     finer: int = 4
     degree: int = 3
     samples: int = 160
+    quadrature: int | None = None
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75
@@ -110,6 +116,8 @@ class PathConfig:
             )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
+        if self.quadrature is not None and self.quadrature < 1:
+            raise ValueError(f"quadrature must be at least 1, got {self.quadrature}")
         if self.t_series < 1 or self.finer < 1:
             raise ValueError(f"t_series and finer must be at least 1, got {self.t_series} and {self.finer}")
         if self.passages < 0 or self.passages >= self.bbo.population:

@@ -15,14 +15,18 @@ import numpy as np
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
-from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.kinematics import (
     TINY,
     Axes,
     elapsed,
+    mean_met,
     middle_times,
+    most_met,
     norm,
     over_ground,
+    pace_met,
+    places_met,
     turn_rate,
     vertical_speeds,
 )
@@ -68,7 +72,8 @@ class Trajectory:
             and current, but for what `PacedCurrent` holds fixed. The first is the departure: it answers to
             nothing else, and later ones to it by a second a second besides the change of the way's duration.
         length: [P] m.
-        water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment.
+        water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment, or
+            the mean of that at several places (`PathConfig.quadrature`).
         excess: a plane [S - 1, P] for each limit of `VIOLATIONS`, how far each segment breaks it; zero where
             it is kept.
         coast: [S - 1, P] m, certified distance of each segment to the coast, and to areas that are closed
@@ -190,11 +195,13 @@ def evaluate(
     middle = starts[0] + 0.5 * dx, starts[1] + 0.5 * dy, starts[2] + 0.5 * dz
     gap = norm(dx, dy, dz)
     middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
-    u, v, w = (jnp.broadcast_to(component, gap.shape) for component in env.current(*middle, middle_time))
-    water = u, v, w
-    ground, across, shortfall = over_ground(water, track.way, gap, vehicle, config)
-    vertical = vertical_speeds(water, track.way, gap, ground, vehicle, config.speed_reading)
-    duration = gap / ground
+    count = config.quadrature or 1
+    met = places_met(middle, track.way, middle_time, gap / vehicle.speed, count)
+    u, v, w = (jnp.broadcast_to(component, met[0].shape) for component in env.current(*met))
+    ground, across, shortfall = over_ground((u, v, w), track.way, gap, vehicle, config)
+    vertical = vertical_speeds((u, v, w), track.way, gap, ground, vehicle, config.speed_reading)
+    duration = gap / pace_met(ground, count)
+    water = mean_met(u, count), mean_met(v, count), mean_met(w, count)
     times = depart + elapsed(duration)
 
     level = norm(dx, dy)
@@ -204,17 +211,17 @@ def evaluate(
     if env.closures:
         coast_clear = jnp.minimum(coast_clear, closed_clearance(x, y, level, times, env))
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
-    altitude = bed_altitude(x, y, z, level, env)
+    altitude = bed_altitude(x, y, z, level, env, count)
     turning = turn_rate(dx, dy, duration)
     found = {
-        "surge": _beyond(ground, vehicle.surge_max),
-        "sway": _beyond(across, vehicle.sway_max),
+        "surge": _beyond(most_met(ground, count), vehicle.surge_max),
+        "sway": _beyond(most_met(across, count), vehicle.sway_max),
         "turn_rate": _beyond(turning, vehicle.turn_rate_max),
         "coast": _too_near(coast_clear, config.coast_margin),
         "obstacle": _too_near(obstacle_clear, config.obstacle_margin),
-        "current": shortfall,
+        "current": most_met(shortfall, count),
         "seabed": _too_low(altitude, env, 0.0),
-        **{name: _beyond(*pair) for name, pair in vertical.items()},
+        **{name: _beyond(most_met(speed, count), limit) for name, (speed, limit) in vertical.items()},
     }
     # Zeros cost a compiled program nothing.
     excess = tuple(found.get(name, jnp.zeros_like(gap)) for name in VIOLATIONS)
@@ -308,11 +315,11 @@ def score(
         the turn rate. Its weights gamma have no values there; here they count in straight-line times, on the
         mean excess over the path. Uncertain area has a price per second, which the paper does not name.
     """
-    straight = _straight_time(start, goal, vehicle)
+    straight = straight_time(start, goal, vehicle)
 
     def few(habitats: jax.Array) -> tuple[jax.Array, jax.Array]:
         track = tracks(habitats, start, goal, env, vehicle, config)
-        return _cost(evaluate(track, depart, env, vehicle, config), straight, config)
+        return cost_of(evaluate(track, depart, env, vehicle, config), straight, config)
 
     paths = habitats.shape[0]
     if paths <= _TOGETHER or jax.default_backend() != "cpu":
@@ -346,15 +353,15 @@ def soft_objective(
     """
     track = tracks(habitats, start, goal, env, vehicle, config)
     trajectory = evaluate(track, depart, env, vehicle, config)
-    straight = _straight_time(start, goal, vehicle)
+    straight = straight_time(start, goal, vehicle)
     wider = dict(zip(VIOLATIONS, trajectory.excess, strict=True)) | {
         "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
         "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
-        "seabed": _too_low(trajectory.altitude, env, GUIDE_MARGIN),
+        "seabed": _too_low(trajectory.altitude, env, GUIDE_ALTITUDE),
         **_steep_nearby(trajectory, track, vehicle, config),
     }
     soft = softness * straight * _penalty(tuple(wider.values()), config)
-    return trajectory.travel_time + trajectory.price + soft, _cost(trajectory, straight, config)
+    return trajectory.travel_time + trajectory.price + soft, cost_of(trajectory, straight, config)
 
 
 def _steep_nearby(
@@ -379,7 +386,8 @@ def _steep_nearby(
     }
 
 
-def _cost(trajectory: Trajectory, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+def cost_of(trajectory: Trajectory, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+    """Costs [P] s of paths (Eq. 12) and violations [P]; `straight` is the straight line's time, s."""
     cost = trajectory.travel_time + trajectory.price + straight * _penalty(trajectory.excess, config)
     return cost, reduce(jnp.add, trajectory.excess).mean(axis=0)
 
@@ -391,6 +399,6 @@ def _penalty(excess: tuple[jax.Array, ...], config: PathConfig) -> jax.Array:
     return reduce(jnp.add, weighted).mean(axis=0)
 
 
-def _straight_time(start: jax.Array, goal: jax.Array, vehicle: Vehicle) -> jax.Array:
+def straight_time(start: jax.Array, goal: jax.Array, vehicle: Vehicle) -> jax.Array:
     """s, straight from start to goal in still water."""
     return jnp.sqrt(((goal - start) ** 2).sum() + TINY) / vehicle.speed

@@ -8,7 +8,7 @@ import numpy as np
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_at, basis_matrix, fit_matrix, greville_abscissae
-from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
 from auvplan.vehicle import Vehicle
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
@@ -128,7 +128,7 @@ def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> 
     """
     bed = env.seabed
     assert bed is not None
-    return jnp.maximum(bed.shallowest_at(x, y, length) - bed.clearance - 2.0 * GUIDE_MARGIN, env.lower[2])
+    return jnp.maximum(bed.shallowest_at(x, y, length) - bed.clearance - 2.0 * GUIDE_ALTITUDE, env.lower[2])
 
 
 def fitted(

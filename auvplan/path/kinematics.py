@@ -1,6 +1,7 @@
 """How a vehicle moves along P paths of S samples: ground speed, times and turn rate on planes [S, P]."""
 
 from dataclasses import dataclass
+from functools import reduce
 
 import jax
 import jax.numpy as jnp
@@ -44,6 +45,50 @@ def over_ground(
     across = jnp.sqrt(jnp.maximum(inner(water, water) - along * along, 0.0) + TINY)
     ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
     return ground, across, shortfall
+
+
+def places_met(
+    middle: Axes, way: Axes, when: jax.Array, lasts: jax.Array, count: int
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Return x, y, z, m, and times, s, at which segments meet the current, [C, ...] at C places on each.
+
+    One is the middle, without a leading axis; more are the middles of C equal parts.
+
+    Args:
+        middle: x, y, z, m, of segments' middles; any shape, the same for all.
+        way: x, y, z, m, from their first to their last ends.
+        when: s since the epoch, at their middles.
+        lasts: s, about their durations.
+        count: C, see `PathConfig.quadrature`.
+    """
+    if count == 1:
+        return *middle, when
+    shares = (np.arange(count) + 0.5) / count - 0.5
+
+    def along(plane: jax.Array, step: jax.Array) -> jax.Array:
+        return plane + jnp.asarray(shares, plane.dtype).reshape(-1, *(1,) * plane.ndim) * step
+
+    (x, y, z), (dx, dy, dz) = middle, way
+    return along(x, dx), along(y, dy), along(z, dz), along(when, lasts)
+
+
+def mean_met(plane: jax.Array, count: int) -> jax.Array:
+    """Return the mean over the C places at which segments meet the current."""
+    return plane if count == 1 else plane.mean(axis=0)
+
+
+def most_met(plane: jax.Array, count: int) -> jax.Array:
+    """Return the greatest value at the C places at which segments meet the current.
+
+    Two by two: the slope of a maximum along an axis is that of the value equal to it, and a compiler that
+    works it out anew may round it so that none is.
+    """
+    return plane if count == 1 else reduce(jnp.maximum, [plane[k] for k in range(count)])
+
+
+def pace_met(ground: jax.Array, count: int) -> jax.Array:
+    """Return the speed of segments, m/s, each equal part of which is passed at its own speed over ground."""
+    return ground if count == 1 else 1.0 / (1.0 / ground).mean(axis=0)
 
 
 def vertical_speeds(
@@ -104,9 +149,10 @@ def middle_times(
 
     def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
         time, speed = carry
-        (x, y, z), way, gap = segment
-        half_way = time + 0.5 * gap / speed
-        ground = over_ground(env.current(x, y, z, half_way), way, gap, vehicle, config)[0]
+        middle, way, gap = segment
+        half_way, count = time + 0.5 * gap / speed, config.quadrature or 1
+        water = env.current(*places_met(middle, way, half_way, gap / speed, count))
+        ground = pace_met(over_ground(water, way, gap, vehicle, config)[0], count)
         return (time + gap / ground, ground), half_way
 
     first = jnp.zeros_like(gap[0])

@@ -15,6 +15,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import VIOLATIONS, WITHIN, Track, evaluate
 from auvplan.path.plan import PathPlan
+from auvplan.path.profile import timed
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
@@ -70,7 +71,8 @@ def outlook(
     count = np.arange(len(plan.times))
     # The vehicle may be later than planned: it is where it is now.
     depart = now - (np.interp(sample, count, plan.times) - plan.times[0])
-    times, excess = jax.device_get(_executed(plan.positions, np.float32(depart), *sea, config=config))
+    own = timed(config, plan.conditions.env, current)
+    times, excess = jax.device_get(_executed(plan.positions, np.float32(depart), *sea, config=own))
     times = np.asarray(times, float) + now - np.interp(sample, count, times)
     ahead = count[:-1] >= np.floor(sample)
     return Outlook(

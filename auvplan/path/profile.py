@@ -11,6 +11,7 @@ from functools import reduce
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from auvplan.ocean.currents import Current, varies_with_depth
 from auvplan.ocean.environment import Environment
@@ -22,6 +23,10 @@ from auvplan.vehicle import Vehicle, along_track
 
 #: Moves from station to station on each path of a search, and depths to choose from at each.
 STATIONS, LEVELS = 64, 24
+
+#: Places on each segment at which paths through depths meet the current while they are compared, and when the
+#: one found is timed. Met in its middle alone, a long steep segment would hide what it crosses.
+_COMPARED, _TIMED = 2, 8
 
 #: Share of the depths that lie where the current changes with depth; the others lie evenly.
 _SHEARED = 0.5
@@ -43,16 +48,42 @@ _COMMON, _GENTLE, _STEEPER = 0.5, 0.6, 1.05
 _TOO_NEAR, _TOO_DEEP = 20.0, 5.0
 
 
-def is_searched_in_depth(env: Environment, vehicle: Vehicle, current: Current) -> bool:
-    """Return whether paths in a box with depth may find other currents at other depths.
+def crosses_depths(env: Environment, current: Current) -> bool:
+    """Return whether paths may meet other currents at other depths.
 
     Args:
-        env: the world; only its box counts.
-        vehicle: whose depth is given where it has a transit depth or altitude.
+        env: the world; only its box counts. One that JAX traces counts as one with depth.
         current: the current; the shapes of its arrays are enough.
     """
-    deep = bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2])
-    return deep and not vehicle.has_transit and varies_with_depth(current)
+    traced = isinstance(env.lower, Tracer) or isinstance(env.upper, Tracer)
+    deep = traced or bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2])
+    return deep and varies_with_depth(current)
+
+
+def is_searched_in_depth(env: Environment, vehicle: Vehicle, current: Current) -> bool:
+    """Return whether paths are searched for depths with other currents.
+
+    Args:
+        env, current: as for `crosses_depths`.
+        vehicle: whose depth is given where it has a transit depth or altitude.
+    """
+    return not vehicle.has_transit and crosses_depths(env, current)
+
+
+def compared(config: PathConfig, env: Environment, current: Current) -> PathConfig:
+    """Return the settings by which paths are compared in a search, from the user's; see `crosses_depths`."""
+    return _with_quadrature(config, _COMPARED, env, current)
+
+
+def timed(config: PathConfig, env: Environment, current: Current) -> PathConfig:
+    """Return the settings by which a path that was found is timed, from the user's; see `crosses_depths`."""
+    return _with_quadrature(config, _TIMED, env, current)
+
+
+def _with_quadrature(config: PathConfig, count: int, env: Environment, current: Current) -> PathConfig:
+    if config.quadrature is not None or not crosses_depths(env, current):
+        return config
+    return config.replace(quadrature=count)
 
 
 def depths_within_reach(ends: jax.Array, env: Environment) -> tuple[jax.Array, jax.Array]:

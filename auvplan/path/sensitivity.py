@@ -17,6 +17,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given
+from auvplan.path.profile import timed
 from auvplan.path.scaling import WAY, factor_of
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
@@ -89,12 +90,13 @@ class _Scaled:
 
 def sensitivity(positions: np.ndarray, depart: float, conditions: Conditions) -> Sensitivity:
     """Derivatives along a path through positions [S, 3] m that departs at a time, s since the epoch."""
+    env = conditions.world()
     slopes = _slopes(
         jnp.asarray(positions, float),
         jnp.asarray(depart, float),
-        conditions.world(),
+        env,
         conditions.vehicle,
-        config=conditions.config,
+        config=timed(conditions.config, env, env.current),
     )
     return Sensitivity(*(float(slope) for slope in slopes))
 
@@ -105,7 +107,7 @@ def _slopes(
 ) -> tuple[jax.Array, ...]:
     def of(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
         world = replace(env, current=_Scaled(env.current, factor))
-        return travel_time(positions, world, replace(vehicle, speed=speed), depart, config.speed_reading)
+        return _time_along(positions, world, replace(vehicle, speed=speed), depart, config)
 
     slopes: Callable[..., tuple[jax.Array, ...]] = jax.grad(of, argnums=(0, 1, 2))
     return slopes(depart, jnp.asarray(vehicle.speed, positions.dtype), jnp.ones((), positions.dtype))
@@ -120,9 +122,9 @@ def travel_time(
 ) -> jax.Array:
     """Compute the time along a track in the current, s: a pure function for `jax.jit`, `vmap` and `grad`.
 
-    Each segment is followed at the ground speed in the current that is met in its middle (Eq. 11), so that
-    points must lie close together where the current changes, as those of `PathPlan.positions` do. Limits,
-    coast, obstacles and sea bed play no part.
+    Each segment is followed at the ground speed in the current that is met in its middle (Eq. 11), or, where
+    the current depends on depth, at several places, so that points must lie close together where it changes,
+    as those of `PathPlan.positions` do. Limits, coast, obstacles and sea bed play no part.
 
     Args:
         points: [S, 3] m, north, east, depth, in the order in which they are passed.
@@ -149,10 +151,17 @@ def travel_time(
     points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")
+    config = timed(PathConfig(speed_reading=speed_reading), env, env.current)
+    return _time_along(points, env, vehicle or Vehicle(), jnp.asarray(depart, float), config)
+
+
+def _time_along(
+    points: jax.Array, env: Environment, vehicle: Vehicle, depart: jax.Array, config: PathConfig
+) -> jax.Array:
+    """`travel_time` by settings."""
     track = Track.through(*(points[:, axis, None] for axis in range(3)))
     bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)
-    config = PathConfig(speed_reading=speed_reading)
-    return evaluate(track, jnp.asarray(depart, float), bare, vehicle or Vehicle(), config).travel_time[0]
+    return evaluate(track, depart, bare, vehicle, config).travel_time[0]
 
 
 def differentiable_time(plan: Callable[..., Any], given: Given, name: str) -> tuple[jax.Array, Any]:
@@ -193,7 +202,8 @@ def _slopes_of_least(plan: Any, given: Given) -> list[jax.Array]:
     """Derivatives of a plan's time by the leaves of what it was planned for."""
     if not plan.feasible:
         raise ValueError(f"the time of a plan that breaks a limit has no derivative: {plan.reason}")
-    points, settings = np.asarray(plan.control_points), plan.conditions.config
+    env, points = plan.conditions.world(), np.asarray(plan.control_points)
+    settings = timed(plan.conditions.config, env, env.current)
     config = settings.only().replace(
         coast_margin=settings.coast_margin,
         obstacle_margin=settings.obstacle_margin,

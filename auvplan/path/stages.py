@@ -24,16 +24,18 @@ from auvplan.path.cost import (
     SOFTNESS,
     VIOLATIONS,
     Trajectory,
+    cost_of,
     evaluate,
     judged_within,
     score,
     soft_objective,
+    straight_time,
     tracks,
     violations,
 )
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
-from auvplan.path.profile import is_searched_in_depth
+from auvplan.path.profile import compared, is_searched_in_depth, timed
 from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.runtime import prng
 from auvplan.runtime.budget import UNLIMITED, Budget, Share, Unlimited, share_of
@@ -66,6 +68,9 @@ _DEEPER = 4.0
 #: limit larger steps break it, and none of them is kept. Share of the penalties' weights and of the step, and
 #: times as many steps.
 _STEEP = 0.03, 0.25, 2
+
+#: Share of `PathConfig.settled` up to which a path in depth has settled: profiles have more bends than ways.
+_SETTLED_IN_DEPTH = 0.1
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
@@ -155,8 +160,9 @@ def search_legs(
         the way open, or that it goes a long way round or is slower than one that they know; `unsettled`, that
         the last polish still improved it.
     """
-    effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
+    own, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    effort = config.window() if window else config
     share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
     found = None
@@ -191,11 +197,15 @@ def search_legs(
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
         polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
     finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
-    plans, last = share.spend(work("finish"), partial(finish, config=config.only()))
+    plans, last = share.spend(work("finish"), partial(finish, config=own.only()))
     plans, last = jax.device_get((plans, last))
+    settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
     unsettled = np.zeros(len(last.best), bool)
+    if config.quadrature != own.quadrature:
+        # Segments that hide some of the current that they cross are too long.
+        unsettled = plans["cost"] > (1.0 + settled) * last.best
     if polished is not None:
-        unsettled = last.best < (1.0 - config.settled) * before
+        unsettled |= last.best < (1.0 - settled) * before
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
     return plans | {"history": history, "unsettled": unsettled}
 
@@ -309,7 +319,9 @@ def polish_finely(
     Returns:
         As `search_legs` but for the history; populations hold the best path alone.
     """
-    world, fine = _world(legs, shared, vehicle, config), config.fine()
+    world = _world(legs, shared, vehicle, config)
+    own, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    fine = config.fine()
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
     rows, outcome = (known * factors)[:, None].astype(np.float32), None
@@ -329,7 +341,7 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
+        return jax.device_get(_finish(state, None, outcome, **world, config=own.fine().only())[0])
 
     ranked = _ranked(*polished(rows, fine))
     if _is_deep(world) and vehicle.vertical_limits:
@@ -363,10 +375,15 @@ def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
     return {"legs": legs, "common": Common(shared, vehicle, *numbers)}
 
 
+def _met(world: dict[str, Any]) -> tuple[Environment, Current]:
+    """Return the world of all legs, and the current of one as far as its kind goes."""
+    env, own = world["common"].env, world["legs"].own
+    return env, env.current if own is None else combine(env.current, row_kinds(own[0]))
+
+
 def _is_deep(world: dict[str, Any]) -> bool:
     """Return whether paths may find other currents at other depths."""
-    env, own = world["common"].env, world["legs"].own
-    current = env.current if own is None else combine(env.current, row_kinds(own[0]))
+    env, current = _met(world)
     return is_searched_in_depth(env, world["common"].vehicle, current)
 
 
@@ -594,8 +611,9 @@ def _finish(
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
         trajectory = evaluate(tracks(best, start, goal, env, vehicle, own), depart, env, vehicle, own)
+        cost, _ = cost_of(trajectory, straight_time(start, goal, vehicle), own)
         trajectory = judged_within(trajectory, env, vehicle, own)
-        plan = _in_own_units(trajectory, state, leg, factor)
+        plan = _in_own_units(trajectory, cost[0], state, leg, factor)
         if known is None:
             plan |= {"closed": jnp.zeros(()), "wanting": jnp.zeros((), bool)}
         else:
@@ -616,7 +634,7 @@ def _in_seconds(history: search.History, leg: Legs) -> search.History:
 
 
 def _in_own_units(
-    trajectory: Trajectory, state: search.State, leg: Legs, factor: jax.Array
+    trajectory: Trajectory, cost: jax.Array, state: search.State, leg: Legs, factor: jax.Array
 ) -> dict[str, jax.Array]:
     """Return the fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
     inner = state.population[0].reshape(3, -1).T / factor
@@ -633,7 +651,7 @@ def _in_own_units(
         "violations": excess.mean(axis=1),
         "clearance": trajectory.clearance.min() / factor,
         "altitude": trajectory.altitude.min() / factor,
-        "cost": state.cost[0] / factor,
+        "cost": cost / factor,
         "population": state.population / factor,
         "excess": excess,
         "water": jnp.stack(trajectory.water, axis=-1)[:, 0],

@@ -34,7 +34,10 @@ LIMIT = 1_000_000_000
 #: Settings of JAX that say nothing about programs: where things are kept and what is printed.
 _SILENT = "cache", "log", "dump", "dir", "profil", "traceback", "monitor", "distributed"
 
-#: Packages that no compiled program takes code from: what changes there leaves programs as they are.
+#: The folder of the package whose code programs are compiled from.
+HOME = Path(__file__).parents[1]
+
+#: Packages in it that no compiled program takes code from: what changes there leaves programs as they are.
 UNCOMPILED = "cli", "io", "paper", "plot", "report", "scenario", "study"
 
 _DIGEST = hashlib.sha256().digest_size
@@ -189,7 +192,7 @@ def _surroundings() -> str:
         _processor(),
         os.environ.get("XLA_FLAGS", ""),
         settings,
-        digest_of_sources(Path(__file__).parent),
+        digest_of_sources(HOME),
     )
     return repr(parts)
 
@@ -205,7 +208,7 @@ def _processor() -> str:
 
 
 def digest_of_sources(home: Path) -> str:
-    """Return a digest of the code in this package's folder, as far as programs are compiled from it."""
+    """Return a digest of the code in the package's folder, as far as programs are compiled from it."""
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):
         if path.relative_to(home).parts[0] not in UNCOMPILED:

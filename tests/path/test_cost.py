@@ -253,10 +253,12 @@ def _with(values, index, value):
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("reading", ["track", "eq8", "eq11"])
-def test_gradients_match_finite_differences(reading):
+@pytest.mark.parametrize(
+    ("reading", "quadrature"), [("track", None), ("eq8", None), ("eq11", None), ("track", 2)]
+)
+def test_gradients_match_finite_differences(reading, quadrature):
     env = world()
-    config = CONFIG.replace(speed_reading=reading)
+    config = CONFIG.replace(speed_reading=reading, quadrature=quadrature)
     habitat = np.asarray(population(3, env, seed=2))[1]
 
     def cost(habitat, speed, depart, strength):
@@ -276,7 +278,8 @@ def test_gradients_match_finite_differences(reading):
         np.testing.assert_allclose(slopes[arg], fd, rtol=2e-4, atol=1e-4)
 
 
-def test_gradients_are_finite_at_awkward_places():
+@pytest.mark.parametrize("quadrature", [None, 2])
+def test_gradients_are_finite_at_awkward_places(quadrature):
     # Coinciding control points (zero-length segments), a path through a vortex centre, a current that wins.
     start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([1000.0, 0.0, 0.0])
     strong = ap.LambVortices([[[500.0, 0.0]]], [[9000.0]], [[200.0]])
@@ -284,7 +287,8 @@ def test_gradients_are_finite_at_awkward_places():
         strong, None, ap.Obstacles.static([[0.0, 0.0, 0.0]], [10.0]), (-500, -500, 0), (1500, 500, 0)
     )
     vehicle = ap.Vehicle(climb_rate_max=1.0, dive_rate_max=1.0)
-    slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, vehicle, CONFIG)[0][0]))
+    config = CONFIG.replace(quadrature=quadrature)
+    slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, vehicle, config)[0][0]))
     for habitat in (jnp.zeros(3 * CONFIG.control_points), habitats.straight_line(start, goal, CONFIG)):
         assert np.isfinite(slope(habitat)).all()
 
@@ -473,3 +477,32 @@ def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet,
     broken = np.asarray(judged.excess[VIOLATIONS.index(limit)])[:, 0]
     np.testing.assert_allclose(broken, [0.0, excess, 0.0, 0.0], atol=1e-5)
     assert float(violations(judged).sum()) == pytest.approx(excess / 4.0, abs=1e-5)
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("changing", [False, True])
+def test_current_met_at_several_places_is_that_of_shorter_segments(changing):
+    """Quarters of straight segments, each met in its middle, one after the other."""
+
+    def current(x, y, z, t):
+        tide = jnp.cos(t / 4000.0) if changing else 1.0
+        return 0.9 * jnp.tanh((z - 20.0) / 2.0) * tide, 0.4 * jnp.sin(x / 150.0), 0.05 * tide + 0.0 * x
+
+    env = ap.Environment(current, None, None, (-500, -500, 0), (2500, 500, 100))
+    vehicle, rng = ap.Vehicle(1.8, pitch_max=0.3), np.random.default_rng(3)
+    corners = np.stack([np.linspace(0, 2000, 9), rng.normal(0, 60, 9), rng.uniform(0, 60, 9)], axis=1)
+    marks = np.arange(33) / 4.0
+    quarters = np.stack([np.interp(marks, np.arange(9), axis) for axis in corners.T], axis=1)
+
+    def followed(points, count):
+        config = ap.PathConfig(quadrature=count)
+        return evaluate(through(*points.T[:, :, None]), 0.0, env, vehicle, config)
+
+    often, short = followed(corners, 4), followed(quarters, None)
+    np.testing.assert_allclose(often.times[:, 0], short.times[::4, 0], rtol=1e-3 if changing else 1e-9)
+    for limit in ("sway", "pitch"):
+        index = VIOLATIONS.index(limit)
+        worst = np.asarray(short.excess[index][:, 0]).reshape(8, 4).max(axis=1)
+        np.testing.assert_allclose(often.excess[index][:, 0], worst, atol=2e-2 if changing else 1e-9)
+    once = followed(corners, None)
+    assert abs(float(once.travel_time[0] / short.travel_time[0]) - 1.0) > 0.02, "the middles alone are wrong"

@@ -238,6 +238,28 @@ def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
     assert plan.travel_time < 1.01 * best
 
 
+@pytest.mark.parametrize("preset", [ap.PathConfig, ap.PathConfig.quick])
+def test_a_long_dive_through_a_sharp_layer_is_timed_as_it_is_sailed(preset):
+    """Samples lie 180 m apart: one that a steep dive skips the adverse layer by must not hide it."""
+
+    def sharp(x, y, z, t):
+        return 0.6 * jnp.tanh((z - 19.0) / 0.7), 0.0, 0.0
+
+    vehicle = ap.Vehicle(1.3, surge_max=50.0, sway_max=50.0, pitch_max=0.5)
+    env = ap.Environment(sharp, lower=(-2000, -8000, 0), upper=(32_000, 8000, 100))
+    ends = (0, 0, 5), (29_000, 0, 5)
+    plan = ap.plan_path(*ends, env, vehicle, key=jax.random.key(0), config=preset())
+    assert plan.feasible
+    share = np.linspace(0.0, len(plan.times) - 1.0, 100_001)
+    points = np.stack([np.interp(share, np.arange(len(plan.times)), axis) for axis in plan.positions.T], 1)
+    way, middle = np.diff(points, axis=0), 0.5 * (points[1:, 2] + points[:-1, 2])
+    gap, water = np.linalg.norm(way, axis=1), 0.6 * np.tanh((middle - 19.0) / 0.7)
+    along = water * way[:, 0] / gap
+    ground = along + np.sqrt(1.3**2 - (water**2 - along**2))
+    assert plan.travel_time == pytest.approx((gap / ground).sum(), rel=2e-3)
+    assert float(ap.travel_time(plan.positions, env, vehicle)) == pytest.approx(plan.travel_time, rel=1e-4)
+
+
 def test_a_replan_in_two_layers_stays_below():
     env, config, key = sea(), ap.PathConfig.quick(), jax.random.key(0)
     plan = ap.plan_path((0, 0, 10), (WAY, 0, 10), env, UNLIMITED, key=key, config=config)

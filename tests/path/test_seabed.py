@@ -69,6 +69,9 @@ def test_altitude_is_certified_on_every_segment(gap):
     true = env.seabed.altitude(places[:-1] * (1.0 - share) + places[1:] * share).min(axis=0)
     assert (certified <= true + 1e-2).all()
     assert np.median(true - certified) < 0.15 * gap + 12.0
+    in_parts = np.asarray(bed_altitude(x, y, z, level, env, parts=4))
+    assert (in_parts <= true + 1e-2).all()
+    assert np.median(true - in_parts) < np.median(true - certified)
 
 
 @pytest.mark.slow

@@ -13,10 +13,13 @@ from auvplan.bbo import BBOConfig
 from auvplan.ocean.currents import is_quasi_steady
 from auvplan.path.cost import Track, evaluate
 from auvplan.path.kinematics import PacedCurrent
+from auvplan.path.profile import timed
 from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
+#: Places at which a segment meets a current that depends on depth.
+IN_DEPTH = timed(CONFIG, world(), world().current).quadrature
 SHARE = np.linspace(0.0, 1.0, 48)[:, None]
 #: A path with a bend.
 PATH = START + (GOAL - START) * SHARE + 150.0 * np.sin(np.pi * SHARE) * np.array([1.0, -1.0, 0.0])
@@ -30,22 +33,28 @@ def tide(x, y, z, t):
 look_up = jax.jit(lambda current, place, time: jnp.stack(current(*place, time)))
 
 
-def arrivals(depart, speed, factor, current):
-    """[S] s at the samples of `PATH`, its segments executed one after the other."""
+def arrivals(depart, speed, factor, current, places=1):
+    """[S] s at the samples of `PATH`, its segments executed one after the other.
+
+    Each meets the current at so many places, in the middles of equal parts.
+    """
     times, pace, current = [depart], speed, ap.Environment(current).current
     for a, b in pairwise(PATH):
         gap = np.linalg.norm(b - a)
-        half = times[-1] + 0.5 * gap / pace
-        water = factor * np.asarray(look_up(current, 0.5 * (a + b), half))
-        along = water @ (b - a) / gap
-        pace = along + np.sqrt(speed**2 - (water @ water - along**2))
+        half, slowness = times[-1] + 0.5 * gap / pace, []
+        for share in (np.arange(places) + 0.5) / places:
+            met = a + share * (b - a), half + (share - 0.5) * gap / pace
+            water = factor * np.asarray(look_up(current, *met))
+            along = water @ (b - a) / gap
+            slowness.append(1.0 / (along + np.sqrt(speed**2 - (water @ water - along**2))))
+        pace = 1.0 / np.mean(slowness)
         times.append(times[-1] + gap / pace)
     return np.array(times)
 
 
-def travel_time(depart, speed, factor, current):
+def travel_time(depart, speed, factor, current, places=1):
     """s along `PATH`."""
-    times = arrivals(depart, speed, factor, current)
+    times = arrivals(depart, speed, factor, current, places)
     return times[-1] - times[0]
 
 
@@ -58,7 +67,8 @@ def test_slopes_match_finite_differences(steady):
     at, steps = np.array([100.0, 2.5, 1.0]), (1e-2, 1e-5, 1e-5)
     for k, (name, step) in enumerate(zip(("departure", "speed", "current"), steps, strict=True)):
         aside = step * np.eye(3)[k]
-        difference = travel_time(*(at + aside), current) - travel_time(*(at - aside), current)
+        ends = (travel_time(*(at + sign * aside), current, IN_DEPTH if steady else 1) for sign in (1, -1))
+        difference = np.subtract(*ends)
         assert getattr(found, name) == pytest.approx(difference / (2 * step), rel=1e-4, abs=1e-6)
     assert (found.departure == 0.0) is steady
 
@@ -155,7 +165,7 @@ def test_travel_times_are_traced_and_differentiated():
     both = jax.jit(jax.vmap(ap.travel_time, in_axes=(0, None)))(paths, env)
     np.testing.assert_allclose(both, [of_one(path, env) for path in paths], rtol=1e-12)
     assert of_one(paths[0], env, vehicle, 50.0) == pytest.approx(
-        travel_time(50.0, 2.0, 1.0, env.current), rel=1e-6
+        travel_time(50.0, 2.0, 1.0, env.current, IN_DEPTH), rel=1e-6
     )
     at = paths[0], env.current, vehicle, jnp.asarray(50.0)
 

@@ -325,3 +325,10 @@ def test_keys_depend_on_the_code_that_is_compiled(tmp_path, changed, same):
     before = cache.digest_of_sources(home)
     (home / changed).write_text("")
     assert (cache.digest_of_sources(home) == before) == same
+
+
+def test_keys_depend_on_the_whole_package(monkeypatch):
+    seen = []
+    monkeypatch.setattr(cache, "digest_of_sources", lambda home: seen.append(home) or "")
+    cache._surroundings.__wrapped__()
+    assert seen == [Path(ap.__file__).parent]
