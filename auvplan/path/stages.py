@@ -72,10 +72,6 @@ _STEEP = 0.03, 0.25, 2
 #: Share of `PathConfig.settled` up to which a path in depth has settled: profiles have more bends than ways.
 _SETTLED_IN_DEPTH = 0.1
 
-#: Share of the limits on speed over ground and current across that a leg which leaves something wanting is
-#: polished within: at its limit no step is kept.
-INSIDE = 0.99
-
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
 _STRICTER = (0.1, 0.99), (1.0, 0.98)
@@ -329,8 +325,7 @@ def polish_finely(
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
     rows, outcome = (known * factors)[:, None].astype(np.float32), None
-    inside = vehicle.stricter(INSIDE, "surge_max", "sway_max") if again else vehicle
-    polished = partial(_polished, keys, world=_world(legs, shared, inside, config))
+    polished = partial(_polished, keys, world=world)
     if again:
         dense = config.only("finer").replace(field_cells=config.dense_cells)
         passages, few, _, *outcome = _trace(
