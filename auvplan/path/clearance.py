@@ -146,7 +146,7 @@ def bed_altitude(
 
 
 def _divided(axis: jax.Array, parts: int) -> jax.Array:
-    """[(S - 1) * parts + 1, P], samples [S, P] and the ends of so many equal parts of what lies between."""
+    """[(S - 1) * parts + 1, P], samples [S, P] and the ends of equal parts of the segments between them."""
     share = jnp.asarray(np.arange(parts) / parts, axis.dtype)[:, None]
     inner = axis[:-1, None] + share * (axis[1:] - axis[:-1])[:, None]
     return jnp.concatenate([inner.reshape(-1, axis.shape[1]), axis[-1:]])

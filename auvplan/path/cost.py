@@ -26,6 +26,7 @@ from auvplan.path.kinematics import (
     norm,
     over_ground,
     pace_met,
+    parts_of,
     places_met,
     turn_rate,
     vertical_speeds,
@@ -196,7 +197,7 @@ def evaluate(
     gap = norm(dx, dy, dz)
     middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
     count = config.quadrature or 1
-    met = places_met(middle, track.way, middle_time, gap / vehicle.speed, count)
+    met = places_met(middle, track.way, middle_time, gap / vehicle.speed, parts_of(count))
     u, v, w = (jnp.broadcast_to(component, met[0].shape) for component in env.current(*met))
     ground, across, shortfall = over_ground((u, v, w), track.way, gap, vehicle, config)
     vertical = vertical_speeds((u, v, w), track.way, gap, ground, vehicle, config.speed_reading)
@@ -254,31 +255,21 @@ def judged_within(
     `evaluate` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT`
     of them as well; an excess there counts where it is greater than `WITHIN`.
     """
-    ends = trajectory.x, trajectory.y, trajectory.z
-    way = tuple(jnp.diff(axis, axis=0) for axis in ends)
-    gap, begin, lasts = norm(*way), trajectory.times[:-1], jnp.diff(trajectory.times, axis=0)
-
-    def at(share: float) -> tuple[jax.Array, ...]:
-        place = (axis[:-1] + share * step for axis, step in zip(ends, way, strict=True))
-        return *place, begin + share * lasts
-
-    places = (jnp.concatenate(planes) for planes in zip(*map(at, JUDGED_AT), strict=True))
-    again = partial(jnp.tile, reps=(len(JUDGED_AT), 1))
-    way, gap = tuple(map(again, way)), again(gap)
-    water = tuple(jnp.broadcast_to(component, gap.shape) for component in env.current(*places))
-    ground, across, shortfall = over_ground(water, way, gap, vehicle, config)  # type: ignore[arg-type]
-    vertical = vertical_speeds(water, way, gap, ground, vehicle, config.speed_reading)  # type: ignore[arg-type]
+    way = jnp.diff(trajectory.x, axis=0), jnp.diff(trajectory.y, axis=0), jnp.diff(trajectory.z, axis=0)
+    begin, lasts, gap = trajectory.times[:-1], jnp.diff(trajectory.times, axis=0), norm(*way)
+    starts = trajectory.x[:-1], trajectory.y[:-1], trajectory.z[:-1]
+    middle = starts[0] + 0.5 * way[0], starts[1] + 0.5 * way[1], starts[2] + 0.5 * way[2]
+    met = places_met(middle, way, begin + 0.5 * lasts, lasts, JUDGED_AT)
+    u, v, w = (jnp.broadcast_to(component, met[0].shape) for component in env.current(*met))
+    ground, across, shortfall = over_ground((u, v, w), way, gap, vehicle, config)
+    vertical = vertical_speeds((u, v, w), way, gap, ground, vehicle, config.speed_reading)
     within = {
         "surge": _beyond(ground, vehicle.surge_max),
         "sway": _beyond(across, vehicle.sway_max),
         "current": shortfall,
         **{name: _beyond(*pair) for name, pair in vertical.items()},
     }
-    shape = (len(JUDGED_AT), *trajectory.excess[0].shape)
-    most = {
-        name: jnp.where(plane > WITHIN, plane, 0.0).reshape(shape).max(axis=0)
-        for name, plane in within.items()
-    }
+    most = {name: jnp.where(plane > WITHIN, plane, 0.0).max(axis=0) for name, plane in within.items()}
     both = zip(VIOLATIONS, trajectory.excess, strict=True)
     return replace(trajectory, excess=tuple(jnp.maximum(plane, most.get(name, 0.0)) for name, plane in both))
 

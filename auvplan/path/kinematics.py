@@ -47,26 +47,29 @@ def over_ground(
     return ground, across, shortfall
 
 
-def places_met(
-    middle: Axes, way: Axes, when: jax.Array, lasts: jax.Array, count: int
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """Return x, y, z, m, and times, s, at which segments meet the current, [C, ...] at C places on each.
+def parts_of(count: int) -> tuple[float, ...]:
+    """Return the middles of equal parts of a segment, as shares of it."""
+    return tuple((k + 0.5) / count for k in range(count))
 
-    One is the middle, without a leading axis; more are the middles of C equal parts.
+
+def places_met(
+    middle: Axes, way: Axes, when: jax.Array, lasts: jax.Array, shares: tuple[float, ...]
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Return x, y, z, m, and times, s, at C shares of segments, [C, ...]; of one share without that axis.
 
     Args:
         middle: x, y, z, m, of segments' middles; any shape, the same for all.
         way: x, y, z, m, from their first to their last ends.
         when: s since the epoch, at their middles.
         lasts: s, about their durations.
-        count: C, see `PathConfig.quadrature`.
+        shares: C of them, from 0 to 1; one alone is the middle.
     """
-    if count == 1:
+    if len(shares) == 1:
         return *middle, when
-    shares = (np.arange(count) + 0.5) / count - 0.5
 
     def along(plane: jax.Array, step: jax.Array) -> jax.Array:
-        return plane + jnp.asarray(shares, plane.dtype).reshape(-1, *(1,) * plane.ndim) * step
+        off = jnp.asarray(np.subtract(shares, 0.5), plane.dtype)
+        return plane + off.reshape(-1, *(1,) * plane.ndim) * step
 
     (x, y, z), (dx, dy, dz) = middle, way
     return along(x, dx), along(y, dy), along(z, dz), along(when, lasts)
@@ -80,8 +83,8 @@ def mean_met(plane: jax.Array, count: int) -> jax.Array:
 def most_met(plane: jax.Array, count: int) -> jax.Array:
     """Return the greatest value at the C places at which segments meet the current.
 
-    Two by two: the slope of a maximum along an axis is that of the value equal to it, and a compiler that
-    works it out anew may round it so that none is.
+    Two by two: the slope of a maximum along an axis is that of the value equal to it, and where a compiler
+    computes the values twice it may round them so that none is equal.
     """
     return plane if count == 1 else reduce(jnp.maximum, [plane[k] for k in range(count)])
 
@@ -113,7 +116,8 @@ def vertical_speeds(
         return {}
     slope = way[2] / gap
     down = ground * slope
-    sinking = down - water[2] if reading == "track" else vehicle.speed * slope
+    hull = jnp.broadcast_to(vehicle.speed * slope, down.shape)
+    sinking = down - water[2] if reading == "track" else hull
     speeds = {"pitch": jnp.abs(sinking), "climb": -down, "dive": down}
     return {name: (speeds[name], limit) for name, limit in limits.items()}
 
@@ -151,7 +155,7 @@ def middle_times(
         time, speed = carry
         middle, way, gap = segment
         half_way, count = time + 0.5 * gap / speed, config.quadrature or 1
-        water = env.current(*places_met(middle, way, half_way, gap / speed, count))
+        water = env.current(*places_met(middle, way, half_way, gap / speed, parts_of(count)))
         ground = pace_met(over_ground(water, way, gap, vehicle, config)[0], count)
         return (time + gap / ground, ground), half_way
 

@@ -16,7 +16,7 @@ from jax.core import Tracer
 from auvplan.ocean.currents import Current, varies_with_depth
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
-from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
 from auvplan.path.habitats import deepest
 from auvplan.path.kinematics import TINY, vertical_speeds
 from auvplan.vehicle import Vehicle, along_track
@@ -142,7 +142,7 @@ def transit_depths(
     """
     if vehicle.transit_altitude is not None:
         assert env.seabed is not None
-        least = jnp.maximum(vehicle.transit_altitude, env.seabed.clearance + 2.0 * GUIDE_MARGIN)
+        least = jnp.maximum(vehicle.transit_altitude, env.seabed.clearance + 2.0 * GUIDE_ALTITUDE)
         depth = env.seabed.shallowest_at(x, y, gap) - least
     else:
         assert vehicle.transit_depth is not None

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given
 from auvplan.path.profile import timed
@@ -257,10 +257,10 @@ def _followed(
     Limits count from a little before they bind on: a polish settles just inside.
     """
     start, goal, env, vehicle, depart = given
-    room = GUIDE_MARGIN * _REACH / factor_of(start, goal)
+    room, above_bed = (_REACH * margin / factor_of(start, goal) for margin in (GUIDE_MARGIN, GUIDE_ALTITUDE))
     env = replace(env, obstacles=env.obstacles.resolved(env.current))
     if env.seabed is not None:
-        env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + room))
+        env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + above_bed))
     strict = vehicle.stricter(_NEARLY, "surge_max", "sway_max", "turn_rate_max", *VERTICAL_LIMITS.values())
     margins = {name: getattr(config, name) + room for name in ("coast_margin", "obstacle_margin")}
     track = tracks(habitat[None], start, goal, env, vehicle, config)

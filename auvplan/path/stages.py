@@ -161,7 +161,7 @@ def search_legs(
         the last polish still improved it.
     """
     world = _world(legs, shared, vehicle, config)
-    own, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    timing, config = (settings(config, *_met(world)) for settings in (timed, compared))
     effort = config.window() if window else config
     share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
@@ -197,11 +197,11 @@ def search_legs(
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
         polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
     finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
-    plans, last = share.spend(work("finish"), partial(finish, config=own.only()))
+    plans, last = share.spend(work("finish"), partial(finish, config=timing.only()))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
     unsettled = np.zeros(len(last.best), bool)
-    if config.quadrature != own.quadrature:
+    if config.quadrature != timing.quadrature:
         # Segments that hide some of the current that they cross are too long.
         unsettled = plans["cost"] > (1.0 + settled) * last.best
     if polished is not None:
@@ -320,7 +320,7 @@ def polish_finely(
         As `search_legs` but for the history; populations hold the best path alone.
     """
     world = _world(legs, shared, vehicle, config)
-    own, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    timing, config = (settings(config, *_met(world)) for settings in (timed, compared))
     fine = config.fine()
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
@@ -341,7 +341,7 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        return jax.device_get(_finish(state, None, outcome, **world, config=own.fine().only())[0])
+        return jax.device_get(_finish(state, None, outcome, **world, config=timing.fine().only())[0])
 
     ranked = _ranked(*polished(rows, fine))
     if _is_deep(world) and vehicle.vertical_limits:

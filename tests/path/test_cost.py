@@ -480,8 +480,8 @@ def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet,
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("changing", [False, True])
-def test_current_met_at_several_places_is_that_of_shorter_segments(changing):
+@pytest.mark.parametrize(("changing", "reading"), [(False, "track"), (True, "track"), (False, "eq8")])
+def test_current_met_at_several_places_is_that_of_shorter_segments(changing, reading):
     """Quarters of straight segments, each met in its middle, one after the other."""
 
     def current(x, y, z, t):
@@ -495,7 +495,7 @@ def test_current_met_at_several_places_is_that_of_shorter_segments(changing):
     quarters = np.stack([np.interp(marks, np.arange(9), axis) for axis in corners.T], axis=1)
 
     def followed(points, count):
-        config = ap.PathConfig(quadrature=count)
+        config = ap.PathConfig(quadrature=count, speed_reading=reading)
         return evaluate(through(*points.T[:, :, None]), 0.0, env, vehicle, config)
 
     often, short = followed(corners, 4), followed(quarters, None)

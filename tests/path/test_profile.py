@@ -240,7 +240,7 @@ def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
 
 @pytest.mark.parametrize("preset", [ap.PathConfig, ap.PathConfig.quick])
 def test_a_long_dive_through_a_sharp_layer_is_timed_as_it_is_sailed(preset):
-    """Samples lie 180 m apart: one that a steep dive skips the adverse layer by must not hide it."""
+    """Samples lie 180 m apart: a dive within one segment must not hide the adverse layer."""
 
     def sharp(x, y, z, t):
         return 0.6 * jnp.tanh((z - 19.0) / 0.7), 0.0, 0.0
