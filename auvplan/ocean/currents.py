@@ -199,16 +199,27 @@ def varies_with_depth(current: Current) -> bool:
     """
     if isinstance(current, SumCurrent):
         return any(varies_with_depth(part) for part in current.parts)
-    if getattr(current, "barotropic", False):
-        return False
+    return not getattr(current, "barotropic", False) and _axes_used(current)[2]
+
+
+def varies_in_space(current: Current) -> bool:
+    """Return whether horizontal components of a current may depend on the place, as `varies_with_depth`."""
+    if isinstance(current, SumCurrent):
+        return any(varies_in_space(part) for part in current.parts)
+    return any(_axes_used(current)[:2]) or varies_with_depth(current)
+
+
+def _axes_used(current: Current) -> tuple[bool, ...]:
+    """Return whether u or v of a current is computed from x, from y, from z and from t."""
     leaves, tree = jax.tree.flatten(current)
-    kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-    return _uses_depth(tree, kinds)
+    return _axes_used_by(
+        tree, tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+    )
 
 
 @lru_cache(maxsize=256)
-def _uses_depth(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
-    """Return whether u or v of a current with leaves of these kinds is computed from z."""
+def _axes_used_by(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> tuple[bool, ...]:
+    """Return `_axes_used` of a current with leaves of these kinds."""
     place = jax.ShapeDtypeStruct((), jnp.result_type(float))
 
     def level(leaves: Sequence[jax.Array], *where: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -216,7 +227,7 @@ def _uses_depth(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
 
     program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
     _, used = partial_eval.dce_jaxpr(program, [True, True])
-    return used[len(kinds) + 2]
+    return tuple(used[len(kinds) :])
 
 
 def is_quasi_steady(current: Current) -> bool:

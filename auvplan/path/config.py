@@ -47,8 +47,8 @@ class PathConfig:
             many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
-        quadrature: places on each segment between two samples at which the current is met; None for one, its
-            middle, but where currents differ with depth two in a search and eight when the path is timed.
+        quadrature: places on each segment between two samples at which the current is met; None for one in a
+            search, its middle, or two where currents differ with depth, and for eight when the path is timed.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
         start_shape: initial habitats as the straight line and "smooth" detours of few bends, or as "uniform"
             draws within bounds.

@@ -40,6 +40,9 @@ from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 #: twice the sine of the limit.
 VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current", "seabed", *VERTICAL_LIMITS)
 
+#: Those that depend on the current that is met.
+IN_CURRENT = ("surge", "sway", "current", *VERTICAL_LIMITS)
+
 #: Metres of missing clearance that count as an excess of one.
 CLEARANCE_SCALE = 50.0
 
@@ -247,13 +250,44 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
     return jnp.maximum(env.seabed.clearance + margin - altitude, 0.0) / ALTITUDE_SCALE
 
 
+def timed_at_places(
+    track: Track,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    timing: PathConfig,
+) -> tuple[Trajectory, jax.Array]:
+    """Time paths at more places on each segment than they were compared at.
+
+    Limits that depend on the current are held against the places where they were compared; `judged_within`
+    looks at others.
+
+    Args:
+        track: P paths of S samples.
+        depart, env, vehicle: as for `evaluate`.
+        config: that paths are compared by.
+        timing: that they are timed by, see `profile.timed`.
+
+    Returns:
+        The trajectories, and [P] s by which they take longer than they seemed to.
+    """
+    compared = evaluate(track, depart, env, vehicle, config)
+    if timing == config:
+        return compared, jnp.zeros_like(compared.travel_time)
+    trajectory = evaluate(track, depart, env, vehicle, timing)
+    both = zip(VIOLATIONS, compared.excess, trajectory.excess, strict=True)
+    excess = tuple(first if name in IN_CURRENT else last for name, first, last in both)
+    return replace(trajectory, excess=excess), trajectory.travel_time - compared.travel_time
+
+
 def judged_within(
     trajectory: Trajectory, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> Trajectory:
     """Return a trajectory whose limits hold within segments too, but for those on turns and distances.
 
-    `evaluate` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT`
-    of them as well; an excess there counts where it is greater than `WITHIN`.
+    The current is looked up at the shares `JUDGED_AT` of each segment, and an excess there counts where it is
+    greater than `WITHIN`.
     """
     way = jnp.diff(trajectory.x, axis=0), jnp.diff(trajectory.y, axis=0), jnp.diff(trajectory.z, axis=0)
     begin, lasts, gap = trajectory.times[:-1], jnp.diff(trajectory.times, axis=0), norm(*way)

@@ -13,14 +13,14 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import VIOLATIONS, WITHIN, Track, evaluate
+from auvplan.path.cost import IN_CURRENT, VIOLATIONS, WITHIN, Track, evaluate
 from auvplan.path.plan import PathPlan
 from auvplan.path.profile import timed
 from auvplan.runtime.compiled import compiled
-from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
+from auvplan.vehicle import Vehicle
 
 #: [V, 1], excess over each limit that is not a break.
-_LET_PASS = np.array([[WITHIN * (name in VERTICAL_LIMITS)] for name in VIOLATIONS])
+_LET_PASS = np.array([[WITHIN * (name in IN_CURRENT)] for name in VIOLATIONS])
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def outlook(
     count = np.arange(len(plan.times))
     # The vehicle may be later than planned: it is where it is now.
     depart = now - (np.interp(sample, count, plan.times) - plan.times[0])
-    own = timed(config, plan.conditions.env, current)
+    own = timed(config, current)
     times, excess = jax.device_get(_executed(plan.positions, np.float32(depart), *sea, config=own))
     times = np.asarray(times, float) + now - np.interp(sample, count, times)
     ahead = count[:-1] >= np.floor(sample)

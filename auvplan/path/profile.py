@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from auvplan.ocean.currents import Current, varies_with_depth
+from auvplan.ocean.currents import Current, varies_in_space, varies_with_depth
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
 from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
@@ -24,8 +24,9 @@ from auvplan.vehicle import Vehicle, along_track
 #: Moves from station to station on each path of a search, and depths to choose from at each.
 STATIONS, LEVELS = 64, 24
 
-#: Places on each segment at which paths through depths meet the current while they are compared, and when the
-#: one found is timed. Met in its middle alone, a long steep segment would hide what it crosses.
+#: Places on each segment at which paths through depths meet the current while they are compared, and at which
+#: any path meets it when it is timed. In its middle alone a steep segment would hide the layers that it
+#: crosses, and one in the plan view a front or a jet.
 _COMPARED, _TIMED = 2, 8
 
 #: Share of the depths that lie where the current changes with depth; the others lie evenly.
@@ -71,19 +72,27 @@ def is_searched_in_depth(env: Environment, vehicle: Vehicle, current: Current) -
 
 
 def compared(config: PathConfig, env: Environment, current: Current) -> PathConfig:
-    """Return the settings by which paths are compared in a search, from the user's; see `crosses_depths`."""
-    return _with_quadrature(config, _COMPARED, env, current)
+    """Return the settings by which paths are compared in a search, from the user's.
+
+    Args:
+        config: the user's.
+        env, current: as for `crosses_depths`.
+    """
+    return _met_at(_COMPARED, config) if crosses_depths(env, current) else config
 
 
-def timed(config: PathConfig, env: Environment, current: Current) -> PathConfig:
-    """Return the settings by which a path that was found is timed, from the user's; see `crosses_depths`."""
-    return _with_quadrature(config, _TIMED, env, current)
+def timed(config: PathConfig, current: Current) -> PathConfig:
+    """Return the settings by which a path that was found is timed, from the user's.
+
+    Args:
+        config: the user's.
+        current: as for `crosses_depths`.
+    """
+    return _met_at(_TIMED, config) if varies_in_space(current) else config
 
 
-def _with_quadrature(config: PathConfig, count: int, env: Environment, current: Current) -> PathConfig:
-    if config.quadrature is not None or not crosses_depths(env, current):
-        return config
-    return config.replace(quadrature=count)
+def _met_at(count: int, config: PathConfig) -> PathConfig:
+    return config if config.quadrature is not None else config.replace(quadrature=count)
 
 
 def depths_within_reach(ends: jax.Array, env: Environment) -> tuple[jax.Array, jax.Array]:

@@ -96,7 +96,7 @@ def sensitivity(positions: np.ndarray, depart: float, conditions: Conditions) ->
         jnp.asarray(depart, float),
         env,
         conditions.vehicle,
-        config=timed(conditions.config, env, env.current),
+        config=timed(conditions.config, env.current),
     )
     return Sensitivity(*(float(slope) for slope in slopes))
 
@@ -122,9 +122,8 @@ def travel_time(
 ) -> jax.Array:
     """Compute the time along a track in the current, s: a pure function for `jax.jit`, `vmap` and `grad`.
 
-    Each segment is followed at the ground speed in the current that is met in its middle (Eq. 11), or, where
-    the current depends on depth, at several places, so that points must lie close together where it changes,
-    as those of `PathPlan.positions` do. Limits, coast, obstacles and sea bed play no part.
+    Each segment is followed at the ground speed in the current that is met at several places on it (Eq. 11),
+    so that points must lie close together where the current changes, as those of `PathPlan.positions` do. Limits, coast, obstacles and sea bed play no part.
 
     Args:
         points: [S, 3] m, north, east, depth, in the order in which they are passed.
@@ -151,7 +150,7 @@ def travel_time(
     points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")
-    config = timed(PathConfig(speed_reading=speed_reading), env, env.current)
+    config = timed(PathConfig(speed_reading=speed_reading), env.current)
     return _time_along(points, env, vehicle or Vehicle(), jnp.asarray(depart, float), config)
 
 
@@ -203,7 +202,7 @@ def _slopes_of_least(plan: Any, given: Given) -> list[jax.Array]:
     if not plan.feasible:
         raise ValueError(f"the time of a plan that breaks a limit has no derivative: {plan.reason}")
     env, points = plan.conditions.world(), np.asarray(plan.control_points)
-    settings = timed(plan.conditions.config, env, env.current)
+    settings = timed(plan.conditions.config, env.current)
     config = settings.only().replace(
         coast_margin=settings.coast_margin,
         obstacle_margin=settings.obstacle_margin,

@@ -30,6 +30,7 @@ from auvplan.path.cost import (
     score,
     soft_objective,
     straight_time,
+    timed_at_places,
     tracks,
     violations,
 )
@@ -161,7 +162,7 @@ def search_legs(
         the last polish still improved it.
     """
     world = _world(legs, shared, vehicle, config)
-    timing, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    timing, config = timed(config, _met(world)[1]), compared(config, *_met(world))
     effort = config.window() if window else config
     share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
@@ -197,13 +198,11 @@ def search_legs(
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
         polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
     finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
-    plans, last = share.spend(work("finish"), partial(finish, config=timing.only()))
+    plans, last = share.spend(work("finish"), partial(finish, config=config.only(), timing=timing.only()))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
-    unsettled = np.zeros(len(last.best), bool)
-    if config.quadrature != timing.quadrature:
-        # Segments that hide some of the current that they cross are too long.
-        unsettled = plans["cost"] > (1.0 + settled) * last.best
+    # Segments that hide some of the current that they cross are too long.
+    unsettled = plans.pop("hidden") > settled * plans["travel_time"]
     if polished is not None:
         unsettled |= last.best < (1.0 - settled) * before
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
@@ -320,7 +319,7 @@ def polish_finely(
         As `search_legs` but for the history; populations hold the best path alone.
     """
     world = _world(legs, shared, vehicle, config)
-    timing, config = (settings(config, *_met(world)) for settings in (timed, compared))
+    timing, config = timed(config, _met(world)[1]), compared(config, *_met(world))
     fine = config.fine()
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
@@ -341,7 +340,10 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        return jax.device_get(_finish(state, None, outcome, **world, config=timing.fine().only())[0])
+        finish = partial(_finish, state, None, outcome, **world)
+        plans, _ = jax.device_get(finish(config=fine.only(), timing=timing.fine().only()))
+        del plans["hidden"]
+        return plans
 
     ranked = _ranked(*polished(rows, fine))
     if _is_deep(world) and vehicle.vertical_limits:
@@ -580,7 +582,7 @@ def _evolve(
     return over_rows(one)(keys, populations, lowers, uppers, paces, legs)
 
 
-@partial(compiled, static_argnames=("config",), wide=True, quick=True)
+@partial(compiled, static_argnames=("config", "timing"), wide=True, quick=True)
 def _finish(
     states: search.State,
     polished: list[jax.Array] | None,
@@ -588,6 +590,7 @@ def _finish(
     legs: Legs,
     common: Common,
     config: PathConfig,
+    timing: PathConfig,
 ) -> tuple[dict[str, jax.Array], search.History]:
     """Return the best paths, as fields of `PathPlans` but for the history, and its last rows.
 
@@ -596,6 +599,7 @@ def _finish(
         polished: the best of them after a descent, with costs and violations [B, R].
         known: `closed` and `known` of `trace_passages`.
         legs, common, config: as for the other stages.
+        timing: settings that paths are timed by, in place of those that they were compared by.
     """
 
     def one(
@@ -610,10 +614,12 @@ def _finish(
             parts = zip((state.population, state.cost, state.violation), polished, strict=True)
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
-        trajectory = evaluate(tracks(best, start, goal, env, vehicle, own), depart, env, vehicle, own)
+        track = tracks(best, start, goal, env, vehicle, own)
+        posed = track, depart, env, vehicle, own
+        trajectory, hidden = timed_at_places(*posed, own.replace(quadrature=timing.quadrature))
         cost, _ = cost_of(trajectory, straight_time(start, goal, vehicle), own)
         trajectory = judged_within(trajectory, env, vehicle, own)
-        plan = _in_own_units(trajectory, cost[0], state, leg, factor)
+        plan = _in_own_units(trajectory, cost[0], state, leg, factor) | {"hidden": hidden[0] / factor}
         if known is None:
             plan |= {"closed": jnp.zeros(()), "wanting": jnp.zeros((), bool)}
         else:

@@ -9,7 +9,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
-from auvplan.ocean.currents import SumCurrent, varies_with_depth
+from auvplan.ocean.currents import SumCurrent, varies_in_space, varies_with_depth
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path.profile import levels, profiles
 from auvplan.path.stages import Legs, _step_sizes, _world, split
@@ -48,28 +48,31 @@ def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stati
 
 
 @pytest.mark.parametrize(
-    ("current", "varies"),
+    ("current", "with_depth", "in_space"),
     [
-        (ap.UniformCurrent(0.5, 0.1), False),
-        (lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0), False),
-        (lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z), False),
-        (jax.jit(lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z)), False),
-        (jax.jit(lambda x, y, z, t: (0.4 + 0.0 * z, y * 1e-4, 0.0 * x)), True),
-        (two_layers, True),
-        (gridded(1), False),
-        (gridded(2), True),
-        (SumCurrent(gridded(1), ap.UniformCurrent(0.1)), False),
-        (SumCurrent(gridded(1), LAYERED), True),
-        (LAYERED, True),
+        (ap.UniformCurrent(0.5, 0.1), False, False),
+        (lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0), False, False),
+        (lambda x, y, z, t: (0.4, y * 1e-4, 0.01 * z), False, True),
+        (jax.jit(lambda x, y, z, t: (0.4, x * 1e-4, 0.01 * z)), False, True),
+        (jax.jit(lambda x, y, z, t: (0.4, z * 1e-4, 0.0 * x)), True, True),
+        (two_layers, True, True),
+        (gridded(1), False, True),
+        (gridded(2), True, True),
+        (SumCurrent(ap.UniformCurrent(0.2), ap.UniformCurrent(0.1)), False, False),
+        (SumCurrent(gridded(1), ap.UniformCurrent(0.1)), False, True),
+        (SumCurrent(gridded(1), LAYERED), True, True),
+        (LAYERED, True, True),
         (
             LAYERED.__class__(*(part[:1] for part in (LAYERED.centers, LAYERED.strength, LAYERED.radius))),
             False,
+            True,
         ),
     ],
 )
-def test_currents_that_depend_on_depth_are_told_from_others(current, varies):
+def test_currents_that_depend_on_the_place_are_told_from_others(current, with_depth, in_space):
     env = ap.Environment(current, lower=(0, 0, 0), upper=(1, 1, 1))
-    assert varies_with_depth(env.current) is varies
+    assert varies_with_depth(env.current) is with_depth
+    assert varies_in_space(env.current) is in_space
 
 
 def test_levels_rise_and_lie_where_the_current_changes():
@@ -238,13 +241,32 @@ def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
     assert plan.travel_time < 1.01 * best
 
 
-@pytest.mark.parametrize("preset", [ap.PathConfig, ap.PathConfig.quick])
-def test_a_long_dive_through_a_sharp_layer_is_timed_as_it_is_sailed(preset):
-    """Samples lie 180 m apart: a dive within one segment must not hide the adverse layer."""
+def layer(x, y, z, t):
+    """Adverse above 19 m: a dive crosses it within one segment."""
+    return 0.6 * jnp.tanh((z - 19.0) / 0.7), 0.0, 0.0
 
-    def sharp(x, y, z, t):
-        return 0.6 * jnp.tanh((z - 19.0) / 0.7), 0.0, 0.0
 
+def front(x, y, z, t):
+    """Along the way, sharp, 30 m beside the straight line."""
+    return 0.6 * jnp.tanh((y - 30.0) / 2.0), 0.0, 0.0
+
+
+def bands(x, y, z, t):
+    """Across the way, adverse, 140 m wide every 3 km."""
+    return jnp.where(jnp.abs(jnp.mod(x - 1500.0, 3000.0) - 1500.0) > 1430.0, -0.6, 0.0), 0.0, 0.0
+
+
+@pytest.mark.parametrize(
+    ("sharp", "preset"),
+    [
+        (layer, ap.PathConfig),
+        (layer, ap.PathConfig.quick),
+        (front, ap.PathConfig.quick),
+        (bands, ap.PathConfig.quick),
+    ],
+)
+def test_what_is_finer_than_samples_is_timed_as_it_is_sailed(sharp, preset):
+    """They lie 180 m apart, or 460 m: what a segment crosses must not be hidden from it."""
     vehicle = ap.Vehicle(1.3, surge_max=50.0, sway_max=50.0, pitch_max=0.5)
     env = ap.Environment(sharp, lower=(-2000, -8000, 0), upper=(32_000, 8000, 100))
     ends = (0, 0, 5), (29_000, 0, 5)
@@ -252,12 +274,24 @@ def test_a_long_dive_through_a_sharp_layer_is_timed_as_it_is_sailed(preset):
     assert plan.feasible
     share = np.linspace(0.0, len(plan.times) - 1.0, 100_001)
     points = np.stack([np.interp(share, np.arange(len(plan.times)), axis) for axis in plan.positions.T], 1)
-    way, middle = np.diff(points, axis=0), 0.5 * (points[1:, 2] + points[:-1, 2])
-    gap, water = np.linalg.norm(way, axis=1), 0.6 * np.tanh((middle - 19.0) / 0.7)
+    way, middle = np.diff(points, axis=0), 0.5 * (points[1:] + points[:-1])
+    gap, water = np.linalg.norm(way, axis=1), np.asarray(sharp(*middle.T, 0.0)[0])
     along = water * way[:, 0] / gap
     ground = along + np.sqrt(1.3**2 - (water**2 - along**2))
     assert plan.travel_time == pytest.approx((gap / ground).sum(), rel=2e-3)
     assert float(ap.travel_time(plan.positions, env, vehicle)) == pytest.approx(plan.travel_time, rel=1e-4)
+
+
+def test_a_gradual_sea_needs_no_finer_path_for_its_time():
+    def eddy(x, y, z, t):
+        return 0.4 * jnp.sin(y / 4000.0) + 0.0 * x, 0.4 * jnp.sin(x / 4000.0) + 0.0 * y, 0.0
+
+    config = ap.PathConfig.quick()
+    env = ap.Environment(eddy, lower=(-2000, -8000, 0), upper=(32_000, 8000, 0))
+    plan = ap.plan_path((0, 0, 0), (29_000, 0, 0), env, UNLIMITED, key=jax.random.key(0), config=config)
+    assert plan.feasible
+    assert len(plan.positions) == config.samples
+    assert float(ap.travel_time(plan.positions, env, UNLIMITED)) == pytest.approx(plan.travel_time, rel=1e-4)
 
 
 def test_a_replan_in_two_layers_stays_below():

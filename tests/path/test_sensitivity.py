@@ -18,8 +18,8 @@ from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
-#: Places at which a segment meets a current that depends on depth.
-IN_DEPTH = timed(CONFIG, world(), world().current).quadrature
+#: Places at which a segment meets the current when it is timed.
+PLACES = timed(CONFIG, world().current).quadrature
 SHARE = np.linspace(0.0, 1.0, 48)[:, None]
 #: A path with a bend.
 PATH = START + (GOAL - START) * SHARE + 150.0 * np.sin(np.pi * SHARE) * np.array([1.0, -1.0, 0.0])
@@ -67,7 +67,7 @@ def test_slopes_match_finite_differences(steady):
     at, steps = np.array([100.0, 2.5, 1.0]), (1e-2, 1e-5, 1e-5)
     for k, (name, step) in enumerate(zip(("departure", "speed", "current"), steps, strict=True)):
         aside = step * np.eye(3)[k]
-        ends = (travel_time(*(at + sign * aside), current, IN_DEPTH if steady else 1) for sign in (1, -1))
+        ends = (travel_time(*(at + sign * aside), current, PLACES) for sign in (1, -1))
         difference = np.subtract(*ends)
         assert getattr(found, name) == pytest.approx(difference / (2 * step), rel=1e-4, abs=1e-6)
     assert (found.departure == 0.0) is steady
@@ -165,7 +165,7 @@ def test_travel_times_are_traced_and_differentiated():
     both = jax.jit(jax.vmap(ap.travel_time, in_axes=(0, None)))(paths, env)
     np.testing.assert_allclose(both, [of_one(path, env) for path in paths], rtol=1e-12)
     assert of_one(paths[0], env, vehicle, 50.0) == pytest.approx(
-        travel_time(50.0, 2.0, 1.0, env.current, IN_DEPTH), rel=1e-6
+        travel_time(50.0, 2.0, 1.0, env.current, PLACES), rel=1e-6
     )
     at = paths[0], env.current, vehicle, jnp.asarray(50.0)
 
