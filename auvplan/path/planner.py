@@ -17,7 +17,7 @@ from auvplan.path.ends import as_point, check_concrete, check_ends, check_given,
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions, differentiable_time
-from auvplan.path.stages import Legs, polish_finely, search_legs, split
+from auvplan.path.stages import INSIDE, Legs, polish_finely, search_legs, split
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
@@ -166,7 +166,9 @@ def plan_finely(
     """Polish paths with more control points and samples where those found leave something wanting.
 
     Winding ways have more bends than the usual control points can follow, and narrow ones are certified only
-    between samples that lie close together. A path that crosses itself is polished without its loop.
+    between samples that lie close together. Where a path still breaks a limit although a way is open, the leg
+    is searched once more inside the limits on speed over ground and current across. A path that crosses
+    itself is polished without its loop.
 
     Args:
         found: fields of `PathPlans` by name, and `wanting` and `unsettled`, which are taken out.
@@ -196,6 +198,14 @@ def plan_finely(
                 known = found["population"][chosen, 0]
                 found, new = polished(found, np.flatnonzero(chosen), known, again=again)
                 finer |= new
+        broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
+        if broken.size and budget is None:
+            inside = vehicle.stricter(INSIDE, "surge_max", "sway_max")
+            search = partial(search_legs, shared=shared, vehicle=inside, config=config)
+            posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
+            rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]
+            found, new = polished(found, broken, rows, again=False)
+            finer |= new
         paths = enumerate(found["positions"])
         cut = {leg: row for leg, path in paths if (row := without_loop(path, config)) is not None}
         if cut:

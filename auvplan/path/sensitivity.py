@@ -123,7 +123,8 @@ def travel_time(
     """Compute the time along a track in the current, s: a pure function for `jax.jit`, `vmap` and `grad`.
 
     Each segment is followed at the ground speed in the current that is met at several places on it (Eq. 11),
-    so that points must lie close together where the current changes, as those of `PathPlan.positions` do. Limits, coast, obstacles and sea bed play no part.
+    so that points must lie close together where the current changes, as those of `PathPlan.positions` do.
+    Limits, coast, obstacles and sea bed play no part.
 
     Args:
         points: [S, 3] m, north, east, depth, in the order in which they are passed.

@@ -73,6 +73,10 @@ _STEEP = 0.03, 0.25, 2
 #: Share of `PathConfig.settled` up to which a path in depth has settled: profiles have more bends than ways.
 _SETTLED_IN_DEPTH = 0.1
 
+#: Share of the limits on speed over ground and current across within which a leg is searched once more: at
+#: the limit no step of a polish is kept.
+INSIDE = 0.99
+
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
 _STRICTER = (0.1, 0.99), (1.0, 0.98)

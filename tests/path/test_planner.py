@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path import stages
+from auvplan.path import planner, stages
 from auvplan.path.habitats import straight_line
 from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
@@ -316,3 +316,20 @@ def test_without_passages_none_are_looked_for_again():
     env = ap.Environment(ap.UniformCurrent(0.0, 1.9), lower=(0, -50, 0), upper=(2000, 50, 0))
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
     assert plan.status is ap.PathStatus.SWAY
+
+
+@pytest.mark.parametrize(("across", "sways"), [(1.9, [1.5, 1.485]), (0.5, [1.5])])
+def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeypatch, across, sways):
+    config = CONFIG.replace(
+        passages=2, finer=2, passage_steps=3, refine_steps=2, fine_steps=2, control_points=3, dense_cells=48
+    )
+    env = ap.Environment(ap.UniformCurrent(0.0, across), lower=(0, -50, 0), upper=(2000, 50, 0))
+    searched, search = [], planner.search_legs
+    monkeypatch.setattr(
+        planner,
+        "search_legs",
+        lambda *a, **k: searched.append(float(k["vehicle"].sway_max)) or search(*a, **k),
+    )
+    plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
+    assert searched == pytest.approx(sways)
+    assert plan.status is (ap.PathStatus.SWAY if across > 1.5 else ap.PathStatus.OK)
