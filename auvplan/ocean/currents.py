@@ -199,17 +199,17 @@ def varies_with_depth(current: Current) -> bool:
     """
     if isinstance(current, SumCurrent):
         return any(varies_with_depth(part) for part in current.parts)
-    return not getattr(current, "barotropic", False) and _axes_used(current)[2]
+    return not getattr(current, "barotropic", False) and axes_used(current)[2]
 
 
 def varies_in_space(current: Current) -> bool:
     """Return whether horizontal components of a current may depend on the place, as `varies_with_depth`."""
     if isinstance(current, SumCurrent):
         return any(varies_in_space(part) for part in current.parts)
-    return any(_axes_used(current)[:2]) or varies_with_depth(current)
+    return any(axes_used(current)[:2]) or varies_with_depth(current)
 
 
-def _axes_used(current: Current) -> tuple[bool, ...]:
+def axes_used(current: Current) -> tuple[bool, ...]:
     """Return whether u or v of a current is computed from x, from y, from z and from t."""
     leaves, tree = jax.tree.flatten(current)
     return _axes_used_by(
@@ -219,7 +219,7 @@ def _axes_used(current: Current) -> tuple[bool, ...]:
 
 @lru_cache(maxsize=256)
 def _axes_used_by(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> tuple[bool, ...]:
-    """Return `_axes_used` of a current with leaves of these kinds."""
+    """Return `axes_used` of a current with leaves of these kinds."""
     place = jax.ShapeDtypeStruct((), jnp.result_type(float))
 
     def level(leaves: Sequence[jax.Array], *where: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -49,6 +49,8 @@ class PathConfig:
         samples: points on the curve at which it is scored.
         quadrature: places on each segment between two samples at which the current is met; None for one in a
             search, its middle, or two where currents differ with depth, and for eight when the path is timed.
+        sampled: whether paths in a current that is given as a function are searched for in samples of it: one
+            compiled search serves all functions. What is found is timed and judged in the function.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
         start_shape: initial habitats as the straight line and "smooth" detours of few bends, or as "uniform"
             draws within bounds.
@@ -89,6 +91,7 @@ class PathConfig:
     degree: int = 3
     samples: int = 160
     quadrature: int | None = None
+    sampled: bool = True
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75

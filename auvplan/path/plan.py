@@ -42,6 +42,9 @@ class PathPlan(ReprMixin):
         conditions: what it was planned for.
         closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and
             obstacles; zero where they find one, or do not look for any.
+        sampling_error: m/s, by which samples that the path was searched for in differ from the current at
+            most, as far as random places tell; zero where it was searched for in the current itself
+            (`PathConfig.sampled`). Times and limits are those in the current.
     """
 
     travel_time: float
@@ -59,6 +62,7 @@ class PathPlan(ReprMixin):
     water: Array
     conditions: Conditions = field(repr=False)
     closed: float = 0.0
+    sampling_error: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -277,6 +281,7 @@ class PathPlans(ReprMixin):
     excess: Array
     water: Array
     closed: Array
+    sampling_error: Array
     conditions: Conditions = field(repr=False)
     finer: Mapping[int, dict[str, Any]] = field(default_factory=dict, repr=False)
 
@@ -310,4 +315,4 @@ class PathPlans(ReprMixin):
 
 #: Fields of a plan that a batch has an array of, and those of them that are numbers.
 _FIELDS = tuple(part.name for part in fields(PathPlan) if part.name != "conditions")
-_NUMBERS = ("travel_time", "length", "clearance", "altitude", "cost", "closed")
+_NUMBERS = ("travel_time", "length", "clearance", "altitude", "cost", "closed", "sampling_error")

@@ -16,6 +16,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_water
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions, differentiable_time
 from auvplan.path.stages import INSIDE, Legs, polish_finely, search_legs, split
 from auvplan.runtime.budget import Budget
@@ -146,7 +147,7 @@ def plan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     problem = {"shared": shared, "vehicle": conditions.vehicle}
     posed = Legs(start, goal, departs, world)
-    program = partial(search_legs, **problem, config=config, budget=watch)
+    program = partial(in_samples, search_legs, **problem, config=config, budget=watch)
     found = batch_map(program, keys, posed, population)
     found, finer = plan_finely(found, keys, posed, **problem, config=config, budget=watch)
     if not world_per_leg:
@@ -185,7 +186,8 @@ def plan_finely(
     finer: dict[int, dict[str, Any]] = {}
 
     def polished(found: dict[str, Any], chosen: Any, rows: Any, again: bool) -> tuple[dict, dict]:
-        program = partial(polish_finely, shared=shared, vehicle=vehicle, config=config, again=again)
+        settings = {"shared": shared, "vehicle": vehicle, "config": config, "again": again}
+        program = partial(in_samples, polish_finely, **settings)
         improve = partial(_improved, found, chosen, rows, program, keys, legs, config)
         if budget is None:
             return improve()
@@ -201,7 +203,7 @@ def plan_finely(
         broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
         if broken.size and budget is None:
             inside = vehicle.stricter(INSIDE, "surge_max", "sway_max")
-            search = partial(search_legs, shared=shared, vehicle=inside, config=config)
+            search = partial(in_samples, search_legs, shared=shared, vehicle=inside, config=config)
             posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
             rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]
             found, new = polished(found, broken, rows, again=False)

@@ -18,6 +18,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_ends, check_given, check_water
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.planner import plan_finely
+from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, search_legs, split, world_of
 from auvplan.runtime.budget import Budget
@@ -136,7 +137,8 @@ def _search_on(
     keeping = config.only("start_shape", "width", "depth_width")
     fresh = round(config.fresh_share * config.bbo.population)
     kept, keys = _kept(keys, populations, starts, reached, legs, shared, config=keeping, fresh=fresh)
-    return search_legs(keys, legs, kept, shared, vehicle, config, window=True, budget=budget)
+    settings = {"shared": shared, "vehicle": vehicle, "config": config, "window": True, "budget": budget}
+    return in_samples(search_legs, keys, legs, kept, **settings)
 
 
 @partial(compiled, static_argnames=("config", "fresh"), wide=True, quick=True)

@@ -78,8 +78,9 @@ _SETTLED_IN_DEPTH = 0.1
 INSIDE = 0.99
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
-#: against limits of the vehicle that are lower by the second factor.
-_STRICTER = (0.1, 0.99), (1.0, 0.98)
+#: against limits of the vehicle that are lower by the second factor: anew, since soft weights let it cross
+#: what it cannot leave again, or from where the last polish left it.
+_STRICTER = (1.0, 0.99, True), (0.1, 0.99, False), (1.0, 0.98, False)
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
@@ -146,6 +147,7 @@ def search_legs(
     config: PathConfig,
     window: bool = False,
     budget: Budget | None = None,
+    searched: Environment | None = None,
 ) -> dict[str, Any]:
     """Search for the paths of B legs: the fields of `PathPlans` by name, `wanting` and `unsettled`.
 
@@ -159,14 +161,15 @@ def search_legs(
         window: whether to make the effort of one window alone (`PathConfig.window`), from the population of
             a path in hand, the best first, whose rest is bent round what has come.
         budget: of which this takes one row's share; what does not fit into it is left out.
+        searched: the world that paths are searched for in, where it is not the one that they are judged in.
 
     Returns:
         Arrays with a leading axis B. `wanting` tells that the path found breaks a limit although fields find
         the way open, or that it goes a long way round or is slower than one that they know; `unsettled`, that
         the last polish still improved it.
     """
-    world = _world(legs, shared, vehicle, config)
-    timing, config = timed(config, _met(world)[1]), compared(config, *_met(world))
+    world, judging = (_world(legs, env, vehicle, config) for env in (searched or shared, shared))
+    timing, config = timed(config, _met(judging)[1]), compared(config, *_met(world))
     effort = config.window() if window else config
     share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
@@ -201,7 +204,7 @@ def search_legs(
     if effort.refine_steps:
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
         polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
-    finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
+    finish = partial(_finish, state, polished, None if found is None else found[2:], **judging)
     plans, last = share.spend(work("finish"), partial(finish, config=config.only(), timing=timing.only()))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
@@ -307,6 +310,7 @@ def polish_finely(
     vehicle: Vehicle,
     config: PathConfig,
     again: bool,
+    searched: Environment | None = None,
 ) -> dict[str, Any]:
     """Polish the paths of B legs with the control points and samples of `config.fine()`.
 
@@ -318,12 +322,14 @@ def polish_finely(
         vehicle: speed and limits.
         config: settings.
         again: whether to look for passages in denser fields too, and to polish the best of them.
+        searched: as for `search_legs`.
 
     Returns:
         As `search_legs` but for the history; populations hold the best path alone.
     """
-    world = _world(legs, shared, vehicle, config)
-    timing, config = timed(config, _met(world)[1]), compared(config, *_met(world))
+    searched = searched or shared
+    world, judging = (_world(legs, env, vehicle, config) for env in (searched, shared))
+    timing, config = timed(config, _met(judging)[1]), compared(config, *_met(world))
     fine = config.fine()
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
@@ -344,7 +350,7 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        finish = partial(_finish, state, None, outcome, **world)
+        finish = partial(_finish, state, None, outcome, **judging)
         plans, _ = jax.device_get(finish(config=fine.only(), timing=timing.fine().only()))
         del plans["hidden"]
         return plans
@@ -357,13 +363,14 @@ def polish_finely(
         first = polished(ranked[0][:, :1], gentle, softness=softness)
         pairs = zip(first, ranked, strict=True)
         ranked = tuple(np.concatenate([new, old[:, 1:]], axis=1) for new, old in pairs)
-    best = judged(*ranked)
-    for softness, lower in _STRICTER:
+    best, last = judged(*ranked), ranked[0]
+    for softness, lower, anew in _STRICTER:
         if not best["violations"].any():
             break
         stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
-        strict = _world(legs, shared, stricter, config)
-        ranked = _ranked(*polished(ranked[0], fine, world=strict, softness=softness))
+        strict = _world(legs, searched, stricter, config)
+        ranked = _ranked(*polished(rows if anew else last, fine, world=strict, softness=softness))
+        last = last if anew else ranked[0]
         more = judged(*ranked)
         less = more["violations"].sum(axis=1) < best["violations"].sum(axis=1)
         best = jax.tree.map(lambda new, old, less=less: np.where(_over(less, new), new, old), more, best)

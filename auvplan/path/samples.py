@@ -1,0 +1,84 @@
+"""Paths searched for in samples of a current that is given as a function.
+
+The costly programs of the search are compiled anew for every function, but once for all samples of one shape.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+
+from auvplan.ocean.currents import FunctionCurrent, axes_used
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.ocean.sampled import sampled
+from auvplan.path.config import PathConfig
+from auvplan.path.cost import IN_CURRENT, VIOLATIONS
+from auvplan.path.passages import SURROUNDINGS
+from auvplan.path.stages import Legs
+from auvplan.vehicle import Vehicle
+
+#: Share of the vehicle's speed by which samples may differ from the current.
+_WITHIN = 0.01
+
+#: They are taken over so many times the time of the straight line in still water.
+_LONGEST = 4.0
+
+
+def in_samples(
+    program: Callable[..., dict[str, Any]],
+    keys: jax.Array,
+    legs: Legs,
+    *rest: Any,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    **settings: Any,
+) -> dict[str, Any]:
+    """Run a search of one leg in samples of a current that is given as a function; any other as it is.
+
+    What is found is timed and judged in the function. Where it breaks a limit there, the search is run once
+    more, in the function.
+
+    Args:
+        program: `search_legs` or `polish_finely`; takes the world that it searches in as `searched`.
+        keys, legs, shared, vehicle, config: as the program takes them.
+        rest, settings: its other arguments.
+
+    Returns:
+        What the program returns, and `sampling_error` [B] as `PathPlan` has it.
+    """
+
+    def run(error: float, **searched: Environment) -> dict[str, Any]:
+        problem = {"shared": shared, "vehicle": vehicle, "config": config}
+        found = program(keys, legs, *rest, **problem, **settings, **searched)
+        return found | {"sampling_error": np.full(len(legs.start), error)}
+
+    samples = _samples(legs, shared, vehicle) if config.sampled else None
+    if samples is None:
+        return run(0.0)
+    current, error = samples
+    obstacles = shared.obstacles
+    if np.any(obstacles.drift):
+        obstacles = obstacles.resolved(shared.current)
+    found = run(error, searched=replace(shared, current=current, obstacles=obstacles))
+    broken = found["violations"][:, [VIOLATIONS.index(name) for name in IN_CURRENT]].any()
+    return run(0.0) if broken and settings.get("budget") is None else found
+
+
+def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[GriddedCurrent, float] | None:
+    """Return `sampled` of one leg's current, as far as paths are looked for; of other currents None."""
+    current, speed = shared.current, float(np.asarray(vehicle.speed))
+    if not isinstance(current, FunctionCurrent) or len(legs.start) > 1:
+        return None
+    ends = np.concatenate([legs.start, legs.goal])
+    distance = float(np.linalg.norm(ends[1] - ends[0]))
+    reach = distance * np.array([SURROUNDINGS, SURROUNDINGS, 1.0])
+    # An end may lie a rounding outside the box.
+    lower = np.minimum(np.maximum(shared.lower, ends.min(axis=0) - reach), ends.min(axis=0))
+    upper = np.maximum(np.minimum(shared.upper, ends.max(axis=0) + reach), ends.max(axis=0))
+    first = float(legs.depart[0]) if axes_used(current)[3] else 0.0
+    last = first + _LONGEST * distance / speed
+    return sampled(current, tuple(lower.tolist()), tuple(upper.tolist()), first, last, _WITHIN * speed)
