@@ -1,7 +1,7 @@
 """How long a person waits for a command: the first time, with an empty cache, and later.
 
-``python -m benchmarks.startup [--runs 3] [--study 100] [--out FILE.json]`` times whole processes, from the
-call to their end, each with a cache that begins empty. *Beyond its own work* is what a command takes longer
+``python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100] [--out FILE.json]`` times whole
+processes, from the call to their end, each with a cache that begins empty. *Beyond its own work* is what a command takes longer
 than the same call made a second time in one process: start, imports, loading of programs, the end. Nothing
 else should run meanwhile.
 """
@@ -27,6 +27,28 @@ for _ in range(2):
     auvplan.cli.app(sys.argv[1:], standalone_mode=False)
     seconds = time.perf_counter() - begin
 print(seconds, file=sys.stderr)
+"""
+
+#: Plans in currents that are Python functions, each another one: seconds of the first plan in each and of a
+#: second one, and the most memory that the process has taken so far, MB.
+OWN_CURRENTS = """
+import resource, sys, time
+import jax, jax.numpy as jnp, auvplan as ap
+
+def sea(scale):
+    def current(x, y, z, t):
+        return 0.5 * jnp.sin(y / scale), 0.4 * jnp.cos(x / scale), 0.0
+    return ap.Environment(current, lower=(-500, -2000, 0), upper=(4500, 2000, 0))
+
+def plan(env):
+    begin = time.perf_counter()
+    ap.plan_path((0, 0, 0), (4000, 0, 0), env, key=jax.random.key(0))
+    return time.perf_counter() - begin
+
+for k in range(int(sys.argv[1])):
+    env = sea(500.0 + 7.0 * k)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(plan(env), plan(env), peak)
 """
 
 
@@ -65,6 +87,31 @@ def other_counts(folder: Path) -> Path:
     return file
 
 
+def own_currents(count: int, folder: Path) -> list[dict[str, Any]]:
+    """First and second plans in currents given as functions, by a process that never saw any of them.
+
+    The cache holds what plans in another function have left in it.
+    """
+    place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
+    words = [sys.executable, "-c", OWN_CURRENTS]
+
+    def seen(count: int) -> list[list[float]]:
+        ended = subprocess.run([*words, str(count)], env=place, check=True, capture_output=True, text=True)
+        return [[float(word) for word in line.split()] for line in ended.stdout.splitlines()]
+
+    (empty, *_), *_ = seen(1)
+    (warm, second, _), *others = seen(count)
+    first = statistics.mean(row[0] for row in others)
+    half, end = others[count // 2][2], others[-1][2]
+    console().print(
+        f"a plan in a function, empty cache {empty:.1f} s, another process {warm:.1f} s, "
+        f"a second one {second:.2f} s; "
+        f"each of {len(others)} other functions {first:.2f} s; "
+        f"{half:,.0f} MB after half of them, {end:,.0f} at the end"
+    )
+    return [{"what": "own current", "first": empty, "later": warm, "second": second, "others": first}]
+
+
 def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
     """First and later times of each command, in the order of a person's first day."""
     rows: list[dict[str, Any]] = []
@@ -98,16 +145,23 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 def main() -> None:
     """Print the table."""
     parser = arguments("How long a person waits for a command.")
-    parser.add_argument("--runs", type=int, default=3, help="later runs of each, of which the median counts")
+    parser.add_argument(
+        "--runs",
+        type=int,
+        default=3,
+        help="later runs of each, of which the median counts; 0 for no commands",
+    )
     parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
+    parser.add_argument("--functions", type=int, default=100, help="currents as functions; 0 for none")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        rows = measured(options.runs, options.study, Path(name))
+        own = own_currents(options.functions, Path(name)) if options.functions else []
+        rows = measured(options.runs, options.study, Path(name)) if options.runs else []
     stated = machine()
     title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
     times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
     console().print(table(title, rows, {"command": "{what}"} | times))
-    write(options.out, {"startup": rows})
+    write(options.out, {"startup": [*own, *rows]})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ after the other. ``barotropic`` says that z does not matter, which spares them t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
 from typing import Any, Protocol, runtime_checkable
 
@@ -182,7 +182,7 @@ def as_current(current: object) -> Current:
             )
         function = FunctionCurrent(current)
         check_traceable(function, "current", "(u, v, w)")
-        return function
+        return replace(function, steady=not axes_used(function, vertical=True)[3])
     return current  # type: ignore[return-value]
 
 
@@ -209,24 +209,28 @@ def varies_in_space(current: Current) -> bool:
     return any(axes_used(current)[:2]) or varies_with_depth(current)
 
 
-def axes_used(current: Current) -> tuple[bool, ...]:
-    """Return whether u or v of a current is computed from x, from y, from z and from t."""
+def axes_used(current: Current, vertical: bool = False) -> tuple[bool, ...]:
+    """Return whether u or v of a current, or w, is computed from x, from y, from z and from t.
+
+    Args:
+        current: the shapes of its arrays are enough.
+        vertical: whether w counts.
+    """
     leaves, tree = jax.tree.flatten(current)
-    return _axes_used_by(
-        tree, tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-    )
+    kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+    return _axes_used_by(tree, kinds, vertical)
 
 
 @lru_cache(maxsize=256)
-def _axes_used_by(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> tuple[bool, ...]:
+def _axes_used_by(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...], vertical: bool) -> tuple[bool, ...]:
     """Return `axes_used` of a current with leaves of these kinds."""
     place = jax.ShapeDtypeStruct((), jnp.result_type(float))
 
-    def level(leaves: Sequence[jax.Array], *where: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return tree.unflatten(leaves)(*where)[:2]
+    def found(leaves: Sequence[jax.Array], *where: jax.Array) -> Velocity:
+        return tree.unflatten(leaves)(*where)
 
-    program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
-    _, used = partial_eval.dce_jaxpr(program, [True, True])
+    program = jax.make_jaxpr(found)(list(kinds), place, place, place, place).jaxpr
+    _, used = partial_eval.dce_jaxpr(program, [True, True, vertical])
     return tuple(used[len(kinds) :])
 
 

@@ -53,8 +53,8 @@ def sampled(
     """
     if not isinstance(current, FunctionCurrent):
         return None
-    _, _, with_depth, with_time = axes_used(current)
-    with_depth = with_depth and upper[2] > lower[2]
+    with_depth = axes_used(current)[2] and upper[2] > lower[2]
+    with_time = axes_used(current, vertical=True)[3]
     count = _NODES[with_time, with_depth]
     times = np.linspace(first, last, count[0]) if with_time else np.array([first])
     rng, corners = np.random.default_rng(0), (np.array(lower), np.array(upper))

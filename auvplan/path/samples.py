@@ -79,6 +79,6 @@ def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[Gridded
     # An end may lie a rounding outside the box.
     lower = np.minimum(np.maximum(shared.lower, ends.min(axis=0) - reach), ends.min(axis=0))
     upper = np.maximum(np.minimum(shared.upper, ends.max(axis=0) + reach), ends.max(axis=0))
-    first = float(legs.depart[0]) if axes_used(current)[3] else 0.0
+    first = float(legs.depart[0]) if axes_used(current, vertical=True)[3] else 0.0
     last = first + _LONGEST * distance / speed
     return sampled(current, tuple(lower.tolist()), tuple(upper.tolist()), first, last, _WITHIN * speed)

@@ -190,6 +190,8 @@ def test_plain_functions_and_none_are_currents():
     tide = as_current(lambda x, y, z, t: (0.1 * t, 0.0, x))
     assert isinstance(tide, FunctionCurrent)
     assert not is_steady(tide)
+    assert is_steady(as_current(lambda x, y, z, t: (0.1 * z, 0.0, x)))
+    assert not is_steady(as_current(lambda x, y, z, t: (0.1 * z, 0.0, x + t)))
     u, v, w = tide(jnp.arange(3.0), jnp.zeros(3), jnp.zeros(3), jnp.full(3, 2.0))
     np.testing.assert_allclose([u, v, w], [[0.2] * 3, [0.0] * 3, [0, 1, 2]], rtol=1e-6)
     still = as_current(None)
