@@ -3,6 +3,7 @@
 Programs are compiled anew for every function, and once for all grids of one shape.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current, FunctionCurrent, axes_used, evaluated
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.runtime.pytree import register_without_init
 
 #: Nodes in time, depth, north and east: of steady currents and of others, the same at all depths or not. They
 #: are as many as a program takes without being slower than one of a function.
@@ -30,6 +32,14 @@ _FINE, _COLUMNS = 400, 12
 _CHECKED = 8192
 
 
+@register_without_init
+@dataclass(frozen=True)
+class SampledCurrent(GriddedCurrent):
+    """A function's current at the nodes of a grid; it may change as quickly in time as the function does."""
+
+    gradual = False
+
+
 @lru_cache(maxsize=8)
 def sampled(
     current: Current,
@@ -38,7 +48,7 @@ def sampled(
     first: float,
     last: float,
     within: float,
-) -> tuple[GriddedCurrent, float] | None:
+) -> tuple[SampledCurrent, float] | None:
     """Sample a function's current between two corners and two times.
 
     Args:
@@ -67,7 +77,7 @@ def sampled(
     if not (np.isfinite(u) & np.isfinite(v) & np.isfinite(w)).all():
         return None  # the planner's own look will say where
     apart = north[1] - north[0], east[1] - east[0]
-    grid = GriddedCurrent.from_arrays(
+    grid = SampledCurrent.from_arrays(
         u, v, w if w.any() else None, origin=(lower[0], lower[1]), spacing=apart, depths=depths, times=times
     )
     at = corners[0] + (corners[1] - corners[0]) * rng.random((_CHECKED, 3))

@@ -12,8 +12,7 @@ import numpy as np
 
 from auvplan.ocean.currents import FunctionCurrent, axes_used
 from auvplan.ocean.environment import Environment
-from auvplan.ocean.gridded import GriddedCurrent
-from auvplan.ocean.sampled import sampled
+from auvplan.ocean.sampled import SampledCurrent, sampled
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS
 from auvplan.path.passages import SURROUNDINGS
@@ -68,7 +67,7 @@ def in_samples(
     return run(0.0) if broken and settings.get("budget") is None else found
 
 
-def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[GriddedCurrent, float] | None:
+def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:
     """Return `sampled` of one leg's current, as far as paths are looked for; of other currents None."""
     current, speed = shared.current, float(np.asarray(vehicle.speed))
     if not isinstance(current, FunctionCurrent) or len(legs.start) > 1:
