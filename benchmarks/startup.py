@@ -1,9 +1,9 @@
 """How long a person waits for a command: the first time, with an empty cache, and later.
 
 ``python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100] [--out FILE.json]`` times whole
-processes, from the call to their end, each with a cache that begins empty. *Beyond its own work* is what a command takes longer
-than the same call made a second time in one process: start, imports, loading of programs, the end. Nothing
-else should run meanwhile.
+processes, from the call to their end, each with a cache that begins empty, and plans in currents that are
+given as functions. *Beyond its own work* is what a command takes longer than the same call made a second time
+in one process: start, imports, loading of programs, the end. Nothing else should run meanwhile.
 """
 
 import os

@@ -78,9 +78,10 @@ _SETTLED_IN_DEPTH = 0.1
 INSIDE = 0.99
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
-#: against limits of the vehicle that are lower by the second factor: anew, since soft weights let it cross
-#: what it cannot leave again, or from where the last polish left it.
-_STRICTER = (1.0, 0.99, True), (0.1, 0.99, False), (1.0, 0.98, False)
+#: against limits of the vehicle that are lower by the second factor: from where the last polish left it, or
+#: anew, since soft weights let it cross what it cannot leave again. Where more than the first of them was
+#: needed, the last one may find a quicker path.
+_STRICTER = (0.1, 0.99, False), (0.1, 0.98, False), (1.0, 0.98, False), (1.0, 0.99, True)
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
@@ -363,17 +364,19 @@ def polish_finely(
         first = polished(ranked[0][:, :1], gentle, softness=softness)
         pairs = zip(first, ranked, strict=True)
         ranked = tuple(np.concatenate([new, old[:, 1:]], axis=1) for new, old in pairs)
-    best, last = judged(*ranked), ranked[0]
+    best, last, tried = judged(*ranked), ranked[0], 0
     for softness, lower, anew in _STRICTER:
-        if not best["violations"].any():
-            break
+        if not best["violations"].any() and (tried < 2 or not anew):
+            continue
         stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
         strict = _world(legs, searched, stricter, config)
         ranked = _ranked(*polished(rows if anew else last, fine, world=strict, softness=softness))
-        last = last if anew else ranked[0]
-        more = judged(*ranked)
-        less = more["violations"].sum(axis=1) < best["violations"].sum(axis=1)
-        best = jax.tree.map(lambda new, old, less=less: np.where(_over(less, new), new, old), more, best)
+        last, more, tried = ranked[0], judged(*ranked), tried + 1
+        excess, known = (plans["violations"].sum(axis=1) for plans in (more, best))
+        better = (excess < known) | ((excess == known) & (more["cost"] < best["cost"]))
+        best = jax.tree.map(
+            lambda new, old, better=better: np.where(_over(better, new), new, old), more, best
+        )
     return best
 
 
