@@ -40,7 +40,7 @@ class SampledCurrent(GriddedCurrent):
     gradual = False
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def sampled(
     current: Current,
     lower: tuple[float, float, float],

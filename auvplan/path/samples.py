@@ -22,8 +22,11 @@ from auvplan.vehicle import Vehicle
 #: Share of the vehicle's speed by which samples may differ from the current.
 _WITHIN = 0.01
 
-#: They are taken over so many times the time of the straight line in still water.
-_LONGEST = 4.0
+#: They are taken over so many times the time of the straight line in still water at least.
+_LONGEST = 3.0
+
+#: A box that is as many times as wide as the leg is long has no sides for it.
+_WIDEST = 100.0
 
 
 def in_samples(
@@ -68,16 +71,26 @@ def in_samples(
 
 
 def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:
-    """Return `sampled` of one leg's current, as far as paths are looked for; of other currents None."""
+    """Return `sampled` of the current of one leg; of other currents None.
+
+    Samples are taken over the whole box, and over a time that begins and lasts round numbers of seconds, so
+    that other legs and re-plans of a mission share them; where the box has no sides, around the leg.
+    """
     current, speed = shared.current, float(np.asarray(vehicle.speed))
     if not isinstance(current, FunctionCurrent) or len(legs.start) > 1:
         return None
     ends = np.concatenate([legs.start, legs.goal])
     distance = float(np.linalg.norm(ends[1] - ends[0]))
+    lower, upper = np.asarray(shared.lower, float), np.asarray(shared.upper, float)
+    wide = (upper - lower)[:2].max() > _WIDEST * distance
     reach = distance * np.array([SURROUNDINGS, SURROUNDINGS, 1.0])
     # An end may lie a rounding outside the box.
-    lower = np.minimum(np.maximum(shared.lower, ends.min(axis=0) - reach), ends.min(axis=0))
-    upper = np.maximum(np.minimum(shared.upper, ends.max(axis=0) + reach), ends.max(axis=0))
-    first = float(legs.depart[0]) if axes_used(current, vertical=True)[3] else 0.0
-    last = first + _LONGEST * distance / speed
+    around = ends.min(axis=0) - reach, ends.max(axis=0) + reach
+    lower = np.minimum(np.maximum(lower, around[0]) if wide else lower, ends.min(axis=0))
+    upper = np.maximum(np.minimum(upper, around[1]) if wide else upper, ends.max(axis=0))
+    first, last = 0.0, 0.0
+    if axes_used(current, vertical=True)[3]:
+        lasts = 2.0 ** np.ceil(np.log2(_LONGEST * distance / speed))
+        first = float(np.floor(legs.depart[0] / lasts) * lasts)
+        last = first + 2.0 * float(lasts)
     return sampled(current, tuple(lower.tolist()), tuple(upper.tolist()), first, last, _WITHIN * speed)
