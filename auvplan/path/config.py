@@ -91,7 +91,7 @@ class PathConfig:
     degree: int = 3
     samples: int = 160
     quadrature: int | None = None
-    sampled: bool = True
+    sampled: bool = False
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75
