@@ -1,6 +1,6 @@
 """A current given as a function, sampled on a grid.
 
-Programs are compiled anew for every function, and once for all grids of one shape.
+Every function needs programs of its own; all grids of one shape share theirs.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.ocean.currents import Current, FunctionCurrent, axes_used, evaluated
-from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.ocean.currents import FunctionCurrent, axes_used, evaluated
+from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.runtime.pytree import register_without_init
 
 #: Nodes in time, depth, north and east: of steady currents and of others, the same at all depths or not. They
@@ -42,7 +42,7 @@ class SampledCurrent(GriddedCurrent):
 
 @lru_cache(maxsize=4)
 def sampled(
-    current: Current,
+    current: FunctionCurrent,
     lower: tuple[float, float, float],
     upper: tuple[float, float, float],
     first: float,
@@ -52,17 +52,15 @@ def sampled(
     """Sample a function's current between two corners and two times.
 
     Args:
-        current: only a `FunctionCurrent` is sampled.
+        current: the function.
         lower, upper: m, north, east and depth of the corners.
         first, last: s since the epoch.
         within: m/s, by which samples may differ from the function.
 
     Returns:
         The samples, linear in between, and the most by which they differ from the function at random places,
-        m/s; None where that is more than allowed.
+        m/s; None where that is more than allowed, or where single precision does not tell the nodes apart.
     """
-    if not isinstance(current, FunctionCurrent):
-        return None
     with_depth = axes_used(current)[2] and upper[2] > lower[2]
     with_time = axes_used(current, vertical=True)[3]
     count = _NODES[with_time, with_depth]
@@ -77,9 +75,13 @@ def sampled(
     if not (np.isfinite(u) & np.isfinite(v) & np.isfinite(w)).all():
         return None  # the planner's own look will say where
     apart = north[1] - north[0], east[1] - east[0]
-    grid = SampledCurrent.from_arrays(
-        u, v, w if w.any() else None, origin=(lower[0], lower[1]), spacing=apart, depths=depths, times=times
-    )
+    down = w if w.any() else None
+    try:
+        grid = SampledCurrent.from_arrays(
+            u, v, down, origin=(lower[0], lower[1]), spacing=apart, depths=depths, times=times
+        )
+    except CurrentError:
+        return None
     at = corners[0] + (corners[1] - corners[0]) * rng.random((_CHECKED, 3))
     when = first + (last - first) * rng.random(_CHECKED)
     x, y, z = at.T
@@ -89,7 +91,7 @@ def sampled(
 
 
 def _levels(
-    current: Current,
+    current: FunctionCurrent,
     corners: tuple[NDArray[np.floating], NDArray[np.floating]],
     times: tuple[float, float],
     count: int,

@@ -256,7 +256,7 @@ def timed_at_places(
     env: Environment,
     vehicle: Vehicle,
     config: PathConfig,
-    timing: PathConfig,
+    places: int | None,
 ) -> tuple[Trajectory, jax.Array]:
     """Time paths at more places on each segment than they were compared at.
 
@@ -267,15 +267,15 @@ def timed_at_places(
         track: P paths of S samples.
         depart, env, vehicle: as for `evaluate`.
         config: that paths are compared by.
-        timing: that they are timed by, see `profile.timed`.
+        places: `PathConfig.quadrature` that they are timed by, see `profile.timed`.
 
     Returns:
         The trajectories, and [P] s by which they take longer than they seemed to.
     """
     compared = evaluate(track, depart, env, vehicle, config)
-    if timing == config:
+    if places == config.quadrature:
         return compared, jnp.zeros_like(compared.travel_time)
-    trajectory = evaluate(track, depart, env, vehicle, timing)
+    trajectory = evaluate(track, depart, env, vehicle, config.replace(quadrature=places))
     both = zip(VIOLATIONS, compared.excess, trajectory.excess, strict=True)
     excess = tuple(first if name in IN_CURRENT else last for name, first, last in both)
     return replace(trajectory, excess=excess), trajectory.travel_time - compared.travel_time

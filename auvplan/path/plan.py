@@ -43,7 +43,7 @@ class PathPlan(ReprMixin):
         closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and
             obstacles; zero where they find one, or do not look for any.
         sampling_error: m/s, by which samples that the path was searched for in differ from the current at
-            most, as far as random places tell; zero where it was searched for in the current itself
+            most, as far as random places show; zero where it was searched for in the current itself
             (`PathConfig.sampled`). Times and limits are those in the current.
     """
 

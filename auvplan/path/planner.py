@@ -18,11 +18,15 @@ from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions, differentiable_time
-from auvplan.path.stages import INSIDE, Legs, polish_finely, search_legs, split
+from auvplan.path.stages import Legs, polish_finely, search_legs, split
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
+
+#: Share of the limits on speed over ground and current across within which a leg is searched once more: at
+#: the limit no step of a polish is kept.
+_INSIDE = 0.99
 
 
 def plan_path(
@@ -202,7 +206,7 @@ def plan_finely(
                 finer |= new
         broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
         if broken.size and budget is None:
-            inside = vehicle.stricter(INSIDE, "surge_max", "sway_max")
+            inside = vehicle.stricter(_INSIDE, "surge_max", "sway_max")
             search = partial(in_samples, search_legs, shared=shared, vehicle=inside, config=config)
             posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
             rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]

@@ -1,6 +1,6 @@
 """Paths searched for in samples of a current that is given as a function.
 
-The costly programs of the search are compiled anew for every function, but once for all samples of one shape.
+The costly programs of the search are compiled for each function, but once for all samples of one shape.
 """
 
 from collections.abc import Callable
@@ -22,10 +22,10 @@ from auvplan.vehicle import Vehicle
 #: Share of the vehicle's speed by which samples may differ from the current.
 _WITHIN = 0.01
 
-#: They are taken over so many times the time of the straight line in still water at least.
+#: Least time that samples cover, in times of the straight line in still water.
 _LONGEST = 3.0
 
-#: A box that is as many times as wide as the leg is long has no sides for it.
+#: Sides of the box that are longer than the leg by this factor are none for it.
 _WIDEST = 100.0
 
 
@@ -74,7 +74,8 @@ def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[Sampled
     """Return `sampled` of the current of one leg; of other currents None.
 
     Samples are taken over the whole box, and over a time that begins and lasts round numbers of seconds, so
-    that other legs and re-plans of a mission share them; where the box has no sides, around the leg.
+    that other legs and re-plans of a mission share them. Where the box has no sides it is the leg's
+    surroundings.
     """
     current, speed = shared.current, float(np.asarray(vehicle.speed))
     if not isinstance(current, FunctionCurrent) or len(legs.start) > 1:
@@ -82,12 +83,12 @@ def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[Sampled
     ends = np.concatenate([legs.start, legs.goal])
     distance = float(np.linalg.norm(ends[1] - ends[0]))
     lower, upper = np.asarray(shared.lower, float), np.asarray(shared.upper, float)
-    wide = (upper - lower)[:2].max() > _WIDEST * distance
+    wide = upper - lower > _WIDEST * distance
     reach = distance * np.array([SURROUNDINGS, SURROUNDINGS, 1.0])
     # An end may lie a rounding outside the box.
     around = ends.min(axis=0) - reach, ends.max(axis=0) + reach
-    lower = np.minimum(np.maximum(lower, around[0]) if wide else lower, ends.min(axis=0))
-    upper = np.maximum(np.minimum(upper, around[1]) if wide else upper, ends.max(axis=0))
+    lower = np.minimum(np.where(wide, np.maximum(lower, around[0]), lower), ends.min(axis=0))
+    upper = np.maximum(np.where(wide, np.minimum(upper, around[1]), upper), ends.max(axis=0))
     first, last = 0.0, 0.0
     if axes_used(current, vertical=True)[3]:
         lasts = 2.0 ** np.ceil(np.log2(_LONGEST * distance / speed))

@@ -73,14 +73,10 @@ _STEEP = 0.03, 0.25, 2
 #: Share of `PathConfig.settled` up to which a path in depth has settled: profiles have more bends than ways.
 _SETTLED_IN_DEPTH = 0.1
 
-#: Share of the limits on speed over ground and current across within which a leg is searched once more: at
-#: the limit no step of a polish is kept.
-INSIDE = 0.99
-
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor: from where the last polish left it, or
-#: anew, since soft weights let it cross what it cannot leave again. Where more than the first of them was
-#: needed, the last one may find a quicker path.
+#: from the start, since soft weights let it cross what it cannot leave again. Where the first of them did not
+#: mend it, the last one may find a quicker path.
 _STRICTER = (0.1, 0.99, False), (0.1, 0.98, False), (1.0, 0.98, False), (1.0, 0.99, True)
 
 
@@ -170,7 +166,7 @@ def search_legs(
         the last polish still improved it.
     """
     world, judging = (_world(legs, env, vehicle, config) for env in (searched or shared, shared))
-    timing, config = timed(config, _met(judging)[1]), compared(config, *_met(world))
+    places, config = timed(config, _met(judging)[1]).quadrature, compared(config, *_met(world))
     effort = config.window() if window else config
     share, work = share_of(budget), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
@@ -206,7 +202,7 @@ def search_legs(
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
         polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
     finish = partial(_finish, state, polished, None if found is None else found[2:], **judging)
-    plans, last = share.spend(work("finish"), partial(finish, config=config.only(), timing=timing.only()))
+    plans, last = share.spend(work("finish"), partial(finish, config=config.only(), places=places))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
     # Segments that hide some of the current that they cross are too long.
@@ -330,7 +326,7 @@ def polish_finely(
     """
     searched = searched or shared
     world, judging = (_world(legs, env, vehicle, config) for env in (searched, shared))
-    timing, config = timed(config, _met(judging)[1]), compared(config, *_met(world))
+    places, config = timed(config, _met(judging)[1]).quadrature, compared(config, *_met(world))
     fine = config.fine()
     factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
     ends = legs.start * factors, legs.goal * factors
@@ -351,8 +347,8 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        finish = partial(_finish, state, None, outcome, **judging)
-        plans, _ = jax.device_get(finish(config=fine.only(), timing=timing.fine().only()))
+        found = _finish(state, None, outcome, **judging, config=fine.only(), places=places)
+        plans = jax.device_get(found[0])
         del plans["hidden"]
         return plans
 
@@ -364,16 +360,18 @@ def polish_finely(
         first = polished(ranked[0][:, :1], gentle, softness=softness)
         pairs = zip(first, ranked, strict=True)
         ranked = tuple(np.concatenate([new, old[:, 1:]], axis=1) for new, old in pairs)
-    best, last, tried = judged(*ranked), ranked[0], 0
-    for softness, lower, anew in _STRICTER:
-        if not best["violations"].any() and (tried < 2 or not anew):
+    best, last = judged(*ranked), ranked[0]
+    tried = np.zeros(len(rows), int)
+    for softness, lower, restart in _STRICTER:
+        wanted = best["violations"].any(axis=1) | (restart & (tried > 1))
+        if not wanted.any():
             continue
         stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
         strict = _world(legs, searched, stricter, config)
-        ranked = _ranked(*polished(rows if anew else last, fine, world=strict, softness=softness))
-        last, more, tried = ranked[0], judged(*ranked), tried + 1
+        ranked = _ranked(*polished(rows if restart else last, fine, world=strict, softness=softness))
+        last, more, tried = ranked[0], judged(*ranked), tried + wanted
         excess, known = (plans["violations"].sum(axis=1) for plans in (more, best))
-        better = (excess < known) | ((excess == known) & (more["cost"] < best["cost"]))
+        better = wanted & ((excess < known) | ((excess == known) & (more["cost"] < best["cost"])))
         best = jax.tree.map(
             lambda new, old, better=better: np.where(_over(better, new), new, old), more, best
         )
@@ -596,7 +594,7 @@ def _evolve(
     return over_rows(one)(keys, populations, lowers, uppers, paces, legs)
 
 
-@partial(compiled, static_argnames=("config", "timing"), wide=True, quick=True)
+@partial(compiled, static_argnames=("config", "places"), wide=True, quick=True)
 def _finish(
     states: search.State,
     polished: list[jax.Array] | None,
@@ -604,7 +602,7 @@ def _finish(
     legs: Legs,
     common: Common,
     config: PathConfig,
-    timing: PathConfig,
+    places: int | None,
 ) -> tuple[dict[str, jax.Array], search.History]:
     """Return the best paths, as fields of `PathPlans` but for the history, and its last rows.
 
@@ -613,7 +611,7 @@ def _finish(
         polished: the best of them after a descent, with costs and violations [B, R].
         known: `closed` and `known` of `trace_passages`.
         legs, common, config: as for the other stages.
-        timing: settings that paths are timed by, in place of those that they were compared by.
+        places: on each segment at which the current is met, as `timed_at_places` takes it.
     """
 
     def one(
@@ -630,7 +628,7 @@ def _finish(
         best = state.population[:1]
         track = tracks(best, start, goal, env, vehicle, own)
         posed = track, depart, env, vehicle, own
-        trajectory, hidden = timed_at_places(*posed, own.replace(quadrature=timing.quadrature))
+        trajectory, hidden = timed_at_places(*posed, places)
         cost, _ = cost_of(trajectory, straight_time(start, goal, vehicle), own)
         trajectory = judged_within(trajectory, env, vehicle, own)
         plan = _in_own_units(trajectory, cost[0], state, leg, factor) | {"hidden": hidden[0] / factor}

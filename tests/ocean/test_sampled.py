@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import auvplan as ap
 from auvplan.ocean.currents import FunctionCurrent, evaluated, is_steady
 from auvplan.ocean.sampled import sampled
 
@@ -60,5 +59,6 @@ def test_what_samples_do_not_follow_is_not_sampled(function):
     assert sampled(FunctionCurrent(function), *BOX, 0.0, 10_000.0, 0.03) is None
 
 
-def test_only_functions_are_sampled():
-    assert sampled(ap.UniformCurrent(0.2), *BOX, 0.0, 1.0, 0.03) is None
+def test_times_that_single_precision_does_not_tell_apart_are_not_sampled():
+    assert sampled(FunctionCurrent(tide), *BOX, 0.0, 8192.0, 0.03) is not None
+    assert sampled(FunctionCurrent(tide), *BOX, 1.7e9, 1.7e9 + 8192.0, 0.03) is None

@@ -1,5 +1,7 @@
 """Paths searched for in samples of a current, timed and judged in the current."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -72,3 +74,25 @@ def test_a_front_is_searched_in_itself():
     plan = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG)
     assert plan.feasible
     assert plan.sampling_error == 0.0
+
+
+def test_only_functions_are_sampled():
+    env = replace(sea(600.0), current=ap.UniformCurrent(0.2))
+    assert ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG).sampling_error == 0.0
+
+
+def test_a_tide_past_a_drifting_obstacle_at_a_late_hour():
+    """The obstacle drifts in the function, not in its samples; times are far from zero; depth is free."""
+
+    def tide(x, y, z, t):
+        return 0.3 * jnp.cos(t / 7000.0) - 0.002 * z, 0.2 * jnp.sin(x / 900.0 - t / 7000.0), 0.0
+
+    obstacle = ap.Obstacles.afloat([[2000.0, 0.0, 20.0]], [150.0], observed_at=90_000.0)
+    env = ap.Environment(tide, None, obstacle, lower=(-500, -2000, 0), upper=(4500, 2000, 40))
+    plan = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG, depart=90_000.0)
+    assert plan.feasible, plan.reason
+    assert plan.sampling_error > 0.0
+    assert plan.clearance >= CONFIG.obstacle_margin
+    assert float(ap.travel_time(plan.positions, env, depart=90_000.0)) == pytest.approx(
+        plan.travel_time, rel=1e-4
+    )
