@@ -3,23 +3,31 @@
 ``python -m benchmarks.ablations --out DIR [-n 100]`` simulates the same missions with the default settings,
 then with one of them changed, and prints the differences mission by mission with their 95 % intervals.
 Studies on disk are not run again.
+
+``--sheared`` simulates missions in three seas whose currents differ with depth, with ways in depth and with
+ways that are sought in the plan view alone: a made tide that turns in two layers, and two ROMS models of
+../shared, in a fjord and over a shelf.
 """
 
 import argparse
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import xarray as xr
+import yaml
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import auvplan as ap
+from auvplan.io.example import write_example
 from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import console, table
+from benchmarks.machine import SHARED, console, table
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -36,7 +44,94 @@ STUDIES: dict[str, dict[str, Any]] = {
 }
 
 
-def study(folder: Path, design: Design) -> xr.Dataset:
+#: Both of these ask whether paths are sought in depth.
+_ASKED = "auvplan.path.stages.is_searched_in_depth", "auvplan.mission.travel_times.is_searched_in_depth"
+
+#: Arrivals count as off from this share of the leg's time in the plan on.
+_OFF = 0.05
+
+#: Of the made tide: period, s; speed at most above and below, m/s; depths, m, of the soft edge between them.
+_PERIOD, _ABOVE, _BELOW, _EDGE = 44_714.0, 0.9, -0.6, (10.0, 16.0)
+
+#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle, settings.
+_MODELS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], dict[str, Any]]] = {
+    "fjord (norfjords160, ROMS)": (
+        "currents/norfjords160_roms_native_24h.nc",
+        (700.0, 800.0, 60.0),
+        (5.677, 59.0329),
+        {
+            "vehicle": {"speed": 1.0, "sway_max": 1.0},
+            "mission": {"waypoints": 20, "time_available": 7200, "waypoint_clearance": 60},
+        },
+    ),
+    "shelf (nordic, ROMS)": (
+        "elsewhere/nordic_roms_native_day1.nc",
+        (20e3, 20e3, 200.0),
+        (14.022, 67.353),
+        {
+            "vehicle": {"speed": 1.5, "sway_max": 1.5},
+            "mission": {"waypoints": 20, "time_available": 80_000, "waypoint_clearance": 300},
+        },
+    ),
+}
+
+
+def two_layers(folder: Path) -> Path:
+    """Write the example with a tide in two layers that run against each other; return the scenario's path."""
+    write_example(folder, force=True)
+    path = folder / "scenario.yaml"
+    settings = yaml.safe_load(path.read_text())
+    with xr.open_dataset(folder / settings["current"]["files"]) as sea:
+        sea = sea.load()
+    seconds = (sea["time"] - sea["time"][0]) / np.timedelta64(1, "s")
+    share = np.clip((sea["depth"] - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
+    speed = (_ABOVE + (_BELOW - _ABOVE) * share) * np.cos(2.0 * np.pi * seconds / _PERIOD)
+    names = [name for name in sea.data_vars if set(sea[name].dims) >= {"time", "depth"}]
+    for name, part in zip(names, (np.sin(0.5), np.cos(0.5)), strict=True):
+        sea[name] = (speed * part * xr.ones_like(sea[name])).transpose(*sea[name].dims)
+    sea.to_netcdf(folder / "layers.nc")
+    settings["current"]["files"] = "layers.nc"
+    settings["mission"] = {"waypoints": 30, "time_available": 7200}
+    del settings["obstacles"]
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
+def of_model(folder: Path, name: str) -> Path:
+    """Write a scenario in the current, bed and land of a file; return its path."""
+    file, (north, east, depth), (longitude, latitude), more = _MODELS[name]
+    settings = {
+        "name": name,
+        "site": {"longitude": longitude, "latitude": latitude},
+        "area": {"lower": [-north, -east, 0], "upper": [north, east, depth]},
+        "chart": {"source": "current"},
+        "bathymetry": {"source": "current"},
+        "current": {"source": "file", "files": str(SHARED / file), "outside": "clamp"},
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "scenario.yaml"
+    path.write_text(yaml.safe_dump(settings | more))
+    return path
+
+
+def sheared(folder: Path, count: int) -> Iterator[dict[str, Any]]:
+    """A row a sea and way of planning: studies of so many missions."""
+    scenarios = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
+    scenarios |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
+    for name, path in scenarios.items():
+        design = Design(ap.load_scenario(path), count)
+        deep = study(path.parent.parent / "depth", design, workers=1)
+        with ExitStack() as stack:
+            for asked in _ASKED:
+                stack.enter_context(patch(asked, lambda *_: False))
+            flat = study(path.parent.parent / "plan-view", design, workers=1)
+        found = list(rows({"with ways in depth": deep, "without": flat}))
+        for dataset, row in zip((deep, flat), found, strict=True):
+            off = relative_errors(dataset)
+            yield row | {"sea": name, "off": float(np.mean(off[np.isfinite(off)] > _OFF))}
+
+
+def study(folder: Path, design: Design, workers: int | None = None) -> xr.Dataset:
     """Run one study, or continue or load it."""
     if (folder / DATASET).is_file():
         return load_study(folder)
@@ -45,6 +140,7 @@ def study(folder: Path, design: Design) -> xr.Dataset:
         return run_study(
             design,
             folder,
+            workers=workers,
             resume=(folder / "study.json").is_file(),
             progress=lambda _, __, share: bar.update(task, completed=share),
         )
@@ -80,7 +176,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Ablations of whole missions.")
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")
+    parser.add_argument("--sheared", action="store_true", help="ways in depth, in currents sheared in depth")
     options = parser.parse_args()
+    title = f"{options.n} paired missions; differences to the first row, 95 % intervals"
+    if options.sheared:
+        columns = {
+            "sea": "{sea}", "planned": "{name}", "total priority": "{priority}", "use of time, %": "{use}",
+            "on time": "{success}", "collisions": "{collisions}", "arrivals off by > 5 %": "{off:.1%}",
+            "planning, s": "{seconds:.2f}",
+        }  # fmt: skip
+        console().print(table(title, sheared(options.out / "sheared", options.n), columns, names=2))
+        return
     found = {}
     for name, changes in STUDIES.items():
         folder = name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
@@ -92,7 +198,6 @@ def main() -> None:
         "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
         "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
     }  # fmt: skip
-    title = f"{options.n} paired missions; differences to the first row, 95 % intervals"
     console().print(table(title, rows(found), columns))
 
 

@@ -19,7 +19,7 @@ from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
-from auvplan.ocean.raster import Raster, from_host
+from auvplan.ocean.raster import Raster, is_traced
 from auvplan.runtime.compiled import compiled
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
@@ -151,7 +151,15 @@ class Chart(Raster):
         Returns:
             Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
         """
-        return from_host(_distance, self, x, y)
+        if is_traced(self, x, y):
+            return _distance(self, x, y)
+        x, y = np.broadcast_arrays(x, y)
+        low, high = np.asarray(self.lower), np.asarray(self.upper)
+        outside = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
+        found = self.looked_up(self.signed_distance, x, y)
+        far = found >= 0.5 * FAR * np.asarray(self.pixel_size)
+        # Put, not converted: a conversion is a program of its own for every shape.
+        return jax.device_put(np.where(far, np.inf, found - outside).astype(found.dtype))
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""

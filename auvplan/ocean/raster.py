@@ -1,7 +1,7 @@
 """Rasters in local metres, and bilinear look-ups of them whose slopes cost next to nothing."""
 
-from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import chex
 import jax
@@ -12,11 +12,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.rows import elementwise
 from auvplan.runtime.tangents import instantiated, is_symbolic_zero
-
-#: Places that one call from the host looks up.
-_PLACES = 16384
 
 
 @jax.custom_jvp
@@ -150,18 +146,29 @@ class Raster:
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
         return bilinear(plane, self.origin, self.pixel_size, x, y, layer)
 
+    def looked_up(
+        self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: NDArray[np.int_] | None = None
+    ) -> NDArray[np.floating]:
+        """Return `interpolated` in NumPy, of any number of places and without compiling."""
+        chex.assert_rank(plane, 2 if layer is None else 3)
+        dtype = jax.dtypes.canonicalize_dtype(float)
+        x, y = np.asarray(x, dtype), np.asarray(y, dtype)
+        raster, corner, size = np.asarray(plane), np.asarray(self.origin), np.asarray(self.pixel_size)
+        north, east = raster.shape[-2:]
+        i = np.clip((x - corner[0]) / size - dtype.type(0.5), 0, north - 1)
+        j = np.clip((y - corner[1]) / size - dtype.type(0.5), 0, east - 1)
+        with np.errstate(invalid="ignore"):  # what is no number has no pixel: any will do
+            i0 = np.clip(i.astype(np.int32), 0, max(north - 2, 0))
+            j0 = np.clip(j.astype(np.int32), 0, max(east - 2, 0))
+        a, b, first = i - i0.astype(dtype), j - j0.astype(dtype), i0 * east + j0
+        if layer is not None:
+            first = first + layer * (north * east)
+        flat, up, right = raster.reshape(-1), (east if north > 1 else 0), (1 if east > 1 else 0)
+        south = flat[first] + b * (flat[first + right] - flat[first])
+        first = first + up
+        return south + a * (flat[first] + b * (flat[first + right] - flat[first]) - south)
 
-def from_host(program: Callable[..., jax.Array], raster: "Raster", *places: ArrayLike) -> jax.Array:
-    """Apply a compiled program of a raster to places, in calls of one size: their number never compiles.
 
-    Within another traced function it is the plain call.
-
-    Args:
-        program: takes the raster, and arrays of one shape.
-        raster: to look up.
-        places: that broadcast with each other.
-    """
-    if any(isinstance(leaf, Tracer) for leaf in (*places, *jax.tree.leaves(raster))):
-        return program(raster, *places)
-    # Put, not converted: a conversion is a program of its own for every shape.
-    return jax.device_put(elementwise(partial(program, raster), *places, together=_PLACES))
+def is_traced(*trees: Any) -> bool:
+    """Return whether JAX traces any array of some trees."""
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))

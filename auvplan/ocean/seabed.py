@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.ocean.raster import Raster, from_host
+from auvplan.ocean.raster import Raster, is_traced
 from auvplan.runtime.compiled import compiled
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
@@ -163,7 +163,13 @@ class Seabed(Raster):
         """
         if length is None:
             length = _SHARE * float(np.hypot(*self.shape)) * self.pixel_size
-        return from_host(_shallowest_at, self, x, y, length)
+        if is_traced(self, x, y, length):
+            return _shallowest_at(self, x, y, length)
+        x, y, half = np.broadcast_arrays(x, y, 0.5 * np.asarray(length))
+        layer = np.searchsorted(np.asarray(self.reach)[:-1], half)
+        found = self.looked_up(self.shallow, x, y, layer)
+        beyond = np.maximum(half - np.asarray(self.reach)[-1], 0.0)
+        return jax.device_put((found - np.asarray(self.steepest) * beyond).astype(found.dtype))
 
 
 @compiled

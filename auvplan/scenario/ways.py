@@ -16,8 +16,10 @@ Array = NDArray[np.floating]
 
 #: Cells along the longer side of the area, coarse first: narrower channels need smaller ones.
 _CELLS = (150, 500)
-#: Samples of a straight line; every 16th of them is looked at before the others.
-_SAMPLES, _FIRST = 200, 16
+#: Samples of a straight line, and how many of them are looked up together, then where these may not be clear.
+_SAMPLES, _TOGETHER = 200, (25, 5, 1)
+#: m/m, by which a distance that is interpolated between pixels changes at most.
+_SLOPE = 1.01 * np.sqrt(2.0)
 #: A second near land counts so many times, fading over this share of the area's longer side.
 _SHUN, _FADES = 3.0, 0.01
 #: Rounds that pull a path taut, and shares of each leg between which corners are cut off.
@@ -43,34 +45,63 @@ class Clearance:
     margin: float
     closed: bool = False
 
-    def room(self, positions: Array, gap: float | Array) -> Array:
-        """Distance [m] to what a line may not come near, at places [..., 2]; positive where it is clear.
+    def room(self, x: Array, y: Array, gap: Array) -> Array:
+        """Distance [m] to what a line may not come near; positive where it is clear.
 
         Args:
-            positions: north and east, m.
-            gap: m, around each place within which the sea bed is looked up.
+            x, y: north and east, m, of one shape.
+            gap: m, around each place within which the sea bed is looked up; of a shape that broadcasts.
         """
-        x, y = positions[..., 0], positions[..., 1]
+        water = self._over_the_bed(x, y, gap)[0]
+        return np.minimum(self._off_the_coast(x, y, gap)[0], np.where(water > 0.0, np.inf, water))
+
+    def lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Return whether the straight lines between places [..., 3] m keep clear, [...].
+
+        A line is clear where `_SAMPLES` places on it are. A look-up in the middle of many of them tells that
+        all are; where it does not, those in the middle of fewer are looked up.
+        """
+        starts, ends = np.broadcast_arrays(starts, ends)
+        shape, (x0, y0), (x1, y1) = starts.shape[:-1], starts.reshape(-1, 3).T[:2], ends.reshape(-1, 3).T[:2]
+        gap = np.hypot(x1 - x0, y1 - y0) / (_SAMPLES - 1)
+        clear, shares = np.ones(gap.shape, bool), np.linspace(0.0, 1.0, _SAMPLES)
+        for room in (self._off_the_coast, self._over_the_bed):
+            line, first = (part.ravel() for part in np.mgrid[: gap.size, : _SAMPLES : _TOGETHER[0]])
+            for count, fewer in zip(_TOGETHER, (*_TOGETHER[1:], 1), strict=True):
+                line, first = line[clear[line]], first[clear[line]]
+                share = shares[first + count // 2]
+                x, y = (a[line] * (1.0 - share) + b[line] * share for a, b in ((x0, x1), (y0, y1)))
+                here, around = room(x, y, gap[line], count // 2)
+                clear[line[here <= 0.0]] = False
+                line, first, parts = line[around <= 0.0], first[around <= 0.0], np.arange(0, count, fewer)
+                line, first = np.repeat(line, len(parts)), (first[:, None] + parts).ravel()
+        return clear.reshape(shape)
+
+    def _off_the_coast(self, x: Array, y: Array, gap: Array, around: int = 0) -> tuple[Array, Array]:
+        """Distance to coast and closed areas less the margin, m: there, and at least `around` gaps about."""
         free = np.full(x.shape, np.inf)
         charts = [closure.chart for closure in self.area.closures] if self.closed else []
         for chart in charts if self.area.chart is None else [self.area.chart, *charts]:
             free = np.minimum(free, np.asarray(chart.distance(x, y)) - self.margin)
-        if (seabed := self.area.seabed) is not None:
-            shallowest = np.asarray(seabed.shallowest_at(x, y, gap))
-            deep_enough = shallowest - float(seabed.clearance) - self.scenario.box[0][2]
-            free = np.minimum(free, np.where(deep_enough > 0.0, np.inf, deep_enough))
-        return free
+        return free, free - _SLOPE * around * gap
 
-    def lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Return whether the straight lines between places [..., 3] m keep clear, [...]."""
-        starts, ends = np.broadcast_arrays(starts, ends)
-        gap = np.hypot(*np.moveaxis(ends - starts, -1, 0)[:2]) / (_SAMPLES - 1)
-        clear, share = np.ones(gap.shape, bool), np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
-        # Most of what is not clear shows at a few samples.
-        for part in (share[::_FIRST], share):
-            line = starts[clear] * (1.0 - part) + ends[clear] * part
-            clear[clear] = (self.room(line, gap[clear]) > 0.0).all(axis=0)
-        return clear
+    def _over_the_bed(self, x: Array, y: Array, gap: Array, around: int = 0) -> tuple[Array, Array]:
+        """Depth of the water over the sea bed and its clearance, m; as `_off_the_coast`.
+
+        Where all is deep around, the first is the second.
+        """
+        if (seabed := self.area.seabed) is None:
+            return np.full(x.shape, np.inf), np.full(x.shape, np.inf)
+        taken = float(seabed.clearance) + self.scenario.box[0][2]
+        if not around:
+            water = np.asarray(seabed.shallowest_at(x, y, gap)) - taken
+            return water, water
+        # What a look-up takes in is within three halves of its gap, or of a pixel.
+        wide = 2 * around * gap + 3.0 * np.maximum(gap, float(seabed.pixel_size))
+        least = np.asarray(seabed.shallowest_at(x, y, wide)) - taken
+        here, low = least.copy(), least <= 0.0
+        here[low] = self._over_the_bed(x[low], y[low], gap[low])[0]
+        return here, least
 
 
 def clear_lines(starts: Array, ends: Array, scenario: Scenario, area: OperatingArea) -> NDArray[np.bool_]:
@@ -162,7 +193,8 @@ def _taut(way: Array, clearance: Clearance) -> Array:
         places = np.concatenate([np.concatenate([way[:-1, None], between], axis=1).reshape(-1, 3), way[-1:]])
         i, j = np.triu_indices(len(places), 1)
         leg = 1 + _CUTS.shape[1]
-        clear = (j <= (i // leg + 1) * leg) | clearance.lines(places[i], places[j])
+        clear = j <= (i // leg + 1) * leg
+        clear[~clear] = clearance.lines(places[i[~clear]], places[j[~clear]])
         gaps = np.maximum(np.linalg.norm(places[j] - places[i], axis=1), 1e-9)
         lines = csr_array((gaps[clear], (i[clear], j[clear])), shape=(len(places),) * 2)
         before, nodes = dijkstra(lines, indices=0, return_predecessors=True)[1], [len(places) - 1]
@@ -207,7 +239,7 @@ class _Grid:
         self._shape = north, east
         index = np.indices(self._shape).reshape(2, -1).T
         self._places = np.minimum(low + (index + 0.5) * self._size, high)
-        free = clearance.room(self._places, self._size)
+        free = clearance.room(self._places[:, 0], self._places[:, 1], np.full(len(self._places), self._size))
         fades = _FADES * float((high - low).max())
         self._shunned = 1.0 + _SHUN * np.exp(-np.clip(free, 0.0, None) / fades)
         self._open = free > 0.0

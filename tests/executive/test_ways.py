@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import auvplan as ap
 from auvplan.mission.jobs import JobPoint, Jobs, jobs_of
@@ -10,9 +11,10 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.seabed import Seabed
 from auvplan.scenario import OperatingArea, Scenario
 from auvplan.scenario.waypoints import lines_clear, make_graph
-from auvplan.scenario.ways import WaysAround, clear_lines
+from auvplan.scenario.ways import Clearance, WaysAround, clear_lines
 from benchmarks import detours
 
 #: A bay within a spit of land with a mouth in the north: 4 km by 4 km, pixels of 20 m.
@@ -138,3 +140,24 @@ def test_plans_before_the_departure_find_the_nearer_passage_round_four_corners(t
     assert row.priority == row.best
     assert row.time < 1.01 * row.least
     assert row.faults == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lines_are_clear_where_all_places_on_them_are(seed):
+    """Lines from one to 4,000 m long, over land, closed areas and a sea bed with pits and banks."""
+    rng = np.random.default_rng(seed)
+    land, closed = (gaussian_filter(rng.normal(size=(80, 80)), 5.0) for _ in range(2))
+    depth = 12.0 + 150.0 * gaussian_filter(rng.normal(size=(40, 40)), 2.0)
+    area = OperatingArea(
+        chart=Chart.from_mask(land < 0.06, 50.0),
+        seabed=Seabed.from_depth(depth, 100.0, clearance=3.0),
+        closures=(Closure(Chart.from_mask(closed < 0.08, 50.0), [0.0], [10.0]),),
+    )
+    starts = rng.uniform(0.0, 4000.0, (400, 3))
+    ends = starts + rng.normal(size=(400, 3)) * 10.0 ** rng.uniform(0.0, 3.5, (400, 1))
+    clearance = Clearance(settings(), area, 20.0, closed=True)
+    x, y, _ = np.moveaxis(np.linspace(starts, ends, 200), -1, 0)
+    gap = np.hypot(*(ends - starts).T[:2]) / 199
+    clear = (clearance.room(x, y, gap) > 0.0).all(axis=0)
+    assert 0.1 < clear.mean() < 0.9
+    np.testing.assert_array_equal(clearance.lines(starts, ends), clear)

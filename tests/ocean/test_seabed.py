@@ -153,3 +153,15 @@ def test_environment_with_a_sea_bed():
     assert replace(env, seabed=None).seabed is None
     with pytest.raises(ValueError, match="150 m beyond the sea bed"):
         ap.Environment(None, None, None, (0, 0, 0), (200, 450, 40), bed)
+
+
+@pytest.mark.parametrize("shape", [(40, 30), (1, 25), (1, 1)])
+def test_look_ups_on_the_host_are_those_of_a_program(shape):
+    bed = Seabed.from_depth(rough(shape, 3), 20.0, ORIGIN)
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-200.0, 900.0, (2, 7, 60)) + ORIGIN[:, None, None]
+    length = 10.0 ** rng.uniform(-1.0, 3.5, 60)
+    found = bed.shallowest_at(x, y, length)
+    assert found.shape == (7, 60)
+    np.testing.assert_allclose(found, jax.jit(Seabed.shallowest_at)(bed, x, y, length), atol=1e-3)
+    assert np.isnan(bed.shallowest_at(np.nan, 0.0, 5.0))
