@@ -61,7 +61,7 @@ _MODELS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], d
         (5.677, 59.0329),
         {
             "vehicle": {"speed": 1.0, "sway_max": 1.0},
-            "mission": {"waypoints": 20, "time_available": 7200, "waypoint_clearance": 60},
+            "mission": {"waypoints": 14, "time_available": 3600, "waypoint_clearance": 60},
         },
     ),
     "shelf (nordic, ROMS)": (
@@ -70,7 +70,7 @@ _MODELS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], d
         (14.022, 67.353),
         {
             "vehicle": {"speed": 1.5, "sway_max": 1.5},
-            "mission": {"waypoints": 20, "time_available": 80_000, "waypoint_clearance": 300},
+            "mission": {"waypoints": 14, "time_available": 60_000, "waypoint_clearance": 300},
         },
     ),
 }
@@ -91,7 +91,7 @@ def two_layers(folder: Path) -> Path:
         sea[name] = (speed * part * xr.ones_like(sea[name])).transpose(*sea[name].dims)
     sea.to_netcdf(folder / "layers.nc")
     settings["current"]["files"] = "layers.nc"
-    settings["mission"] = {"waypoints": 30, "time_available": 7200}
+    settings["mission"] = {"waypoints": 14, "time_available": 3600}
     del settings["obstacles"]
     path.write_text(yaml.safe_dump(settings))
     return path
@@ -114,11 +114,11 @@ def of_model(folder: Path, name: str) -> Path:
     return path
 
 
-def sheared(folder: Path, count: int) -> Iterator[dict[str, Any]]:
-    """A row a sea and way of planning: studies of so many missions."""
-    scenarios = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
-    scenarios |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
-    for name, path in scenarios.items():
+def sheared(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Yield the seas, and a row for each way of planning in it: studies of so many missions."""
+    seas = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
+    seas |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
+    for name, path in seas.items():
         design = Design(ap.load_scenario(path), count)
         deep = study(path.parent.parent / "depth", design, workers=1)
         with ExitStack() as stack:
@@ -128,7 +128,8 @@ def sheared(folder: Path, count: int) -> Iterator[dict[str, Any]]:
         found = list(rows({"with ways in depth": deep, "without": flat}))
         for dataset, row in zip((deep, flat), found, strict=True):
             off = relative_errors(dataset)
-            yield row | {"sea": name, "off": float(np.mean(off[np.isfinite(off)] > _OFF))}
+            row["off"] = float(np.mean(off[np.isfinite(off)] > _OFF))
+        yield name, found
 
 
 def study(folder: Path, design: Design, workers: int | None = None) -> xr.Dataset:
@@ -181,24 +182,25 @@ def main() -> None:
     title = f"{options.n} paired missions; differences to the first row, 95 % intervals"
     if options.sheared:
         columns = {
-            "sea": "{sea}", "planned": "{name}", "total priority": "{priority}", "use of time, %": "{use}",
+            "planned": "{name}", "total priority": "{priority}", "use of time, %": "{use}",
             "on time": "{success}", "collisions": "{collisions}", "arrivals off by > 5 %": "{off:.1%}",
             "planning, s": "{seconds:.2f}",
         }  # fmt: skip
-        console().print(table(title, sheared(options.out / "sheared", options.n), columns, names=2))
+        for sea, found in sheared(options.out / "sheared", options.n):
+            console().print(table(f"{sea}: {title}", found, columns))
         return
-    found = {}
+    studies = {}
     for name, changes in STUDIES.items():
         folder = name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
         plain = ap.load_scenario("whitsunday").model_dump(mode="json")
         plain["planning"] |= changes
-        found[name] = study(options.out / folder, Design(validate_scenario(plain), options.n))
+        studies[name] = study(options.out / folder, Design(validate_scenario(plain), options.n))
     columns = {
         "study": "{name}", "total priority": "{priority}", "use of time, %": "{use}", "on time": "{success}",
         "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
         "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
     }  # fmt: skip
-    console().print(table(title, rows(found), columns))
+    console().print(table(title, rows(studies), columns))
 
 
 if __name__ == "__main__":

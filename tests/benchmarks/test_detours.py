@@ -8,6 +8,7 @@ from benchmarks import detours
 pytestmark = pytest.mark.usefixtures("light_search")
 
 
+@pytest.mark.slow
 def test_an_area_in_open_water_leaves_the_tour_of_all_jobs(tmp_path):
     """A closed area of 1.6 by 2.2 km whose corners the best tour clips, and two known obstacles."""
     row = detours.planned(detours.hobart(), None, tmp_path)

@@ -204,8 +204,8 @@ def fired(examples: int, steps: int) -> None:
     )  # fmt: skip
 
 
-def test_500_steps():
-    fired(10, 50)
+def test_200_steps():
+    fired(4, 50)
 
 
 @pytest.mark.slow

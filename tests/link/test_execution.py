@@ -92,6 +92,7 @@ def test_what_the_vehicle_takes_longer_is_in_the_plan_and_not_in_what_it_is_aske
     assert holds == pytest.approx(tasks, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current():
     """What each line is planned to make is held, where the speed through the water is off by a tenth."""
     current = {"vortices": 0, "uniform": [0.5, -0.4, 0.0]}

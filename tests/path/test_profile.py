@@ -259,10 +259,10 @@ def bands(x, y, z, t):
 @pytest.mark.parametrize(
     ("sharp", "preset"),
     [
-        (layer, ap.PathConfig),
+        pytest.param(layer, ap.PathConfig, marks=pytest.mark.slow),
         (layer, ap.PathConfig.quick),
-        (front, ap.PathConfig.quick),
-        (bands, ap.PathConfig.quick),
+        pytest.param(front, ap.PathConfig.quick, marks=pytest.mark.slow),
+        pytest.param(bands, ap.PathConfig.quick, marks=pytest.mark.slow),
     ],
 )
 def test_what_is_finer_than_samples_is_timed_as_it_is_sailed(sharp, preset):

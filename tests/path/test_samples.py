@@ -81,6 +81,7 @@ def test_only_functions_are_sampled():
     assert ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG).sampling_error == 0.0
 
 
+@pytest.mark.slow
 def test_a_tide_past_a_drifting_obstacle_at_a_late_hour():
     """The obstacle drifts in the function, not in its samples; times are far from zero; depth is free."""
 
