@@ -91,7 +91,7 @@ class PathConfig:
     degree: int = 3
     samples: int = 160
     quadrature: int | None = None
-    sampled: bool = False
+    sampled: bool = True
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75
@@ -167,6 +167,7 @@ class PathConfig:
             finer=1,
             refine_steps=0,
             fresh_share=0.0,
+            sampled=False,
         )
 
     @classmethod

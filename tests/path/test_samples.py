@@ -10,7 +10,7 @@ import pytest
 import auvplan as ap
 from auvplan.path import stages
 
-CONFIG = ap.PathConfig.quick().replace(sampled=True)
+CONFIG = ap.PathConfig.quick()
 START, GOAL = (0.0, 0.0, 10.0), (4000.0, 0.0, 10.0)
 KEY = jax.random.key(0)
 
