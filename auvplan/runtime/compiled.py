@@ -11,6 +11,7 @@ import enum
 import functools
 import pickle
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -48,6 +49,8 @@ _programs: list["Program"] = []
 _used: dict[str, str] = {}
 _thread = threading.local()
 _counting = threading.Lock()
+#: Calls that wait for a program now, since when, and for how long such have waited in all, s.
+_waiting, _waiting_since, _waited = 0, 0.0, 0.0
 _compilers = ThreadPoolExecutor(_THREADS, "auvplan-compile")
 _early: dict[str, Future[tuple[Callable[..., list], bytes] | None]] = {}
 
@@ -100,7 +103,8 @@ class Program:
                         outline = self._begun(signature, leaves)
                         if outline is not None:
                             return outline
-                    self._ready[signature], result = self._prepared(signature, leaves)
+                    with _counted_as_compilation():
+                        self._ready[signature], result = self._prepared(signature, leaves)
                     return result
         return ready(leaves)
 
@@ -388,6 +392,14 @@ def compilations() -> int:
     return _count
 
 
+def compile_seconds() -> float:
+    """Return for how long calls have waited for programs to be compiled or loaded so far, wall-clock s.
+
+    What `compiling_ahead` waits for does not count.
+    """
+    return _waited
+
+
 def held() -> int:
     """Return how many programs this process holds."""
     return sum(len(program._ready) for program in _programs)
@@ -417,6 +429,25 @@ def _announce(begun: int = 0, done: int = 0) -> None:
         now = dict(_compiling)
     for tell in tuple(_listeners):
         tell(**now)
+
+
+@contextmanager
+def _counted_as_compilation() -> Iterator[None]:
+    """Count the time until the end as `compile_seconds`, that of several threads at once but once."""
+    global _waiting, _waiting_since, _waited
+    if getattr(_thread, "compiling_ahead", False):
+        yield
+        return
+    with _counting:
+        _waiting_since = _waiting_since if _waiting else time.perf_counter()
+        _waiting += 1
+    try:
+        yield
+    finally:
+        with _counting:
+            _waiting -= 1
+            if not _waiting:
+                _waited += time.perf_counter() - _waiting_since
 
 
 def _book_one() -> None:

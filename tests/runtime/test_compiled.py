@@ -5,6 +5,7 @@ import logging
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ import pytest
 from PIL import Image
 
 import auvplan as ap
+from auvplan.executive.clock import Clock
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 from auvplan.runtime import cache
 from auvplan.runtime.compiled import (
@@ -227,6 +229,7 @@ def test_a_function_that_cannot_be_traced_has_no_fingerprint():
 
 MOVED = """
 import numpy as np
+from auvplan.executive.clock import Clock
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 stream = FunctionCurrent(lambda x, y, z, t: (0.1 * x, {speed}, 0.0))
 print(np.asarray(evaluated(stream, *np.ones((4, 3)))).tolist())
@@ -332,3 +335,22 @@ def test_keys_depend_on_the_whole_package(monkeypatch):
     monkeypatch.setattr(cache, "digest_of_sources", lambda home: seen.append(home) or "")
     cache._surroundings.__wrapped__()
     assert seen == [Path(ap.__file__).parent]
+
+
+def test_short_calls_that_compile_are_made_again_to_be_timed_and_long_ones_are_not():
+    made, clock = [], Clock()
+
+    def call(lasts):
+        made.append(lasts)
+        time.sleep(lasts)
+        return double(jnp.arange(float(len(made))))
+
+    double = compiled(lambda x: 2.0 * x)
+    assert clock.time(lambda: call(0.01))[1] < 2.0
+    short = clock.compile_seconds
+    assert made == [0.01, 0.01]
+    assert short > 0.01
+    _, seconds = clock.time(lambda: call(2.1))
+    assert made == [0.01, 0.01, 2.1]
+    assert 2.0 < seconds
+    assert clock.compile_seconds > short
