@@ -8,13 +8,12 @@ import jax
 
 from auvplan.runtime.compiled import compilations, compile_seconds
 
-
 #: s without compilation from which on a call is not made again to be timed.
 _LONG = 2.0
 
 
 class Clock:
-    """Times calls with compilation apart: a short call that compiled something is made again, and that one timed.
+    """Times calls with compilation apart: a short one that compiled something is made again, and that one timed.
 
     Attributes:
         compile_seconds: s of all calls that compiled something; of long ones what compilation took.

@@ -352,5 +352,5 @@ def test_short_calls_that_compile_are_made_again_to_be_timed_and_long_ones_are_n
     assert short > 0.01
     _, seconds = clock.time(lambda: call(2.1))
     assert made == [0.01, 0.01, 2.1]
-    assert 2.0 < seconds
+    assert seconds > 2.0
     assert clock.compile_seconds > short
