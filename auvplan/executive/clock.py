@@ -13,7 +13,7 @@ _LONG = 2.0
 
 
 class Clock:
-    """Times calls with compilation apart: a short one that compiled something is made again, and that one timed.
+    """Times calls with compilation apart: a short call that compiled is made again, and that one is timed.
 
     Attributes:
         compile_seconds: s of all calls that compiled something; of long ones what compilation took.
