@@ -43,6 +43,10 @@ PathsRound = Callable[
 #: Waypoints no farther apart, m, are one place; from the one's task to the other's takes so many seconds.
 ONE_PLACE, TURN_TO = 0.5, 1.0
 
+#: Over a sea bed paths round take so many times as many samples: they keep along banks, and between samples
+#: a bank counts as shallow as it is anywhere about.
+_FINER = 4
+
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
 _POLISHED = 4
 _STEP_SIZE = 0.03
@@ -154,7 +158,8 @@ def travel_times(
     if detour and around is not None and (blocked := np.flatnonzero(~passable & inside)).size:
         ways = [around(starts[edge], goals[edge]) for edge in blocked]
         edges = np.repeat(blocked, [len(found) for found in ways])
-        tracks = [_sampled(way, config.path.samples) for found in ways for way, _ in found]
+        count = config.path.samples * (1 if env.seabed is None else _FINER)
+        tracks = [_sampled(way, count) for found in ways for way, _ in found]
         clear = np.array([always for found in ways for _, always in found], bool)
         for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
             chosen = edges[part]
