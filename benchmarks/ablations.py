@@ -43,7 +43,6 @@ STUDIES: dict[str, dict[str, Any]] = {
     "paper's planners, ten control points": {"preset": "paper", "control_points": 10, "task_time": "whole"},
 }
 
-
 #: Both of these ask whether paths are sought in depth.
 _ASKED = "auvplan.path.stages.is_searched_in_depth", "auvplan.mission.travel_times.is_searched_in_depth"
 
@@ -115,7 +114,7 @@ def of_model(folder: Path, name: str) -> Path:
 
 
 def sheared(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Yield the seas, and a row for each way of planning in it: studies of so many missions."""
+    """Yield each sea and its rows, one for each way of planning: studies of `count` missions."""
     seas = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
     seas |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
     for name, path in seas.items():

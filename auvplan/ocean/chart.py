@@ -20,7 +20,6 @@ from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, 
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, is_traced
-from auvplan.runtime.compiled import compiled
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
@@ -217,7 +216,7 @@ class Chart(Raster):
         return {"coast": coast, "uncertain": 1.0 - coast - water, "water": water}
 
 
-@compiled
+@jax.jit
 def _distance(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
     """`Chart.distance`."""
     low, high = chart.lower, chart.upper

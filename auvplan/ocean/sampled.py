@@ -59,7 +59,7 @@ def sampled(
 
     Returns:
         The samples, linear in between, and the most by which they differ from the function at random places,
-        m/s; None where that is more than allowed, or where single precision does not tell the nodes apart.
+        m/s; None where that is more than allowed, or where single precision cannot hold the nodes apart.
     """
     with_depth = axes_used(current)[2] and upper[2] > lower[2]
     with_time = axes_used(current, vertical=True)[3]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.raster import Raster, is_traced
-from auvplan.runtime.compiled import compiled
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -172,7 +171,7 @@ class Seabed(Raster):
         return jax.device_put((found - np.asarray(self.steepest) * beyond).astype(found.dtype))
 
 
-@compiled
+@jax.jit
 def _shallowest_at(seabed: Seabed, x: ArrayLike, y: ArrayLike, length: ArrayLike) -> jax.Array:
     """`Seabed.shallowest_at`."""
     x, y, length = jnp.broadcast_arrays(*(jnp.asarray(v, float) for v in (x, y, length)))

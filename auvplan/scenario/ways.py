@@ -58,8 +58,8 @@ class Clearance:
     def lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Return whether the straight lines between places [..., 3] m keep clear, [...].
 
-        A line is clear where `_SAMPLES` places on it are. A look-up in the middle of many of them tells that
-        all are; where it does not, those in the middle of fewer are looked up.
+        A line is clear where `_SAMPLES` places on it are. One look-up can show it of many in a row; where it
+        does not, shorter rows are looked up.
         """
         starts, ends = np.broadcast_arrays(starts, ends)
         shape, (x0, y0), (x1, y1) = starts.shape[:-1], starts.reshape(-1, 3).T[:2], ends.reshape(-1, 3).T[:2]

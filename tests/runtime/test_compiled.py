@@ -229,7 +229,6 @@ def test_a_function_that_cannot_be_traced_has_no_fingerprint():
 
 MOVED = """
 import numpy as np
-from auvplan.executive.clock import Clock
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 stream = FunctionCurrent(lambda x, y, z, t: (0.1 * x, {speed}, 0.0))
 print(np.asarray(evaluated(stream, *np.ones((4, 3)))).tolist())
