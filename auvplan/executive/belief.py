@@ -51,7 +51,7 @@ class ObstacleBelief:
         return self._sensors.growth * self._unknown
 
     def within(self, vehicle: Array, seconds: float, speed: float) -> NDArray[np.bool_]:
-        """[M], whether a vehicle at [3] m may meet them in so many seconds at a speed, m/s."""
+        """[M], whether a vehicle at [3] m may meet them within `seconds` at a speed, m/s."""
         away = np.linalg.norm(self.position - vehicle, axis=1) - self.radius
         return away <= seconds * (speed + np.linalg.norm(self.velocity, axis=1))
 

@@ -1,4 +1,4 @@
-"""Infeasibility diagnosis: the leg that the sea closes, or the time that is too short."""
+"""Infeasibility diagnosis: the leg without a feasible path, or the time that is too short."""
 
 from functools import partial
 from itertools import pairwise
@@ -30,7 +30,7 @@ def why_no_route(context: SimulationContext, mission: Mission, timed: MissionGra
     Args:
         context: what missions share.
         mission: where it stands, with its whole graph.
-        timed: the graph without the edges that the sea closes, as `time_edges` leaves it.
+        timed: the graph without the edges that have no feasible path, as `time_edges` leaves it.
         forecast: the current that it was timed in.
     """
     run = mission.run

@@ -55,7 +55,7 @@ class SimulationContext:
         path_config: of the path planner.
         route_configs: of the mission planner, for the first route and for later ones.
         vehicle: speed and limits.
-        area: what is known of the sea area.
+        area: what is known of the operating area.
         folder: that relative paths in the scenario start from.
         clock: that planning calls are timed by.
         simulated: whether missions meet what no plan knows of; otherwise they go as planned, in the forecast.
@@ -93,7 +93,7 @@ class SimulationContext:
 
     @property
     def by_clock(self) -> bool:
-        """Whether edges are timed by their departure: where the sea is forecast to change, or areas close."""
+        """Whether edges are timed by their departure: where currents are forecast to change, or areas close."""
         rules, forecast = self.rules, self.area.forecast
         changes = (forecast is not None and not forecast.steady) or bool(self.area.closures)
         return rules.travel_times == "sea" and rules.departures > 1 and changes
@@ -233,7 +233,7 @@ class Mission:
         key: of the planners.
         rng: of obstacles and sensors.
         graph: waypoints that may still be visited and the tasks that are left.
-        timed: the same with the travel times expected now, and without edges that the sea closes.
+        timed: the same with the travel times expected now, and without edges that have no feasible path.
         now: s since the epoch.
         here: waypoint reached.
         leg: that it is on, or None at a waypoint.
@@ -241,7 +241,7 @@ class Mission:
         slack: s that the route left of the available time, less the reserve, when it was made.
         cause: why a new route is due, or empty.
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
-        departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where the sea is
+        departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where currents are
             forecast to change; None before they are timed.
         refusals: of legs in a row.
         obstruction: the last leg that was refused and why, or empty.

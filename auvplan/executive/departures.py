@@ -1,4 +1,4 @@
-"""When to leave: one mission or one leg planned at many departures, each in the sea as it is then."""
+"""When to leave: one mission or one leg planned at many departures, each in the current of its time."""
 
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -106,15 +106,15 @@ def plan_departures(
 ) -> Departures:
     """Plan a mission, or the leg where the scenario has two waypoints, for each of D departures.
 
-    Waypoints, tasks and chance are the same at every departure; the sea differs. A mission is planned as
-    `plan_scenario` plans it, in the current as it is forecast for the way; so is a leg.
+    Waypoints, tasks and chance are the same at every departure; the current differs. A mission is planned as
+    `plan_scenario` plans it, in the current forecast for the transit; so is a leg.
 
     Args:
         scenario: settings.
         departs: [D] s since the scenario's epoch; negative ones need currents from files.
         key: PRNG key of waypoints, sea and planners, as for `run_mission`.
         folder: that relative paths in the scenario start from; that of its file if absent.
-        area: what the scenario's files tell, as `load_area_at` reads it; read here if absent.
+        area: what the scenario's files contain, as `load_area_at` reads it; read here if absent.
         progress: called as departures are seen to.
 
     Raises:
@@ -227,7 +227,7 @@ def _plan_missions(
 
 
 def _why(context: SimulationContext, mission: Mission, sea: Sea) -> str:
-    """Return why a mission fails: the leg that the sea closes where none was begun, or how the plan ended."""
+    """Return why a mission fails: the leg without a feasible path where none was begun, or how the plan ended."""
     if mission.run.legs:
         return mission.run.reason
     return why_no_route(context, mission, mission.timed, sea.forecast())

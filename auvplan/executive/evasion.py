@@ -62,6 +62,6 @@ def escape_track(
 def _worth(clearance: Array) -> float:
     """Return how well a track keeps clear, m, from its clearance [n] m.
 
-    Where it begins inside a boundary, no track has more at its least: how soon it leaves tells them apart.
+    Where it begins inside a boundary, no track has more at its least: how soon it leaves distinguishes them.
     """
     return float(clearance.min() + min(clearance[len(clearance) // 4 :].min(), 0.0))

@@ -125,7 +125,7 @@ def _followed(context: SimulationContext, mission: Mission, one: SurveyPart) -> 
 def line_times(context: SimulationContext, mission: Mission, departs: Array) -> tuple[list[Edge], Array]:
     """Edges along survey lines that are left, and their travel times [M, E] s at departures [M] s.
 
-    They are those of the line itself in the current as it is then, longer by the ways around what stands in
+    They are those of the line itself in the current of that time, longer by the detours round what is in
     it; infinite where the current does not let the line be followed, or an area on it closes for a time.
     """
     edges = [edge for edge in mission.parts if mission.graph.adjacency[edge]]

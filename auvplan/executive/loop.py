@@ -36,7 +36,7 @@ from auvplan.simulation.world import make_sea, make_vehicle
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
 
-#: Share by which a vehicle's speed must differ from what is thought for its times to be reckoned anew.
+#: Share by which a vehicle's speed must differ from what is assumed for its times to be recalculated.
 _PACE = 0.02
 
 Progress = Callable[[int, float, str], None]
@@ -92,7 +92,7 @@ def run_missions(
         seeds: B numbers, that missions are made from where no keys are given, and that results are labelled
             with; 0, 1, ... if absent.
         folder: that relative paths in the scenario start from; that of its file if absent.
-        area: what the scenario's files tell, as `load_area` reads it; read here if absent.
+        area: what the scenario's files contain, as `load_area` reads it; read here if absent.
         progress: called with (mission, time s, what it does) as missions advance.
         faults: B lists of what goes wrong on purpose, see `auvplan.simulation.faults`; nothing if absent.
 
@@ -284,7 +284,7 @@ def step(context: SimulationContext, missions: list[Mission]) -> None:
 
 
 def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> None:
-    """Time the edges in the sea as it is now, and see which routes no longer fit it."""
+    """Time the edges in the present current, and find the routes that no longer fit it."""
     planning = context.rules
     time_edges(context, missions)
     for mission in missions:

@@ -1,7 +1,7 @@
 """Plans whole missions: the route and its paths in the forecast and past known obstacles, nothing simulated.
 
 A plan is what the hierarchical loop of Fig. 7 does where all goes as expected: legs take the time that is
-planned for them, and each is planned in the sea as it is forecast for the time when it is begun.
+planned for them, and each is planned in the current forecast for the time at which it is begun.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ def plan_scenario(
 ) -> MissionRun:
     """Plan a mission: the route, and a path along every leg.
 
-    Nothing is simulated: the sea is as forecast and obstacles are those of `obstacles.file`. The same call
+    Nothing is simulated: currents are as forecast and obstacles are those of `obstacles.file`. The same call
     gives the same plan to the last bit.
 
     Args:
@@ -58,7 +58,7 @@ def plan_scenario(
         seed: the same as a number.
         depart: s since the scenario's epoch.
         folder: that relative paths in the scenario start from; that of its file if absent.
-        area: what the scenario's files tell, as `load_area_at` reads it; read here if absent.
+        area: what the scenario's files contain, as `load_area_at` reads it; read here if absent.
         progress: called with (time s, what is planned).
 
     Returns:
@@ -124,7 +124,7 @@ def planning_context(
 ) -> SimulationContext:
     """Return what plans count on, nothing simulated or timed.
 
-    Of the sea no more than one from `depart` meets. Plans that are all made `ahead` of the departure polish
+    No more of the data than a mission from `depart` meets. Plans that are all made `ahead` of the departure polish
     winding paths with more control points.
     """
     if area.forecast is not None and depart is not None:
@@ -138,7 +138,7 @@ def planning_context(
 
 
 def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
-    """One mission a departure: the same but for the time and the sea as it is then."""
+    """One mission a departure: the same but for the time and the current of that time."""
     departs = np.asarray(departs, float)
     model = start_mission(context, 0, key, seed)
     missions = {}

@@ -34,9 +34,9 @@ def effort(config: PathConfig) -> TravelTimeConfig:
 
 
 def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
-    """Estimate the travel times of the edges that are left, from the forecast of the sea now.
+    """Estimate the travel times of the edges that are left, from the forecast now.
 
-    Where files forecast how the sea changes they are estimated once, for all departures of the mission.
+    Where files forecast changing currents they are estimated once, for all departures of the mission.
     """
     planning = context.rules
     detour = planning.detour * context.surprises

@@ -1,4 +1,4 @@
-"""Executes a mission on one vehicle: upload, follow, plan the rest anew, end safely.
+"""Executes a mission on one vehicle: upload, follow, re-plan the rest, end safely.
 
 The loop sees the vehicle through a `VehicleLink` alone. Whatever happens it comes to a verdict: every wait
 has a limit, and every limit ends in another try or in a safe end.
@@ -47,10 +47,10 @@ _PAUSE = 60.0
 #: s of mission time that a plan from a hold may begin later than it was made for.
 _LATE = 20.0
 
-#: How fast a vehicle can be over ground: so many times its speed, and so many m/s more.
+#: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
 
-#: How a vehicle is that was told nothing.
+#: State of a vehicle that was sent nothing.
 _NOT_STARTED = "the vehicle was not started"
 
 
@@ -98,10 +98,10 @@ class _Progress:
         return (self.begun if alone else step.left), step.position  # type: ignore[return-value]
 
     def see(self, first: Array, last: Array, seconds: float, reach: float) -> None:
-        """Take note of where the vehicle can have been between two places [3] m, so many s apart.
+        """Take note of where the vehicle can have been between two places [3] m.
 
         Args:
-            first, last, seconds: two sights of it, one after the other.
+            first, last, seconds: two sightings of it, and s between them.
             reach: m from a place within which it is taken to be there.
         """
         places = np.asarray([step.position for step in self.upload.steps])
@@ -684,7 +684,7 @@ class _Executor:
         return self._now - (step.left_at + share * (step.time - step.left_at))
 
     def _plan_rest(self) -> None:
-        """Plan anew what comes after the leg that the vehicle will be on by then."""
+        """Re-plan what comes after the leg that the vehicle will be on by then."""
         if not self._due or self._new is not None or self._now - self._failed < _PAUSE:
             return
         legs, late = self._plan.legs, self._late(self._link.wait(0.0)) or 0.0
@@ -788,7 +788,7 @@ class _Executor:
                 self._record.safe = f"{before}, last seen at a depth of {report.position[2]:.1f} m"
 
     def _is_up(self, report: Report) -> bool:
-        """Return whether the vehicle is at the surface, and say so; its depth alone tells."""
+        """Return whether the vehicle is at the surface by its depth, and record it."""
         up = report.position is not None and bool(report.position[2] < _SURFACE)
         if up:
             self._record.safe = "at the surface"
@@ -796,7 +796,7 @@ class _Executor:
 
 
 def _place(step: Step) -> tuple[float, ...]:
-    """Return what tells a step from those of other places and legs."""
+    """Return what distinguishes a step from those of other places and legs."""
     return step.leg, *step.position.tolist()
 
 

@@ -306,7 +306,7 @@ class ImcVehicle(ListeningLink):
 
         After an abort DUNE is blocked for 0.2 s, then ready as if nothing were (Supervisors/Vehicle,
         Plan/Engine); a plan that was replaced by ours leaves the same outcome, but goes on. A vehicle that
-        started anew has no plan, and one that was halted has it without a failure.
+        restarted has no plan, and one that was halted has it without a failure.
         """
         if self._plan is None or self._aborted or state.timestamp < self._since or not state.plan_id:
             return

@@ -13,7 +13,7 @@ class Limits:
     Attributes:
         reply: s of wall-clock time that an answer is waited for.
         attempts: times that a message is sent before the vehicle counts as lost.
-        uploads: times that an upload is begun anew.
+        uploads: times that an upload is restarted.
         connect: s of wall-clock time that the vehicle is looked for.
         silence: s of wall-clock time without a message after which the link counts as lost.
         outdated: s of wall-clock time after an upload in which progress is taken to be of the plan before.

@@ -61,7 +61,7 @@ class ListeningLink(ABC):
         return 0.0 if math.isnan(self._begin) else (time.monotonic() - self._begin) * self.rate
 
     def wait(self, seconds: float) -> Report:
-        """Let so many s of mission time pass, and return the newest report."""
+        """Let `seconds` of mission time pass, and return the newest report."""
         if seconds > 0.0:
             time.sleep(seconds / self.rate)
         return self._report()

@@ -547,7 +547,7 @@ class MavlinkVehicle(ListeningLink):
             if message is None:
                 unanswered += 1
                 if len(sent) == len(items) and unanswered >= _LAST:
-                    return  # the acknowledgement may be lost: reading back will tell
+                    return  # the acknowledgement may be lost: reading back will show
             elif message.get_type() == "MISSION_ACK":
                 if message.type == 0 and len(sent) == len(items):
                     return
@@ -561,7 +561,7 @@ class MavlinkVehicle(ListeningLink):
                     sent.add(message.seq)
                 if len(sent) == len(items):
                     sent_all()
-                # Sent once a request: an item that comes unasked starts the vehicle's own waiting anew.
+                # Sent once a request: an item that comes unasked restarts the vehicle's own timeout.
                 self._send_item(items[message.seq], message.seq, kind)
         asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"
         raise Lost(f"{self.name}: the {what} broke off: {asked}")

@@ -58,7 +58,7 @@ class Notices(Protocol):
 
 
 class NoNotices:
-    """Nobody tells anything."""
+    """No source of notices."""
 
     def read(self) -> Iterator[Notice | str]:
         """Yield nothing."""
@@ -93,7 +93,7 @@ class NoticeFile:
     def read(self) -> Iterator[Notice | str]:
         """Yield what whole lines were added, as notices or as text that says what is wrong.
 
-        A file that has become shorter was begun anew, and is read from its beginning.
+        A file that has become shorter was started again, and is read from its beginning.
         """
         try:
             with self._path.open("rb") as file:

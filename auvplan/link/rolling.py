@@ -107,7 +107,7 @@ class Prospect:
 
 
 class RollingPlan:
-    """A mission planned to its end, and from any of its legs on re-planned.
+    """A mission planned to its end, and re-planned from any of its legs on.
 
     Attributes:
         followed: the plan that is executed, from the first call of `plan` on.
@@ -200,7 +200,7 @@ class RollingPlan:
             itinerary_of(replace(state.run, legs=[record]), self.site)
 
     def from_leg(self, count: int, now: float) -> Prospect | None:
-        """Plan all after the first `count` legs anew, which end at `now`; None where there is no plan."""
+        """Re-plan all after the first `count` legs, which end at `now`; None where there is no plan."""
         state = _fork(self._state(count))
         state.now, state.cause = now, "late"
         return self._complete(state, self.followed.planned[:count])
@@ -286,7 +286,7 @@ class RollingPlan:
         """Move the forecast by what it is off a measured current [3] m/s at [3] m.
 
         Returns:
-            The offset [3] m/s, or None where there is no forecast to compare with, which is left as it is.
+            The offset [3] m/s, or None where there is no forecast to compare with; nothing is changed then.
         """
         sea = self._first.sea
         assert isinstance(sea, CorrectedSea)

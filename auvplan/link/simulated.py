@@ -102,7 +102,7 @@ class SimulatedVehicle:
         """Do nothing."""
 
     def wait(self, seconds: float) -> Report:
-        """Let so many s pass."""
+        """Let `seconds` pass."""
         if self._scale:
             time.sleep(seconds / self._scale)
         before, begin = self._place, self._now

@@ -21,7 +21,7 @@ def one_line(text: str) -> str:
 
 
 class LinkError(Exception):
-    """A vehicle that cannot be reached or does not do as it is asked; the message is one line."""
+    """A vehicle that cannot be reached or does not do what it is asked; the message is one line."""
 
     def __init__(self, message: str) -> None:
         """Say what is wrong; the message may hold words of the vehicle's."""
@@ -147,7 +147,7 @@ class Upload:
         return f"{self.itinerary.name} {self.number}"
 
     def without(self, done: int) -> "Upload":
-        """Return what is left once so many steps are completed; at least one step is left.
+        """Return what is left once `done` steps are completed; at least one step is left.
 
         A leg that is under way keeps the waypoints ahead.
         """
@@ -189,7 +189,7 @@ class VehicleLink(Protocol):
 
     @property
     def by_legs(self) -> bool:
-        """Return whether the vehicle tells of whole legs and tasks that are completed, not of each step."""
+        """Return whether the vehicle reports completed legs and tasks, not each step."""
         ...
 
     @property
@@ -220,7 +220,7 @@ class VehicleLink(Protocol):
 
         Raises:
             Lost: nobody answers.
-            Refused: the vehicle is not as it is asked to be.
+            Refused: the vehicle is not in the state that was asked for.
         """
         ...
 
@@ -259,7 +259,7 @@ class VehicleLink(Protocol):
         """
 
     def wait(self, seconds: float) -> Report:
-        """Let so many s of mission time pass, and return the newest report."""
+        """Let `seconds` of mission time pass, and return the newest report."""
         ...
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 All routes of a beam have the same number of waypoints. Their worth is what they have gained less a price for
 the time they have taken, so that short and long ones compare. Two partial routes that end at one waypoint and
 have visited the same others differ in nothing but worth: only the better one goes on. So that a few rich
-regions of a large graph do not fill the beam, each waypoint also has only so many places in it.
+regions of a large graph do not fill the beam, each waypoint also has a limited number of places in it.
 
 Where times depend on the clock a second is worth more or less by where windows are about to close: most beams
 then compare routes by what may still be gained, see `auvplan.mission.outlook`.
@@ -21,7 +21,7 @@ from auvplan.mission.problem import Problem
 #: A priority-to-time price that pays best lies around the yield of the whole mission; each beam tries one.
 PRICES = (1.0, 0.75, 1.25)
 
-#: Where times depend on the clock: beams led by what may be gained later, sharpened by so many steps before
+#: Where times depend on the clock: beams led by what may be gained later, sharpened by this many steps before
 #: each, and a last one by the price alone.
 LED, STEPS = 7, 6
 

@@ -218,7 +218,7 @@ class MissionGraph:
                 where edges are very many. The share of time that this saves is taken linear between them.
 
         Returns:
-            [M, N, N] s; infinite where there is no edge or the sea closes it.
+            [M, N, N] s; infinite where there is no edge or no feasible path along it.
         """
         adjacency = np.array(self.adjacency) & ~np.eye(self.size, dtype=bool)
         i, j = np.nonzero(adjacency)
@@ -294,7 +294,7 @@ class MissionGraph:
         world_per_graph: bool = False,
         around: PathsRound | None = None,
     ) -> Self:
-        """A copy whose `travel_time` is estimated for the sea as it is, and without edges that it closes.
+        """A copy whose `travel_time` is estimated in the present current, and without edges that have no feasible path.
 
         Every edge is timed in both of its directions, whatever was known before; a graph of any size and any
         later call reuse the compiled programs. Edges are removed where no path tried keeps the limits of the
@@ -313,7 +313,7 @@ class MissionGraph:
             ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked.
 
         Differences from the paper:
-            Eq. 13 divides the distance by |v|, as if the sea stood still; there it is the default.
+            Eq. 13 divides the distance by |v|, as in still water; there it is the default.
         """
         positions = np.asarray(self.positions, float)
         if positions.ndim > 3 or (world_per_graph and positions.ndim != 3):
@@ -352,7 +352,7 @@ def random_graph(
     Args:
         rng: generator, consumed.
         positions: [N, 3] m.
-        neighbours: each waypoint is linked to so many nearest ones.
+        neighbours: each waypoint is linked to this many nearest ones.
         priority: range of rho, integers drawn uniformly, both ends included.
         duration: s, range of delta, drawn uniformly.
         passable: [N, N] bool, symmetric; edges are drawn only where it is True. None allows every edge.

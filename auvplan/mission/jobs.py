@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.tasks import task_graph
 
-#: Of so many waypoints or fewer every pair is joined by default; of more, each with so many nearest ones.
+#: Up to this many waypoints every pair is joined by default; of more, each with this many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
 
 #: Name of a line's vertex.
@@ -132,7 +132,7 @@ def jobs_graph(
         lines: lines to survey.
         start: [3] m, north, east, down.
         goal: [3] m.
-        neighbours: each waypoint is joined to so many nearest ones, and more where the graph would fall
+        neighbours: each waypoint is joined to this many nearest ones, and more where the graph would fall
             apart; None joins all of 40 waypoints or fewer, and 7 nearest of more.
         clear: positions [N, 3] m to [N, N] bool, which straight lines are clear; None lets all be.
         whole: whether the ends of lines are joined to the rest as if no way led off between them, for
@@ -351,7 +351,7 @@ def _distances(
 ) -> NDArray[np.float64]:
     """[N, N] m along clear lines `free`, or along paths between the waypoints `own`; infinite without either.
 
-    Of many waypoints, paths are looked for to so many of the nearest as are joined by default.
+    Of many waypoints, paths are looked for to as many of the nearest as are joined by default.
     """
     straight = scipy.spatial.distance.cdist(positions, positions)
     distance = np.where(free, straight, np.inf)

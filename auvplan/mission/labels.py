@@ -154,7 +154,7 @@ class _Grid:
 
     @classmethod
     def of(cls, mission: Clocked, moments: tuple[int, int] = _MOMENTS) -> "_Grid":
-        """Look every edge up at so many moments, at least and at most."""
+        """Look every edge up at as many moments as `moments` allows, least and most."""
         mission, size = mission.waiting, len(mission.open)
         table = mission.timetable
         lasts = np.where(mission.open, table.least + mission.duration, np.inf)

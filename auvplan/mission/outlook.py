@@ -1,6 +1,6 @@
 """What may still be gained from each waypoint on, by the clock.
 
-Where windows open and close no one price of a second tells what a route that ends early is worth. Routes
+Where windows open and close no single price of a second states what a route that ends early is worth. Routes
 that may repeat waypoints are worked out backwards in time, on evenly spaced moments. So that they repeat
 few, each visit is charged with a Lagrange multiplier of the rule that none is repeated, found by
 subgradient steps (Held, Wolfe and Crowder 1974).

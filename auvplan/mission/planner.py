@@ -25,7 +25,7 @@ from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
-#: One program serves searches of up to so many iterations.
+#: Iterations up to which one program serves searches.
 _ITERATIONS = 256
 
 #: Graphs are padded with waypoints that no edge leads to, so that one program serves several numbers of them:
@@ -57,7 +57,7 @@ def plan_mission(
     greediest one, so that its answer is feasible whenever a feasible mission exists (up to rounding of
     T_available in the last digits).
 
-    `replan_mission` plans the rest of a mission anew on the way (section 3.3.2).
+    `replan_mission` re-plans the rest of a mission under way (section 3.3.2).
 
     Args:
         graph: N waypoints.
@@ -136,7 +136,7 @@ def replan_mission(
     speed: float | None = None,
     budget: float | None = None,
 ) -> MissionRoute:
-    """Plan the rest of a mission anew from a waypoint of its route (section 3.3.2).
+    """Re-plan the rest of a mission from a waypoint of its route (section 3.3.2).
 
     Edges that were passed leave the graph, and so do the tasks done. The search starts from the population of
     the last route, and the rest of that route is among its habitats.

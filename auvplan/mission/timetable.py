@@ -124,7 +124,7 @@ class Timetable:
         return float(np.where(missed, np.inf, np.maximum(arrives, opens)).min())
 
     def padded(self, more: int) -> Self:
-        """Return a copy with so many waypoints more, which no edge leads to."""
+        """Return a copy with `more` additional waypoints, which no edge leads to."""
         square = [(0, more), (0, more)]
         lead = [(0, 0)] * (self.travel_time.ndim - 2)
         windows = [*lead[1:], *square, (0, 0)]

@@ -1,4 +1,4 @@
-"""Travel times of a graph's edges in the sea as it is now: every line scored at once, the blocked ones bent.
+"""Travel times of a graph's edges in the present current: every line scored at once, the blocked ones bent.
 
 The search for a path would cost tens of milliseconds an edge. Between waypoints with open water between them
 the straight line, with the current along and across it, is as good within a fraction of a per cent; where it
@@ -40,11 +40,11 @@ PathsRound = Callable[
     [NDArray[np.floating], NDArray[np.floating]], Sequence[tuple[NDArray[np.floating], bool]]
 ]
 
-#: Waypoints no farther apart, m, are one place; from the one's task to the other's takes so many seconds.
+#: Waypoints no farther apart, m, are one place; s from the one's task to the other's.
 ONE_PLACE, TURN_TO = 0.5, 1.0
 
-#: Over a sea bed paths round take so many times as many samples: they keep along banks, and between samples
-#: a bank counts as shallow as it is anywhere about.
+#: Factor on the samples of detours over a sea bed: they keep along banks, and between samples a bank counts
+#: as shallow as it is anywhere near.
 _FINER = 4
 
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
@@ -86,7 +86,7 @@ class TravelTimeConfig:
             raise ValueError(f"detours must be at least 1, got {self.detours}")
 
     def bending(self) -> Self:
-        """Return settings that bend lines to the current, with as little effort as tells what it saves."""
+        """Return settings that bend lines to the current, with as little effort as shows what it saves."""
         path = self.path.replace(control_points=3, samples=16)
         return replace(self, path=path, steps=_BEND_STEPS)
 
@@ -107,7 +107,7 @@ def travel_times(
     Args:
         starts: [E, 3] m, north, east, depth.
         goals: [E, 3] m.
-        env: the sea; its obstacles are left out.
+        env: the world; its obstacles are left out.
         vehicle: speed and limits.
         depart: [E] s since the epoch.
         config: effort.

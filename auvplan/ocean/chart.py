@@ -97,7 +97,7 @@ class Chart(Raster):
         """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify_picture`).
 
         Raises:
-            ChartError: which colours are water and land is in doubt, and `colours` does not tell it.
+            ChartError: which colours are water and land is in doubt, and `colours` does not settle it.
         """
         found = settled(classify_picture(rgb, None, clusters, seed, colours), "the picture")
         return cls.from_classified(found, pixel_size, origin)
@@ -124,7 +124,7 @@ class Chart(Raster):
 
         Raises:
             ChartError: the file is missing, no picture, damaged, too large, or has no colour; or which
-                colours are water and land is in doubt, and `colours` does not tell it.
+                colours are water and land is in doubt, and `colours` does not settle it.
 
         Warns:
             ScenarioWarning: the picture does not look like a chart.

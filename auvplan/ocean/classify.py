@@ -2,7 +2,7 @@
 
 The paper clusters a map picture into coast, uncertain area and water. k-means returns its clusters in no
 particular order, and how many tones a class has differs from picture to picture. So the picture is cut into
-more clusters than there are classes, and each cluster is named: by the colours that a person tells, or by
+more clusters than there are classes, and each cluster is named: by the colours that the user gives, or by
 rules on hue and blueness, both taken in CIELAB, where distance and hue follow what the eye sees.
 """
 
@@ -28,7 +28,7 @@ DEFAULT_CLUSTERS = 8
 """More than the three classes: shaded relief and depth tints give land and water several tones each, and with
 three clusters k-means would rather halve a large class than single out a small one."""
 
-_LIGHTNESS_WEIGHT = 0.5  # shading varies lightness within a class; hue is what tells the classes apart
+_LIGHTNESS_WEIGHT = 0.5  # shading varies lightness within a class; hue distinguishes the classes
 _WEIGHT = np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0], np.float32)
 _DISTANCE_SCALE = 50.0  # colour distance over which an uncertain pixel's passability falls by 1/e
 _SAMPLE = 30_000
@@ -109,7 +109,7 @@ def classify_picture(
         blank: [h, w] pixels without data, such as see-through ones.
         clusters: number of clusters; fewer are used where the picture has fewer colours.
         seed: seed of the subset and of k-means.
-        colours: what they stand for, as a person tells.
+        colours: what they stand for, as the user gives it.
 
     Raises:
         ValueError: `rgb` is not such an array, it is empty, or `clusters` is not positive.
@@ -162,7 +162,7 @@ def _classified(
 
 
 def _is_named(shade: str, colours: ChartColours) -> bool:
-    """Return whether a person tells what black or white, or nearly so, stands for."""
+    """Return whether the user says what black or white, or nearly so, stands for."""
     named = (*colours.water, *colours.land, *colours.uncertain)
     return bool(shade) and any(shade_of(np.asarray(ImageColor.getrgb(colour))) == shade for colour in named)
 

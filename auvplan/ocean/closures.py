@@ -21,7 +21,7 @@ class Zone:
         name: as in the file, or its number there.
         polygon: shapely Polygon or MultiPolygon in local (north, east), m.
         where: the file and the feature, as messages name it.
-        hours: when it is closed, as the file tells it by `from`, `to` and `windows`; empty for always.
+        hours: when it is closed, as the file gives it by `from`, `to` and `windows`; empty for always.
     """
 
     name: str
@@ -59,11 +59,11 @@ class Closure:
         return ((last > self.begins) & (first < self.ends)).any(axis=-1)
 
     def after(self, seconds: float) -> "Closure":
-        """Return the same for an epoch that is later by so many seconds."""
+        """Return the same for an epoch that is later by `seconds`."""
         return replace(self, begins=self.begins - seconds, ends=self.ends - seconds)
 
     def widened(self, seconds: float) -> "Closure":
-        """Return the same, closed so many seconds earlier and longer."""
+        """Return the same, closed `seconds` earlier and longer."""
         return replace(self, begins=self.begins - seconds, ends=self.ends + seconds)
 
     @property

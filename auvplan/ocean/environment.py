@@ -18,7 +18,7 @@ from auvplan.runtime.pytree import register_without_init
 @register_without_init
 @dataclass(frozen=True)
 class Environment:
-    """What a planner believes of the sea.
+    """The world as a planner believes it.
 
     Attributes:
         current: any `Current`, or a plain function ``(x, y, z, t) -> (u, v, w)``, or None for still water.

@@ -1,4 +1,4 @@
-"""Currents on a grid, as models of the sea give them: linear in north, east, depth and time."""
+"""Currents on a grid, as ocean models give them: linear in north, east, depth and time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from auvplan.runtime.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
 _EVEN = 1e-4
-#: Single precision must tell steps of depth and time apart to this share of them.
+#: Single precision must resolve steps of depth and time to this share of them.
 _RESOLVED = 0.01
 
 
@@ -33,7 +33,7 @@ class GriddedCurrent:
     """A current on a grid of even metres north and east, rising depths and rising times.
 
     Make one with `from_arrays`. Beyond the grid's edges, first and last level, first and last time, the
-    nearest holds; `covers` tells where that is. Differentiable in place and time, and in u, v and w.
+    nearest holds; `covers` says where that is. Differentiable in place and time, and in u, v and w.
 
     Attributes:
         u, v, w: [T, Z, X, Y] m/s north, east, down; w is None where there is no vertical velocity.
@@ -205,7 +205,7 @@ def _numbers(values: ArrayLike, name: str, dtype: type = float) -> NDArray[np.fl
 
 
 def _axis(values: ArrayLike, name: str, size: int) -> NDArray[np.floating]:
-    """Depths or times, [size], that single precision tells apart."""
+    """Depths or times, [size], that single precision distinguishes."""
     axis = _numbers(values, name).reshape(-1)
     if len(axis) != size or not np.isfinite(axis).all() or (np.diff(axis) <= 0.0).any():
         raise CurrentError(f"{name} must be {size} finite rising numbers, got {_brief(axis)}")

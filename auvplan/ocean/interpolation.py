@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.tangents import instantiated, is_symbolic_zero
 
-#: Up to so many uneven nodes all are compared with, which beats a search; more would only make code longer.
+#: Uneven nodes up to which all are compared with, which beats a search; more would only make code longer.
 _FEW = 48
 
 #: North, east, depth, time of N points, [N] each.

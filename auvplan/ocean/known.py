@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-#: A cylinder is covered by spheres that are larger by this share of its radius, or by so many metres.
+#: By how much the spheres that cover a cylinder are larger: share of its radius, or m.
 EXCESS = 0.12, 1.0
 #: What lies farther above or below the vehicle's depths is left out, m.
 _BEYOND = 50.0
@@ -38,7 +38,7 @@ class KnownObstacle:
         return self.velocity != (0.0, 0.0)
 
     def after(self, seconds: float) -> "KnownObstacle":
-        """Return the same obstacle for an epoch that is later by so many seconds."""
+        """Return the same obstacle for an epoch that is later by `seconds`."""
         north, east = (p + v * seconds for p, v in zip(self.position, self.velocity, strict=True))
         return replace(self, position=(north, east))
 

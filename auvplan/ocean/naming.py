@@ -172,7 +172,7 @@ def _odd_water(lab: NDArray, share: NDArray, water: NDArray[np.bool_]) -> list[D
     if middle[0] < _DARK:
         return [Doubt("the bluest tone is so dark that it may be land as well", about)]
     if chroma < _SURE_CHROMA or not _SURE_HUES[0] <= hue <= _SURE_HUES[1]:
-        return [Doubt("the bluest tone is hardly blue", about)]
+        return [Doubt("no tone is clearly blue", about)]
     return []
 
 

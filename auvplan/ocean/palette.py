@@ -1,4 +1,4 @@
-"""Colours: as people write them, as the eye tells them apart, and what they stand for on a chart."""
+"""Colours: as people write them, as the eye distinguishes them, and what they stand for on a chart."""
 
 import difflib
 from dataclasses import dataclass, fields

@@ -1,4 +1,4 @@
-"""A current scaled, or with a uniform one added: of the same kind, so that nothing compiles anew."""
+"""A current scaled, or with a uniform one added: of the same kind, so that nothing is compiled again."""
 
 from dataclasses import replace
 from typing import Any

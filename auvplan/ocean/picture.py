@@ -20,7 +20,7 @@ MAX_PIXELS = 64_000_000
 DRIVERS = ("GTiff", "PNG", "JPEG", "GIF", "BMP", "WEBP", "PNM", "JP2OpenJPEG", "AAIGrid", "GSAG", "GSBG",
            "GS7BG", "BAG", "XYZ", "HFA", "EHdr", "GPKG")  # fmt: skip
 
-#: GDAL reads cut-off PNG and JPEG files without an error unless told not to, and leaves out vertical systems.
+#: GDAL reads cut-off PNG and JPEG files without an error unless set not to, and leaves out vertical systems.
 _CONFIGURATION = {
     "GDAL_PNG_WHOLE_IMAGE_OPTIM": False,
     "GDAL_ERROR_ON_LIBJPEG_WARNING": True,

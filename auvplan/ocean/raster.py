@@ -49,7 +49,7 @@ def _bilinear_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array
     return value, slopes[0] * dx + slopes[1] * dy
 
 
-#: Compiled, or every call outside a compiled program would compile its loop anew.
+#: Compiled, or every call outside a compiled program would compile its loop again.
 bilinear = compiled(_bilinear)
 
 

@@ -15,7 +15,7 @@ from auvplan.ocean.raster import Raster, is_traced
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
-#: Pixels are divided until they are no larger, m, or there are so many of them.
+#: m that pixels are divided down to, and pixels at most.
 FINE, MANY = 10.0, 1_000_000
 #: The farthest that one look-up covers, in pixels; half of that is the next layer's, and so on to one.
 FARTHEST = 32

@@ -101,7 +101,7 @@ class HarmonicCurrent:
         return self
 
     def after(self, seconds: float) -> Self:
-        """Return the same for an epoch that is later by so many seconds."""
+        """Return the same for an epoch that is later by `seconds`."""
         angle = np.asarray(self.rate, float) * seconds
         cosine, sine = np.cos(angle), np.sin(angle)
         first, second = np.asarray(self.in_phase, float), np.asarray(self.quadrature, float)

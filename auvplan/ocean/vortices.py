@@ -130,7 +130,7 @@ class LambVortices:
         return found
 
     def padded(self, capacity: int) -> "LambVortices":
-        """Return the same field with so many vortices in each layer, the others of no strength.
+        """Return the same field padded to `capacity` vortices in each layer by ones of no strength.
 
         Fields share one shape so; leaves may have leading axes.
 
@@ -244,7 +244,7 @@ def _velocity(field: LambVortices, x: jax.Array, y: jax.Array, z: jax.Array) -> 
     return jax.lax.scan(add, total, (field._layer_weights(z), layers))[0]
 
 
-#: Compiled, or every call outside a compiled program would compile its loops anew.
+#: Compiled, or every call outside a compiled program would compile its loops again.
 _compiled_velocity = compiled(_velocity)
 
 
@@ -273,7 +273,7 @@ class _Vortex:
     def at(cls, x: jax.Array, y: jax.Array, *vortex: jax.Array) -> "_Vortex":
         center_x, center_y, strength, radius = vortex
         dx, dy, inverse = x - center_x, y - center_y, 1.0 / (radius * radius)
-        # So near the centre the profile is one, less than rounding can tell of the speed.
+        # So near the centre the profile is one, within rounding of the speed.
         q = jnp.maximum((dx * dx + dy * dy) * inverse, jnp.finfo(x.dtype).eps ** 0.5)
         half = exponential(-0.5 * q)
         scale = strength * inverse / (2.0 * jnp.pi)
@@ -436,5 +436,5 @@ def padded(current: Any) -> Any:
 
 
 def rounded_up(count: int) -> int:
-    """Return the number that so many vortices or obstacles are padded to."""
+    """Return the number that `count` vortices or obstacles are padded to."""
     return -(-count // _UNROLL) * _UNROLL

@@ -84,7 +84,7 @@ def between_circles(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Ar
 
 @between_circles.defjvp
 def _between_jvp(primals: Axes, tangents: Axes) -> tuple[jax.Array, jax.Array]:
-    """Keep the slopes as planes of their own: the compiler would work them out anew for every shifted use."""
+    """Keep the slopes as planes of their own: the compiler would recompute them for every shifted use."""
     value, *slopes = _between_with_slopes(*primals)
     terms = [slope * tangent for slope, tangent in zip(slopes, tangents, strict=True)]
     return value, terms[0] + terms[1] + terms[2]
@@ -111,7 +111,7 @@ def _between_with_slopes(first: jax.Array, last: jax.Array, gap: jax.Array) -> t
     return value, *slopes
 
 
-#: Look-ups vouch for segments so many times as long as those of the straight line: most paths' longest are
+#: Look-ups vouch for segments this many times as long as those of the straight line: most paths' longest are
 #: shorter, and so all paths of a leg are judged by one layer of the sea bed.
 _USUAL = 1.5
 
@@ -204,7 +204,7 @@ def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]
     return clear, change / met.distance - met.growing * (begin + duration)
 
 
-#: Compiled, or every call outside a compiled program would compile its loop anew.
+#: Compiled, or every call outside a compiled program would compile its loop again.
 _compiled_nearest = compiled(_nearest)
 
 

@@ -349,7 +349,7 @@ def score(
     paths = habitats.shape[0]
     if paths <= _TOGETHER or jax.default_backend() != "cpu":
         return few(habitats)
-    # Gradients score each part anew: storing what all parts would need takes longer.
+    # Gradients recompute each part: storing what all parts would need takes longer.
     parts = jnp.pad(habitats, ((0, -paths % _TOGETHER), (0, 0))).reshape(-1, _TOGETHER, habitats.shape[1])
     scored = jax.lax.map(jax.checkpoint(few), parts)
     return jax.tree.map(lambda part: part.reshape(-1)[:paths], scored)

@@ -22,7 +22,7 @@ Array = NDArray[np.floating]
 _STEP = 5.0
 
 #: m by which a detour begins and ends farther off what stands in the line than it must keep at least, and how
-#: far along the line such a place is looked for; a metre of altitude counts for so many.
+#: far along the line such a place is looked for; a metre of altitude counts for this many.
 _SLACK, _SEARCHED, _ALTITUDE = 5.0, 100.0, 10.0
 
 #: Segments that detours have at least, of twice the length that is blocked.

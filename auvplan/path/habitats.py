@@ -221,7 +221,7 @@ def transfer(
     position: jax.Array,
     config: PathConfig,
 ) -> jax.Array:
-    """Carry a population over to the vehicle's position: the rest of each old path, fitted anew (Fig. 5).
+    """Carry a population over to the vehicle's position: the rest of each old path, fitted again (Fig. 5).
 
     Each habitat's curve from parameter `progress` on is shifted so that it begins at `position` - the shift
     fades out towards the goal - and control points are fitted to it by least squares.

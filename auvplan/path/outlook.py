@@ -1,4 +1,4 @@
-"""Re-evaluation of a followed plan in the sea as it is known now."""
+"""Re-evaluation of a followed plan in the current and among the obstacles known now."""
 
 from dataclasses import dataclass
 from functools import partial

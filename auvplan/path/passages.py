@@ -3,10 +3,10 @@
 One field holds, for every cell of a grid, the least travel time from the start, another one that to the
 goal; their sum is the time of the best path through each cell. Between two passages the sum has a hill: an
 island, an obstacle, a head current. The best path through a cell passes every hill on one side or the other,
-and which sides those are tells passages apart. Paths traced through the best cell of each passage let the
+and these sides distinguish passages. Paths traced through the best cell of each passage let the
 search begin in every passage that there is, which neither random detours nor gradients find by themselves.
 
-Two grids are used. A coarse one over the surroundings tells which part of them the good paths cross, and when
+Two grids are used. A coarse one over the surroundings shows which part of them the good paths cross, and when
 they come by; a finer one over that part finds the passages.
 """
 
@@ -41,7 +41,7 @@ from auvplan.vehicle import Vehicle, along_track
 MOVES = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1), (3, 1), (3, -1), (3, 2), (3, -2))
 _REACH = 3
 
-#: A cell is probed at so many places along each side; it stands for the clearest of them.
+#: Places along each side at which a cell is probed; it stands for the clearest of them.
 _PROBES = 3
 
 #: Shares of a move at which it is probed.
@@ -53,8 +53,8 @@ _ROOM = 0.75
 #: A move that breaks a limit costs this many times its own time for each unit of excess.
 _PENALTY_WEIGHT = 30.0
 
-#: A move that comes too near to something costs so many times the straight line's time besides: a wall is
-#: passed round even where it is thin, as long as there is a way round it.
+#: Surcharge of a move that comes too near to something, in times of the straight line: even a thin wall is
+#: passed round as long as that is possible.
 _TOLL = 10.0
 
 #: Excess of a move at most; one over a bed too shallow to be crossed has half of that at least.
@@ -63,7 +63,7 @@ _MOST, _SHALLOW = 3.0, 1.5
 #: Excess up to which a move counts as one that breaks no limit: rounding to cells alone may cause as much.
 _SLIGHT = 0.1
 
-#: The surroundings reach as many distances beyond start and goal, the finer grid at least so many of them.
+#: Distances that the surroundings reach beyond start and goal, and that the finer grid reaches at least.
 SURROUNDINGS, _BESIDE = 2.0, 0.1
 
 #: Paths that take longer than the best one by this share do not matter to where the finer grid lies.
@@ -72,7 +72,7 @@ _SLOWER = 0.25
 #: Share of the finer grid's cells to each side that the coarse grid has.
 _COARSE = 0.375
 
-#: The longer side of a grid is at most so many times the shorter one.
+#: Aspect ratio of a grid at most.
 _ASPECT = 2.0
 
 #: Depths at which the coarse grid is laid out where the current changes with depth.
@@ -583,7 +583,7 @@ def _move_times(
     def began(a: jax.Array, b: jax.Array) -> list[jax.Array]:
         """Return the planes where the move (a, b) that ends in each cell began; zeros off the grid."""
         parts = [jax.lax.dynamic_slice(plane, (_REACH - a, _REACH - b), x.shape) for plane in padded]
-        # What the compiler does not store it works out anew for every expression that uses it.
+        # What the compiler does not store it recomputes for every expression that uses it.
         return jax.lax.optimization_barrier(parts)
 
     def timed(_: Any, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[Any, tuple]:
@@ -699,9 +699,9 @@ def _swept(fields: jax.Array, times: jax.Array) -> jax.Array:
 
 
 def _sides(total: jax.Array, best: jax.Array, nearer: jax.Array) -> jax.Array:
-    """[N * N], a number that tells on which sides the best path through each cell passes the hills.
+    """[N * N], a number for the sides on which the best path through each cell passes the hills.
 
-    A path that crosses the line from a hill towards greater first indices counts so many for the hill, and
+    A path that crosses the line from a hill towards greater first indices counts the hill's number, and
     the opposite where it crosses the other way; the number is the sum. Two paths that can be turned into each
     other without being drawn over a hill have the same number.
 
@@ -781,7 +781,7 @@ def _walk(cells: jax.Array, previous: jax.Array, steps: int) -> jax.Array:
     return jax.lax.scan(lambda at, _: (previous[at], at), cells, length=steps)[1]
 
 
-#: Samples lie as dense as the clearance is small, but at most so many times denser than evenly.
+#: Samples lie as dense as the clearance is small, but at most this many times denser than evenly.
 _DENSEST = 8.0
 
 #: Points of a polyline in depth between two stations of its profile.

@@ -237,7 +237,7 @@ class PathPlan(ReprMixin):
 
         Args:
             limit: as `broken` names it.
-            epoch: UTC, that times count from, to tell the time of day; None for seconds since the epoch.
+            epoch: UTC, that times count from, to give the time of day; None for seconds since the epoch.
 
         Raises:
             ValueError: there is no such limit.

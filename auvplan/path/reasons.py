@@ -169,7 +169,7 @@ def _beaten(plan: "PathPlan", segment: int) -> str:
 
 
 def _apart(value: float, limit: float) -> tuple[str, str]:
-    """Both numbers, with as few digits as tell them apart."""
+    """Both numbers, with as few digits as distinguish them."""
     for digits in (1, 2, 3):
         if f"{value:.{digits}f}" != f"{limit:.{digits}f}":
             return f"{value:.{digits}f}", f"{limit:.{digits}f}"

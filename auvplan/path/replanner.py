@@ -39,7 +39,7 @@ def replan_path(
     config: PathConfig | None = None,
     budget: float | None = None,
 ) -> PathPlan:
-    """Refine a path from where the vehicle is, on what it knows of the sea now.
+    """Refine a path from where the vehicle is, with the current and obstacles known now.
 
     Args:
         plan: the plan being followed; its population is kept.

@@ -25,7 +25,7 @@ from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
 Given = tuple[Any, Any, Environment, Vehicle, Any]
 
-#: Limits bind from so many times the margin of a polish on, and from this share of them on.
+#: Limits bind from this multiple of a polish's margin on, and from this share of them on.
 _REACH, _NEARLY = 2.0, 0.995
 
 

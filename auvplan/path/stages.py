@@ -57,8 +57,8 @@ _SLOWEST = 0.3
 #: Passages of denser fields that are polished with fine settings.
 _FEW = 2
 
-#: So many times the straight line's time in still water is a long way round: a nearer passage may be narrower
-#: than a cell.
+#: Times of the straight line in still water from which a path is a long detour: a nearer passage may be
+#: narrower than a cell.
 _ROUNDABOUT = 1.5
 
 #: Factor on the steps of a descent in depth, as shares of the bounds, over those in the plane: bounds in the
@@ -161,9 +161,9 @@ def search_legs(
         searched: the world that paths are searched for in, where it is not the one that they are judged in.
 
     Returns:
-        Arrays with a leading axis B. `wanting` tells that the path found breaks a limit although fields find
-        the way open, or that it goes a long way round or is slower than one that they know; `unsettled`, that
-        the last polish still improved it.
+        Arrays with a leading axis B. `wanting` is set where the path found breaks a limit although the
+        fields find a passage open, makes a long detour, or is slower than one that they know; `unsettled`
+        where the last polish still improved it.
     """
     world, judging = (_world(legs, env, vehicle, config) for env in (searched or shared, shared))
     places, config = timed(config, _met(judging)[1]).quadrature, compared(config, *_met(world))
@@ -185,7 +185,7 @@ def search_legs(
 
     descended = partial(_descended, share, work("descend"), bounds=bounds, world=world, config=config)
     if (count := effort.passages) and effort.passage_steps:
-        # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
+        # All passages at first, then the better half of them: a few steps show which ones lead nowhere.
         first, step_size = effort.passage_steps // 3, config.refine_step_size
         rows = _ranked(*descended(population[:, -count:], None, first, step_size))[0]
         half = -(-count // 2)
@@ -409,7 +409,7 @@ def _polished(
     softness: float = SOFTNESS,
     together: int = 1,
 ) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n], as the search sees them, polished by `_descended`, so many within the same bounds."""
+    """Rows [B, R, 3 n], as the search sees them, polished by `_descended` within the same bounds."""
     parts, fresh = [], config.only("start_shape", "width", "depth_width")
     for begin in range(0, rows.shape[1], together):
         part = rows[:, begin : begin + together]
@@ -574,7 +574,7 @@ def _evolve(
     common: Common,
     config: PathConfig,
 ) -> tuple[search.State, search.History]:
-    """Last populations and histories; rows of a history after so many iterations say nothing."""
+    """Last populations and histories; rows of a history after the iterations that were run are not set."""
 
     def one(
         key: jax.Array,

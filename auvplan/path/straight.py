@@ -1,4 +1,4 @@
-"""Straight lines through the sea, timed and certified in short steps, whatever their length."""
+"""Straight lines, timed and certified in short steps, whatever their length."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -35,7 +35,7 @@ class Budget:
     """
 
     def __init__(self, seconds: float, rows: int = 1):
-        """Begin now, with so many rows to be planned by as many threads as there are cores.
+        """Begin now, with `rows` to be planned by as many threads as there are cores.
 
         Raises:
             ValueError: the time is not positive.

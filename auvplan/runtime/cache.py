@@ -134,8 +134,8 @@ def store(name: str, key: str, value: Any) -> None:
 
 
 def discard(name: str, key: str, error: Exception) -> None:
-    """Remove an entry that could not be used, and tell the log."""
-    log.info("a stored %s is left out and made anew: %s", name, error)
+    """Remove an entry that could not be used, and log it."""
+    log.info("a stored %s is left out and made again: %s", name, error)
     path = _path(name, key)
     if path is not None:
         with suppress(OSError):

@@ -180,7 +180,7 @@ class Program:
         return jax.jit(flat, compiler_options=_known_options(**self._options)).lower(*leaves), forms[0]
 
     def _finished(self, key: str, lowered: Any, form: Any, count: int) -> tuple[Callable[..., list], bytes]:
-        """Compile what is lowered, for so many arguments; see `_load` for what is returned."""
+        """Compile what is lowered, for `count` arguments; see `_load` for what is returned."""
         before, pickled = _hits, pickle.dumps(form)
         _announce(begun=1)
         made = lowered.compile()
@@ -263,8 +263,8 @@ def expecting(occasion: str, of: str = "") -> Iterator[None]:
 
     Args:
         occasion: its name.
-        of: what it is an occasion of, such as the settings of a scenario: what used the same programs is told
-            by it; one that is new begins with those of the last one.
+        of: what it is an occasion of, such as the settings of a scenario, by which occasions that use
+            different programs are distinguished; a new one begins with those of the last one.
     """
     preload(occasion, of)
     before = set(_used)
@@ -301,7 +301,7 @@ def _places(occasion: str, of: str) -> list[str]:
 
 
 def _kind(leaf: Any) -> Any:
-    """Shape and type of an argument as programs tell them apart; None where only a trace can tell."""
+    """Shape and type of an argument as programs distinguish them; None where only a trace can."""
     if isinstance(leaf, Tracer):
         return None
     if isinstance(leaf, jax.Array):
@@ -422,7 +422,7 @@ def listening(tell: Callable[..., None]) -> Iterator[None]:
 
 
 def _announce(begun: int = 0, done: int = 0) -> None:
-    """Count programs as begun or done, and tell those who listen."""
+    """Count programs as begun or done, and notify the listeners."""
     with _counting:
         _compiling["begun"] += begun
         _compiling["done"] += done

@@ -84,7 +84,7 @@ def output_folder(path: str | Path) -> Path:
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        # Permission bits do not tell the truth on every file system: only a written file does.
+        # Permission bits are not reliable on every file system: only a written file does.
         probe = _beside(folder / "probe")
         probe.touch(exist_ok=False)
         probe.unlink()

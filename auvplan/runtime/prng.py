@@ -38,7 +38,7 @@ def of_seeds(seeds: ArrayLike) -> jax.Array:
 
 
 def parts(key: jax.Array, count: int) -> tuple[jax.Array, ...]:
-    """Return a key split into so many, those of `jax.random.split`."""
+    """Return a key split into `count`, those of `jax.random.split`."""
     return _parts(key, count=count)
 
 

@@ -1,1 +1,1 @@
-"""The truth that a mission meets: the sea, its obstacles and the vehicle, in steps of time."""
+"""The truth that a mission meets: current, obstacles and the vehicle, in steps of time."""

@@ -1,7 +1,7 @@
 """What goes wrong under way, injected on purpose to see how missions end; a list for each mission.
 
 A fault strikes the truth, or what is forecast or measured of it; planners and executive do not know that it
-was injected. Nothing compiles anew for it: faults change values, not shapes. `Obstacle` takes one of the
+was injected. Nothing is compiled again for it: faults change values, not shapes. `Obstacle` takes one of the
 places that every leg then keeps for it.
 """
 
@@ -67,7 +67,7 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class _Passing:
-    """A fault that begins at a time `at`, s since the epoch, and is over after so many `seconds`."""
+    """A fault that begins at a time `at`, s since the epoch, and lasts `seconds`."""
 
     at: float
     seconds: float
@@ -107,7 +107,7 @@ class Faults:
     """
 
     def __init__(self, given: Sequence[Fault] = (), places: int = 0):
-        """Begin with faults that are known beforehand, and so many places for obstacles on each leg."""
+        """Begin with faults that are known beforehand, and `places` for obstacles on each leg."""
         self.given = list(given)
         self.places = places
         self._appeared = 0

@@ -69,7 +69,7 @@ def transit(
     """Follow given tracks in the true current for `steps` time steps.
 
     The vehicle crabs to hold its track; where the current beats it, it makes the least progress that travel
-    times reckon with, and `Transit.shortfall` tells.
+    times assume, and `Transit.shortfall` is that amount.
 
     Args:
         track: [B, S, 3] m.
