@@ -39,7 +39,7 @@ def why_no_route(context: SimulationContext, mission: Mission, timed: MissionGra
         return f"no way through the graph leads from waypoint {mission.here} to the destination"
     for i, j in pairwise(nodes):
         if not timed.adjacency[i, j]:
-            return f"the sea closes leg {run.called(i)} to {run.called(j)}: " + _line_fault(
+            return f"there is no path on leg {run.called(i)} to {run.called(j)}: " + _line_fault(
                 context, mission, (i, j), forecast
             )
     left = run.t_available - mission.now

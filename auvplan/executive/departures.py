@@ -227,7 +227,7 @@ def _plan_missions(
 
 
 def _why(context: SimulationContext, mission: Mission, sea: Sea) -> str:
-    """Return why a mission fails: the leg without a feasible path where none was begun, or how the plan ended."""
+    """Return why a mission fails: how the plan ended, or the leg without a path where none was begun."""
     if mission.run.legs:
         return mission.run.reason
     return why_no_route(context, mission, mission.timed, sea.forecast())

@@ -124,8 +124,8 @@ def planning_context(
 ) -> SimulationContext:
     """Return what plans count on, nothing simulated or timed.
 
-    No more of the data than a mission from `depart` meets. Plans that are all made `ahead` of the departure polish
-    winding paths with more control points.
+    That is no more of the data than a mission from `depart` meets. Plans that are all made `ahead` of the
+    departure polish winding paths with more control points.
     """
     if area.forecast is not None and depart is not None:
         forecast = area.forecast.window(depart, depart + scenario.mission.time_available)

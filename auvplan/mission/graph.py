@@ -294,7 +294,7 @@ class MissionGraph:
         world_per_graph: bool = False,
         around: PathsRound | None = None,
     ) -> Self:
-        """A copy whose `travel_time` is estimated in the present current, and without edges that have no feasible path.
+        """A copy with `travel_time` in the present current, and without the edges that have no feasible path.
 
         Every edge is timed in both of its directions, whatever was known before; a graph of any size and any
         later call reuse the compiled programs. Edges are removed where no path tried keeps the limits of the
