@@ -93,7 +93,7 @@ class SimulationContext:
 
     @property
     def by_clock(self) -> bool:
-        """Whether edges are timed by their departure: where currents change in the forecast, or areas close."""
+        """Whether edges are timed by their departure: where the forecast changes, or areas close."""
         rules, forecast = self.rules, self.area.forecast
         changes = (forecast is not None and not forecast.steady) or bool(self.area.closures)
         return rules.travel_times == "sea" and rules.departures > 1 and changes
