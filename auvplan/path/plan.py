@@ -45,6 +45,7 @@ class PathPlan(ReprMixin):
         sampling_error: m/s, by which samples that the path was searched for in differ from the current at
             most, as far as random places show; zero where it was searched for in the current itself
             (`PathConfig.sampled`). Times and limits are those in the current.
+        sampling_time_error: s, by which the travel time in these samples differs from that in the current.
     """
 
     travel_time: float
@@ -63,6 +64,7 @@ class PathPlan(ReprMixin):
     conditions: Conditions = field(repr=False)
     closed: float = 0.0
     sampling_error: float = 0.0
+    sampling_time_error: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -78,6 +80,7 @@ class PathPlan(ReprMixin):
             "clearance": f"{self.clearance:,.1f} m" if np.isfinite(self.clearance) else "open water",
             **({"altitude": f"{self.altitude:,.1f} m"} if np.isfinite(self.altitude) else {}),
             "departure": f"{float(self.times[0]):,.0f} s",
+            **({"searched in samples": self._sampling} if self.sampling_error else {}),
             **({"it": self.lengthened} if self.lengthened else {}),
         }
 
@@ -202,6 +205,10 @@ class PathPlan(ReprMixin):
         return self.bounded()
 
     @property
+    def _sampling(self) -> str:
+        return f"of the current: off by {self.sampling_error:.2g} m/s, {self.sampling_time_error:.2g} s"
+
+    @property
     def _bounded(self) -> bool:
         """Whether a finite gap has been worked out."""
         return "bound" in vars(self) and bool(np.isfinite(self.gap))
@@ -282,6 +289,7 @@ class PathPlans(ReprMixin):
     water: Array
     closed: Array
     sampling_error: Array
+    sampling_time_error: Array
     conditions: Conditions = field(repr=False)
     finer: Mapping[int, dict[str, Any]] = field(default_factory=dict, repr=False)
 
@@ -315,4 +323,4 @@ class PathPlans(ReprMixin):
 
 #: Fields of a plan that a batch has an array of, and those of them that are numbers.
 _FIELDS = tuple(part.name for part in fields(PathPlan) if part.name != "conditions")
-_NUMBERS = ("travel_time", "length", "clearance", "altitude", "cost", "closed", "sampling_error")
+_NUMBERS = tuple(part.name for part in fields(PathPlan) if part.type is float)

@@ -9,15 +9,17 @@ from typing import Any
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 
-from auvplan.ocean.currents import FunctionCurrent, axes_used
+from auvplan.ocean.currents import FunctionCurrent, axes_used, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.sampled import SampledCurrent, sampled
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS
+from auvplan.path.kinematics import TINY
 from auvplan.path.passages import SURROUNDINGS
 from auvplan.path.stages import Legs
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import Vehicle, along_track
 
 #: Share of the vehicle's speed by which samples may differ from the current.
 _WITHIN = 0.01
@@ -50,24 +52,48 @@ def in_samples(
         rest, settings: its other arguments.
 
     Returns:
-        What the program returns, and `sampling_error` [B] as `PathPlan` has it.
+        What the program returns, and `sampling_error` and `sampling_time_error` [B] as `PathPlan` has them.
     """
 
-    def run(error: float, **searched: Environment) -> dict[str, Any]:
+    def run(**searched: Environment) -> dict[str, Any]:
         problem = {"shared": shared, "vehicle": vehicle, "config": config}
         found = program(keys, legs, *rest, **problem, **settings, **searched)
-        return found | {"sampling_error": np.full(len(legs.start), error)}
+        none = np.zeros(len(legs.start))
+        return found | {"sampling_error": none, "sampling_time_error": none}
 
     samples = _samples(legs, shared, vehicle) if config.sampled else None
     if samples is None:
-        return run(0.0)
+        return run()
     current, error = samples
     obstacles = shared.obstacles
     if np.any(obstacles.drift):
         obstacles = obstacles.resolved(shared.current)
-    found = run(error, searched=replace(shared, current=current, obstacles=obstacles))
+    found = run(searched=replace(shared, current=current, obstacles=obstacles))
     broken = found["violations"][:, [VIOLATIONS.index(name) for name in IN_CURRENT]].any()
-    return run(0.0) if broken and settings.get("budget") is None else found
+    if broken and settings.get("budget") is None:
+        return run()
+    found["sampling_error"] = np.full(len(legs.start), error)
+    found["sampling_time_error"] = _time_error(found, current, vehicle, config)
+    return found
+
+
+def _time_error(
+    found: dict[str, Any], samples: SampledCurrent, vehicle: Vehicle, config: PathConfig
+) -> NDArray[np.floating]:
+    """Return s, [B], by which paths take longer or shorter in samples than in the current that they met."""
+    positions, times = (np.asarray(found[name], float) for name in ("positions", "times"))
+    way, middle = np.diff(positions, axis=1), 0.5 * (positions[:, 1:] + positions[:, :-1])
+    places = np.moveaxis(middle, -1, 0)
+    sampled_water = np.stack(evaluated(samples, *places, 0.5 * (times[:, 1:] + times[:, :-1])), axis=-1)
+    gap = np.linalg.norm(way, axis=-1)
+    direction = way / np.maximum(gap, TINY)[..., None]
+    seconds = []
+    for water in (sampled_water, np.asarray(found["water"], float)):
+        along = (water * direction).sum(axis=-1)
+        across = np.linalg.norm(water - along[..., None] * direction, axis=-1)
+        ground, _ = along_track(config.speed_reading, np.asarray(vehicle.speed), along, across)
+        seconds.append((gap / ground).sum(axis=1))
+    return np.abs(seconds[0] - seconds[1])
 
 
 def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:

@@ -29,7 +29,9 @@ def test_a_path_found_in_samples_is_as_quick_and_timed_in_the_current():
     found = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG)
     exact = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG.replace(sampled=False))
     assert 0.0 < found.sampling_error < 0.025
-    assert exact.sampling_error == 0.0
+    assert 0.0 < found.sampling_time_error < found.travel_time * found.sampling_error
+    assert exact.sampling_error == exact.sampling_time_error == 0.0
+    assert "searched in samples" in repr(found)
     assert found.feasible
     assert found.travel_time == pytest.approx(exact.travel_time, rel=1e-3)
     for plan in (found, exact):
