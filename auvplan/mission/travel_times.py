@@ -47,6 +47,9 @@ ONE_PLACE, TURN_TO = 0.5, 1.0
 #: as shallow as it is anywhere near.
 _FINER = 4
 
+#: Departures for which a fan is scored first, of all at which an edge is blocked.
+_TRIED = 3
+
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
 _POLISHED = 4
 _STEP_SIZE = 0.03
@@ -129,59 +132,69 @@ def travel_times(
     leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 
-    def estimated(
-        chosen: NDArray[np.int_], together: int, detours: int, steps: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        seconds, passable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
+    common = {"sea": sea, "vehicle": vehicle, "config": config, "deep": deep}
+    common["world_per_edge"] = world is not None
+
+    def current_of(edges: NDArray[np.int_]) -> Current:
+        if world is None:
+            return shared
+        return tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
+
+    def estimate(chosen: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
+        """Set times of edges by the straight line or by a fan of detours; return the tracks [S, 3] timed."""
+        found = []
         for part, real in padded_batches(len(chosen), (together,)):
             edges = chosen[part]
-            current = shared
-            if world is not None:
-                current = tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
-            out = _estimate(
-                *(np.asarray(a[edges], np.float32) for a in (starts, goals, depart)),
-                currents=current,
-                sea=sea,
-                vehicle=vehicle,
-                config=config,
-                detours=detours,
-                steps=steps,
-                world_per_edge=world is not None,
-                deep=deep,
-            )
-            seconds[part[:real]], passable[part[:real]] = (np.asarray(a)[:real] for a in out)
-        return seconds, passable
+            ends = (np.asarray(a[edges], np.float32) for a in (starts, goals, depart))
+            out = _estimate(*ends, currents=current_of(edges), detours=detours, steps=steps, **common)
+            lasts, good, tracks = (np.asarray(a)[:real] for a in out)
+            seconds[edges[:real]], passable[edges[:real]] = lasts, good
+            found += list(tracks)
+        return found
 
-    seconds, passable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
+    def follow(chosen: NDArray[np.int_], polylines: list[np.ndarray], clear: NDArray[np.bool_]) -> None:
+        """Set times of edges by polylines [K, 3] m clear of the coast, where these keep all limits."""
+        count = config.path.samples * (1 if env.seabed is None else _FINER)
+        tracks = [_sampled(way, count) for way in polylines]
+        for part, real in padded_batches(len(chosen), (_LINES,)) if len(chosen) else ():
+            edges = chosen[part]
+            along = np.stack([tracks[k] for k in part]).astype(np.float32)
+            departs = np.asarray(depart[edges], np.float32)
+            out = _follow(along, clear[part], departs, currents=current_of(edges), **common)
+            for edge, lasts, good in zip(edges[:real], *(np.asarray(a) for a in out), strict=False):
+                if good and (not passable[edge] or lasts < seconds[edge]):
+                    seconds[edge], passable[edge] = lasts, True
+
+    seconds, passable = np.zeros(len(starts)), np.zeros(len(starts), bool)
+    estimate(np.arange(len(starts)), _LINES, 0, config.steps)
     here = np.linalg.norm(goals - starts, axis=1) <= ONE_PLACE
     seconds[here], passable[here] = TURN_TO, True
     if detour and around is not None and (blocked := np.flatnonzero(~passable & inside)).size:
         ways = [around(starts[edge], goals[edge]) for edge in blocked]
         edges = np.repeat(blocked, [len(found) for found in ways])
-        count = config.path.samples * (1 if env.seabed is None else _FINER)
-        tracks = [_sampled(way, count) for found in ways for way, _ in found]
         clear = np.array([always for found in ways for _, always in found], bool)
-        for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
-            chosen = edges[part]
-            current = shared
-            if world is not None:
-                current = tree.unflatten([jnp.asarray(leaf[world[chosen]]) for leaf in hosted])
-            out = _follow(
-                np.stack([tracks[k] for k in part]).astype(np.float32),
-                clear[part],
-                np.asarray(depart[chosen], np.float32),
-                currents=current,
-                sea=sea,
-                vehicle=vehicle,
-                config=config,
-                world_per_edge=world is not None,
-                deep=deep,
-            )
-            for edge, lasts, good in zip(chosen[:real], *(np.asarray(a) for a in out), strict=False):
-                if good and (not passable[edge] or lasts < seconds[edge]):
-                    seconds[edge], passable[edge] = lasts, True
-    if detour and (blocked := np.flatnonzero(~passable & inside)).size:
-        seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
+        follow(edges, [way for found in ways for way, _ in found], clear)
+    blocked = np.flatnonzero(~passable & inside) if detour else np.zeros(0, int)
+    while blocked.size:
+        # Few fans for each pair of places: what they find for one departure mostly serves the others.
+        pairs = np.concatenate([starts, goals], axis=1)[blocked]
+        pair = np.unique(pairs, axis=0, return_inverse=True)[1]
+        alike = [blocked[pair == number] for number in range(pair.max() + 1)]
+        spread = [np.linspace(0, len(edges) - 1, _TRIED).round().astype(int) for edges in alike]
+        tried = np.concatenate([edges[np.unique(few)] for edges, few in zip(alike, spread, strict=True)])
+        fans = estimate(tried, _FANS, config.detours, config.detour_steps)
+        tracks = {edge: track for edge, track in zip(tried.tolist(), fans, strict=True) if passable[edge]}
+        served = [
+            (other, tracks[edge])
+            for edges in alike
+            for edge in edges.tolist()
+            if edge in tracks
+            for other in np.setdiff1d(edges, tried)
+        ]
+        others, along = zip(*served, strict=True) if served else ((), ())
+        follow(np.array(others, int), list(along), np.zeros(len(others), bool))
+        blocked = np.setdiff1d(blocked, tried)
+        blocked = blocked[~passable[blocked]]
     return np.maximum(seconds, _vertical_times(starts, goals, vehicle)), passable & inside
 
 
@@ -287,12 +300,15 @@ def _estimate(
     steps: int,
     world_per_edge: bool,
     deep: bool,
-) -> tuple[jax.Array, jax.Array]:
-    """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours."""
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours.
+
+    With their samples [E, S, 3] m, at the straight line's depths.
+    """
 
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
-    ) -> tuple[jax.Array, jax.Array]:
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
         box = sea.lower, sea.upper
         env = Environment(current, chart, Obstacles.none(), *box, sea.seabed, sea.closures)
         problem = (start, goal, depart, env, vehicle)
@@ -317,10 +333,8 @@ def _estimate(
             track = _at_depths(track, start, goal, depart, env, vehicle, config.path)
         trajectory = evaluate(track, depart, env, vehicle, config.path)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
-        return _quickest(
-            trajectory,
-            reduce(jnp.add, (plane for name, plane in excess.items() if name not in VERTICAL_LIMITS)),
-        )
+        broken = reduce(jnp.add, (plane for name, plane in excess.items() if name not in VERTICAL_LIMITS))
+        return *_quickest(trajectory, broken), jnp.stack([axis[:, 0] for axis in track.places], axis=1)
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
         starts, goals, departs, currents, sea.chart

@@ -1,6 +1,6 @@
 """Ways around land, shallows and closed areas between two places that no clear straight line joins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -25,6 +25,9 @@ _SHUN, _FADES = 3.0, 0.01
 #: Rounds that pull a path taut, and shares of each leg between which corners are cut off.
 _ROUNDS = 6
 _CUTS = np.array([0.5**5, 0.5**4, 0.5**3, 0.25, 0.5, 0.75, 1 - 0.5**3, 1 - 0.5**4, 1 - 0.5**5])[None, :, None]
+#: Share of a path's length within which the sea bed is looked up around places of a taut one, and sides of a
+#: cell within which it is around the cells that it leads over.
+_WINDOW, _WIDER = 1.0 / 100.0, 1.5
 #: A round that shortens a path by less than this share is the last.
 _SETTLED = 1e-4
 
@@ -38,12 +41,14 @@ class Clearance:
         area: chart, sea bed and closed areas.
         margin: m, to the coast.
         closed: whether areas that are closed at some hours count as coast.
+        window: m, least length around a place within which the sea bed is looked up.
     """
 
     scenario: Scenario
     area: OperatingArea
     margin: float
     closed: bool = False
+    window: float = 0.0
 
     def room(self, x: Array, y: Array, gap: Array) -> Array:
         """Distance [m] to what a line may not come near; positive where it is clear.
@@ -92,12 +97,12 @@ class Clearance:
         """
         if (seabed := self.area.seabed) is None:
             return np.full(x.shape, np.inf), np.full(x.shape, np.inf)
-        taken = float(seabed.clearance) + self.scenario.box[0][2]
+        taken, window = float(seabed.clearance) + self.scenario.box[0][2], np.maximum(gap, self.window)
         if not around:
-            water = np.asarray(seabed.shallowest_at(x, y, gap)) - taken
+            water = np.asarray(seabed.shallowest_at(x, y, window)) - taken
             return water, water
-        # What a look-up takes in is within three halves of its gap, or of a pixel.
-        wide = 2 * around * gap + 3.0 * np.maximum(gap, float(seabed.pixel_size))
+        # What a look-up takes in is within three halves of its window, or of a pixel.
+        wide = 2 * around * gap + 3.0 * np.maximum(window, float(seabed.pixel_size))
         least = np.asarray(seabed.shallowest_at(x, y, wide)) - taken
         here, low = least.copy(), least <= 0.0
         here[low] = self._over_the_bed(x[low], y[low], gap[low])[0]
@@ -151,22 +156,34 @@ class WaysAround:
         if back in self._known:
             return [(way[::-1], clear) for way, clear in self._known[back]]
         if key not in self._known:
-            ways = [(self._path(start, goal, clearance), clearance) for clearance in self._tight]
-            taut = [(_taut(way, clearance), clearance.closed) for way, clearance in ways if way is not None]
+            taut = [(self._path(start, goal, clearance, True), clearance.closed) for clearance in self._tight]
             always = not self._area.closures
-            self._known[key] = [(way, always or closed) for way, closed in taut if _near(way)]
+            self._known[key] = [
+                (way, always or closed) for way, closed in taut if way is not None and _near(way)
+            ]
         return self._known[key]
 
-    def _path(self, start: Array, goal: Array, clearance: Clearance) -> Array | None:
-        """Return a polyline [K, 3] m between two places, over the coarsest grid that has one."""
+    def _path(self, start: Array, goal: Array, clearance: Clearance, taut: bool = False) -> Array | None:
+        """Return a polyline [K, 3] m between two places, over the coarsest grid that has one.
+
+        One that is `taut` keeps off banks as paths must that are timed at samples, where it can.
+        """
         for size in _CELLS:
-            cells = self._grid(clearance, size).path(start, goal)
-            if cells is not None and (way := self._pulled(start, goal, cells, clearance)) is not None:
-                return way
+            cells = self._grid(clearance, size, _WIDER if taut else 1.0).path(start, goal)
+            if cells is None:
+                continue
+            sampled = replace(clearance, window=_WINDOW * _length(cells)) if taut else clearance
+            if (way := self._pulled(start, goal, cells, (sampled, clearance))) is not None:
+                return _taut(way, sampled) if taut else way
         return None
 
-    def _pulled(self, start: Array, goal: Array, cells: Array, clearance: Clearance) -> Array | None:
-        """Return the corners of a path over cells [C, 2] m, each as far along it as a clear line leads."""
+    def _pulled(
+        self, start: Array, goal: Array, cells: Array, clearances: tuple[Clearance, Clearance]
+    ) -> Array | None:
+        """Return the corners of a path over cells [C, 2] m, each as far along it as a clear line leads.
+
+        Clear by the first of the clearances, where that leads nowhere by the second.
+        """
         share = np.linspace(0.0, 1.0, len(cells) + 2)[1:-1, None]
         depths = start[2] * (1.0 - share) + goal[2] * share
         if self._area.seabed is not None:
@@ -177,8 +194,9 @@ class WaysAround:
         way, at = [np.asarray(start)], -1
         while at < len(places) - 1:
             ahead = places[at + 1 :]
-            seen = np.flatnonzero(clearance.lines(way[-1][None], ahead))
-            if not seen.size:
+            lines = (np.flatnonzero(clearance.lines(way[-1][None], ahead)) for clearance in clearances)
+            seen = next((found for found in lines if found.size), None)
+            if seen is None:
                 return None
             at += 1 + int(seen[-1])
             way.append(places[at])
@@ -232,14 +250,15 @@ def _near(way: Array) -> bool:
 class _Grid:
     """Cells of the area that a vehicle may pass, and moves between neighbours."""
 
-    def __init__(self, clearance: Clearance, cells: int) -> None:
+    def __init__(self, clearance: Clearance, cells: int, wider: float) -> None:
         low, high = (np.asarray(corner[:2], float) for corner in clearance.scenario.box)
         self._size = float((high - low).max()) / cells
         north, east = (max(int(np.ceil(side / self._size - 1e-9)), 1) for side in high - low)
         self._shape = north, east
         index = np.indices(self._shape).reshape(2, -1).T
         self._places = np.minimum(low + (index + 0.5) * self._size, high)
-        free = clearance.room(self._places[:, 0], self._places[:, 1], np.full(len(self._places), self._size))
+        gap = np.full(len(self._places), wider * self._size)
+        free = clearance.room(self._places[:, 0], self._places[:, 1], gap)
         fades = _FADES * float((high - low).max())
         self._shunned = 1.0 + _SHUN * np.exp(-np.clip(free, 0.0, None) / fades)
         self._open = free > 0.0

@@ -161,3 +161,27 @@ def test_lines_are_clear_where_all_places_on_them_are(seed):
     clear = (clearance.room(x, y, gap) > 0.0).all(axis=0)
     assert 0.1 < clear.mean() < 0.9
     np.testing.assert_array_equal(clearance.lines(starts, ends), clear)
+
+
+def test_a_way_past_a_bank_is_one_that_times_can_be_sampled_along():
+    """Two banks whose tops stand out of the water: the way between them is timed without a fan of detours."""
+    north, east = np.meshgrid(*(np.arange(100) * 40.0 + 20.0,) * 2, indexing="ij")
+    depth = np.full(north.shape, 30.0)
+    for place in ((1700.0, 1500.0), (2300.0, 2500.0)):
+        depth -= 45.0 * np.exp(-(((north - place[0]) ** 2 + (east - place[1]) ** 2) / 500.0**2))
+    area = OperatingArea(seabed=Seabed.from_depth(depth, 40.0, clearance=3.0))
+    scenario = settings()
+    ends = np.array([[1500.0, 400.0, 5.0], [2400.0, 3600.0, 5.0]])
+    ways = WaysAround(scenario, area)
+    ((way, _),) = ways.paths(*ends)
+    box = (np.asarray(corner, float) for corner in scenario.box)
+    env = Environment(UniformCurrent(0.0, 0.0), None, None, *box, area.seabed)
+    few = TravelTimeConfig(detours=1, detour_steps=0)
+    times = (np.zeros(1), few)
+    _, straight = travel_times(*ends[:, None], env, ap.Vehicle(speed=2.0), *times, detour=False)
+    seconds, passable = travel_times(*ends[:, None], env, ap.Vehicle(speed=2.0), *times, around=ways.paths)
+    assert not straight[0]
+    assert passable[0]
+    assert seconds[0] == pytest.approx(ways.length(*ends) / 2.0, rel=0.01)
+    assert ways.length(*ends) < 1.1 * np.linalg.norm(ends[1] - ends[0])
+    assert len(way) > 2

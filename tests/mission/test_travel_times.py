@@ -7,7 +7,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.mission import MissionGraph
-from auvplan.mission.travel_times import TravelTimeConfig
+from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.seabed import Seabed
 from auvplan.runtime.compiled import compilations
@@ -217,3 +217,23 @@ def test_bad_settings_are_refused(changes, message) -> None:
 def test_a_world_per_graph_needs_stacked_graphs() -> None:
     with pytest.raises(ValueError, match="stacked along one axis"):
         compass().with_travel_times(northward(0.5), world_per_graph=True)
+
+
+def test_a_detour_found_at_one_departure_serves_the_others() -> None:
+    """Times are those of each departure by itself, where one fan of detours is scored for all of them."""
+    water = np.ones((300, 300), bool)
+    water[140:160, 130:185] = False
+    chart = ap.Chart.from_mask(water, 20.0, origin=(-3000.0, -3000.0))
+
+    def tide(x, y, z, t):
+        return 0.0 * x, 0.5 * jnp.cos(t / 4000.0) + 0.0 * x, 0.0 * x
+
+    env = ap.Environment(tide, chart, **BOX)
+    departs = np.linspace(0.0, 12_000.0, 5)
+    start, goal = (np.tile(place, (5, 1)) for place in ([-1000.0, 0.0, 10.0], [1000.0, 0.0, 10.0]))
+    seconds, passable = travel_times(start, goal, env, VEHICLE, departs, TravelTimeConfig())
+    assert passable.all()
+    for k in range(5):
+        alone, _ = travel_times(start[:1], goal[:1], env, VEHICLE, departs[k : k + 1], TravelTimeConfig())
+        assert seconds[k] == pytest.approx(alone[0], rel=0.02)
+    assert np.ptp(seconds) > 0.005 * seconds.mean()
