@@ -27,7 +27,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import SHARED, console, table
+from benchmarks.machine import SHARED, show
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -172,7 +172,6 @@ def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
 
 
 def main() -> None:
-    """Run the studies that are missing and print the table."""
     parser = argparse.ArgumentParser(description="Ablations of whole missions.")
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")
@@ -186,7 +185,7 @@ def main() -> None:
             "planning, s": "{seconds:.2f}",
         }  # fmt: skip
         for sea, found in sheared(options.out / "sheared", options.n):
-            console().print(table(f"{sea}: {title}", found, columns))
+            show(f"{sea}: {title}", found, columns)
         return
     studies = {}
     for name, changes in STUDIES.items():
@@ -199,7 +198,7 @@ def main() -> None:
         "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
         "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
     }  # fmt: skip
-    console().print(table(title, rows(studies), columns))
+    show(title, rows(studies), columns)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import xarray as xr
 
 from auvplan.check.run import check_dataset
 from auvplan.runtime.files import read_mission, read_summary
-from benchmarks.machine import arguments, bars, console, table, write
+from benchmarks.machine import arguments, screen, show, track, write
 
 Rng = np.random.Generator
 Summary = dict[str, Any]
@@ -222,26 +222,24 @@ def possible(kind: str, dataset: xr.Dataset) -> bool:
 
 
 def main() -> int:
-    """Check originals and altered copies."""
     parser = arguments(__doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="DIR")
     parser.add_argument("-n", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng, rows, clean = np.random.default_rng(options.seed), [], 0
-    with bars(console()) as progress:
-        runs = []
-        for folder in progress.track(options.runs, description="originals"):
-            runs.append((folder, read_summary(folder), read_mission(folder)))
-            report = check_dataset(*runs[-1][1:])
-            clean += report.ok
-            if not report.ok:
-                console().print(f"{folder}: {report.faults[0]}")
-        for _ in progress.track(range(options.n), description="alterations"):
-            folder, summary, dataset = runs[rng.integers(len(runs))]
-            kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
-            report = check_dataset(*altered(kind, summary, dataset, rng))
-            rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
+    runs = []
+    for folder in track(options.runs, "originals"):
+        runs.append((folder, read_summary(folder), read_mission(folder)))
+        report = check_dataset(*runs[-1][1:])
+        clean += report.ok
+        if not report.ok:
+            screen.print(f"{folder}: {report.faults[0]}")
+    for _ in track(range(options.n), "alterations"):
+        folder, summary, dataset = runs[rng.integers(len(runs))]
+        kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
+        report = check_dataset(*altered(kind, summary, dataset, rng))
+        rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
     found = sum(bool(row["faults"]) for row in rows)
     kinds, shown = {}, []
     for kind in [kind for kind in KINDS if any(row["kind"] == kind for row in rows)]:
@@ -250,9 +248,9 @@ def main() -> int:
         row = {"kind": kind, "found": kinds[kind][0], "of": len(own)}
         shown.append(row | {"first": (max(own, key=len) or [""])[0]})
     columns = {"alteration": "{kind}", "first fault": "{first}", "found": "{found}", "of": "{of}"}
-    console().print(table("altered runs", shown, columns, names=2))
+    show("altered runs", shown, columns, names=2)
     said = f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
-    console().print(said)
+    screen.print(said)
     write(options.out, {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}})
     return int(clean < len(runs) or found < len(rows))
 

@@ -196,7 +196,6 @@ def table(results: dict[str, dict[int, np.ndarray]]) -> str:
 
 
 def main() -> None:
-    """Print the table as Markdown, with the machine."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bbob", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--dims", type=int, nargs="+", default=DIMENSIONS)

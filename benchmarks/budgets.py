@@ -21,7 +21,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.mission import random_graph
 from auvplan.runtime import cores
-from benchmarks.machine import arguments, console, table, write
+from benchmarks.machine import arguments, show, write
 from benchmarks.path_problems import path_problems
 
 #: s.
@@ -108,7 +108,6 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("Planning calls within budgets of time.")
     parser.add_argument("-n", type=int, default=40, help="calls of each kind")
     parser.add_argument("--quick", action="store_true", help="two budgets alone")
@@ -128,7 +127,7 @@ def main() -> None:
         "beyond a tenth": "{beyond a tenth} of {calls}", "worse by": "{worse by:+.2%}",
     }  # fmt: skip
     title = "wall-clock time of planning calls against their budgets"
-    console().print(table(title, rows, columns, names=2))
+    show(title, rows, columns, names=2)
     write(options.out, {"budgets": rows})
 
 

@@ -136,7 +136,6 @@ def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> 
 
 
 def main() -> None:
-    """Run the missions and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--missions", type=int, default=100)
     parser.add_argument("--first", type=int, default=5000, help="first seed")

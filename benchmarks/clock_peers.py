@@ -169,7 +169,6 @@ def referee(cases: int, first: int) -> None:
 
 
 def main() -> None:
-    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sizes", type=int, nargs="*", default=[100, 200])
     parser.add_argument("--cases", type=int, default=3, help="of each size and kind")

@@ -27,7 +27,7 @@ from xml.etree import ElementTree
 from auvplan.runtime.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, clock, console, table, write
+from benchmarks.machine import AUVPLAN, arguments, clock, screen, show, write
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -151,7 +151,6 @@ def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: i
 
 
 def main() -> None:
-    """Print the tables."""
     parser = arguments("Kills and full disks.")
     parser.add_argument("--kills", type=int, default=30, help="of each command")
     parser.add_argument("--disks", type=int, default=12, help="sizes of disks for each command")
@@ -166,9 +165,9 @@ def main() -> None:
             counts = dict(Counter(outcomes(word, scenario, result, folder, count)))
             said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
             rows.append({"command": word, "kind": kind, "outcomes": counts, "times": count, "said": said})
-            console().print(f"{word}, {kind}: {said}")
+            screen.print(f"{word}, {kind}: {said}")
     columns = {"command": "{command}", "what": "{kind}", "outcomes": "{said}", "times": "{times}"}
-    console().print(table("commands that were broken off", rows, columns, names=3))
+    show("commands that were broken off", rows, columns, names=3)
     write(options.out, {"crashes": rows})
     sys.exit(any(outcome not in GOOD for row in rows for outcome in row["outcomes"]))
 

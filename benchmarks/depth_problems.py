@@ -1,20 +1,16 @@
 """Path problems by seed in seas with depth: sheared currents, spirals, sills, spheres, and real model files.
 
 `depth_problem(family, seed)` makes the same problem for the same arguments. Most legs are log-uniform from 1
-to 10 km, a fifth of them from 20 to 50 km, in any direction; the box is `ROOM` times as wide, and has depth.
-Vehicles make 1.0 to 2.5 m/s; those of even seeds pitch by `PITCH` at most, the others as they like. No water
-is faster than 0.9 of the vehicle, so that every track can be held. Most ends are 5 to 20 m deep.
-
-Every problem has a way: a simple one that the ruler holds feasible, see `way`. Counts are padded and rasters
-have one shape, so that problems of a family share compiled programs.
+to 10 km, a fifth of them from 20 to 50 km. Vehicles make 1.0 to 2.5 m/s, and no water is faster than 0.9 of
+that; those of even seeds pitch by `PITCH` at most. Every problem has a way: a simple one that the ruler
+holds feasible.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from types import MappingProxyType
 from typing import TypeVar
 
 import jax
@@ -79,7 +75,6 @@ class LayeredCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         share = 0.5 * (1.0 + jnp.tanh((z - self.interface) / self.softness)) + 0.0 * (x + y)
         u, v = (self.upper[k] + share * (self.lower[k] - self.upper[k]) for k in range(2))
         return u, v, jnp.zeros_like(u)
@@ -104,7 +99,6 @@ class EkmanCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         down = z / self.scale + 0.0 * (x + y)
         fading, cos, sin = jnp.exp(-down), jnp.cos(down), self.sense * jnp.sin(down)
         north, east = self.surface[0], self.surface[1]
@@ -135,7 +129,6 @@ class SillCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         u, v, w = self.layers(x, y, z, t)
         arc = (x - self.origin[0]) * self.along[0] + (y - self.origin[1]) * self.along[1]
         factor = 1.0
@@ -182,7 +175,6 @@ class _Leg:
 
     @property
     def straight(self) -> float:
-        """s, in still water."""
         return self.length / self.speed
 
     def turned(self, angle: float) -> Array:
@@ -203,17 +195,13 @@ def depth_problem(family: str, seed: int) -> PathProblem:
     """Make a problem; the same one for the same family and seed.
 
     Raises:
-        ValueError: there is no such family.
         FileNotFoundError: the family is "file" and the shared data are absent.
     """
-    if family not in DEPTH_FAMILIES:
-        raise ValueError(f"family must be one of {', '.join(DEPTH_FAMILIES)}, got {family!r}")
     rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
+    pitch = PITCH if seed % 2 == 0 else None
     while True:
-        drawn = DEPTH_FAMILIES[family](rng)
-        if drawn is None:
+        if (drawn := DEPTH_FAMILIES[family](rng)) is None:
             continue
-        pitch = PITCH if seed % 2 == 0 else None
         vehicle = replace(drawn.vehicle, pitch_max=pitch)
         problem = replace(drawn, name=f"{family}-{seed}", family=family, vehicle=vehicle)
         if way(problem) is not None:
@@ -387,6 +375,7 @@ class _Source:
         half: m, sides of the box are twice as long, north and east.
         depth: m, of the box.
         distances: m, of the legs.
+        weight: share of the problems.
     """
 
     path: str
@@ -475,6 +464,6 @@ def _single(current: T) -> T:
 
 
 #: The families of the benchmark in depth.
-DEPTH_FAMILIES: Mapping[str, Callable[[Rng], PathProblem | None]] = MappingProxyType(
-    {"shear": _shear, "ekman": _ekman, "ridge": _ridge, "spheres": _spheres, "file": _file}
-)
+DEPTH_FAMILIES: dict[str, Callable[[Rng], PathProblem | None]] = {
+    "shear": _shear, "ekman": _ekman, "ridge": _ridge, "spheres": _spheres, "file": _file
+}  # fmt: skip

@@ -385,7 +385,6 @@ def planned(case: Case, seed: int | None, folder: Path) -> Row:
 
 
 def main() -> None:
-    """Plan the cases and print a row each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=30)
     parser.add_argument("--first", type=int, default=7000, help="first seed")

@@ -315,7 +315,6 @@ def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any])
 
 
 def main() -> None:
-    """Print or write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
     parser.add_argument("--out", type=Path, help="Markdown file to write")
     parser.add_argument("--only", default="", help="part of the names of files")

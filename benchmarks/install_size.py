@@ -53,7 +53,6 @@ def table(title: str, names: set[str]) -> None:
 
 
 def main() -> None:
-    """Print the tables."""
     known = set().union(*(needed_by(name) for name in KNOWN))
     print(f"{', '.join(KNOWN)} and what they need: {sum(map(size, known)):.0f} MB")
     lean = needed_by("auvplan") - {"auvplan"}

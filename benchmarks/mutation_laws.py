@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig, minimize, rates
-from benchmarks.machine import console, table
+from benchmarks.machine import show
 from benchmarks.mission_sets import generated_cases
 
 #: SIVs of the small function, each within +-5.12.
@@ -67,7 +67,6 @@ def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDAr
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="Laws of mutation.")
     parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
     options = parser.parse_args()
@@ -83,7 +82,7 @@ def main() -> None:
         "mutation by rank": "{name}", "Eq. 15, 3 graphs": "{cost}", "total priority": "{priority}",
         f"Rastrigin, {DIM} SIVs": "{found}",
     }  # fmt: skip
-    console().print(table(title, rows, columns))
+    show(title, rows, columns)
 
 
 if __name__ == "__main__":

@@ -73,7 +73,6 @@ def row(name: str, missions: xr.Dataset) -> str:
 
 
 def main() -> None:
-    """Print the figures of each reading."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=7000)

@@ -1,11 +1,10 @@
 """Quickest paths on a grid, label by label in the order of arrival, and the best one of every passage.
 
-A plane has nodes all over the box, with 80 moves in different directions. A problem in depth has them in a
-corridor along its straight line, turned with it, with 135 moves. A move takes the time that the current makes
-it take when it is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier.
-Moves keep the vehicle's limits on surge, sway and pitch, and off obstacles that move at the time of arrival;
-turns are free. The best path through every node follows from a second search from the goal: `passages` are
-those that pass things as no other does, `ways` those that are the best about where they pass.
+A plane has nodes all over the box, with 80 moves; a problem in depth has them in a corridor along its
+straight line, with 135. A move takes the time that the current makes it take when it is begun, so fields may
+change with time. Moves keep the vehicle's limits on surge, sway and pitch, and off obstacles that move at
+the time of arrival; turns are free. The best path through every node follows from a second search from the
+goal.
 """
 
 from collections.abc import Iterator
@@ -373,7 +372,6 @@ def _too_near(x, y, z, centres, reach, coast, margin, bed):
 
 @njit(cache=True)
 def _bilinear(raster, x, y):
-    """As `path_ruler.Raster.at`."""
     v = raster.values
     north, east = v.shape
     i = min(max((x - raster.origin[0]) / raster.pixel - 0.5, 0.0), north - 1.0)

@@ -1,11 +1,11 @@
 """Path problems of the benchmark: four of the literature, random ones in open water and on real coast.
 
-All are planar: the box has no depth. The vehicle's limits on surge, sway and turn rate are out of reach, so
-that the quickest path clear of coast and obstacles is an optimum that a reference can find on a grid. In the
-random problems no current is faster than 0.9 of the vehicle, so every track can be held.
+All are planar, and the vehicle's limits on surge, sway and turn rate are out of reach, so that the quickest
+clear path is an optimum that a reference can find on a grid. In random problems no current beats the
+vehicle.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -79,12 +79,12 @@ class PathProblem:
         return ap.plan_path(*asked, key=key, config=config.replace(**self.changes), depart=self.depart)
 
 
+# The papers' x is east and their y north; here x is north and y east, so both pairs change places.
+
+
 def path_problems(count: int = 24) -> list[PathProblem]:
     """All problems: those of the literature and `count` random ones, as far as charts are found."""
     return literature() + random_problems(count)
-
-
-# The papers' x is east and their y north; here x is north and y east, so both pairs change places.
 
 
 def circular(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
@@ -132,18 +132,13 @@ def literature() -> list[PathProblem]:
     )
     problems = []
     for name, function, steady, start, goal, low, high, best in cases:
-        corners = (_from_paper(corner) for corner in (low, high))
-        env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)
-        ends = _from_paper(start), _from_paper(goal)
-        asked = "literature", env, *ends, unlimited_vehicle(1.0)
+        points = [
+            (float(north * SCALE), float(east * SCALE), 0.0) for east, north in (start, goal, low, high)
+        ]
+        env = ap.Environment(FunctionCurrent(function, steady), None, None, *points[2:])
+        asked = "literature", env, *points[:2], unlimited_vehicle(1.0)
         problems.append(PathProblem(name, *asked, best_known=best * SCALE))
     return problems
-
-
-def _from_paper(point: Iterable[float]) -> tuple[float, float, float]:
-    """East and north in units to north, east, depth in m."""
-    east, north = point
-    return float(north * SCALE), float(east * SCALE), 0.0
 
 
 def unlimited_vehicle(speed: float) -> ap.Vehicle:

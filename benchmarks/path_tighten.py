@@ -1,9 +1,9 @@
 """Tightening of a path: the quickest one on a narrow lattice about it, again and again on finer ones.
 
-Stations lie along the path, and at each of them nodes to both sides, and above and below where the box has
-depth. Dynamic programming finds the quickest way from station to station with the times of arrival as they
-come, and keeps limits and clearances without any penalty; turns are free. The lattice is then laid about what
-was found, half as wide where that gains nothing.
+Stations lie along the path, with nodes to both sides, and above and below where the box has depth. Dynamic
+programming finds the quickest way from station to station, and keeps limits and clearances without any
+penalty; turns are free. The lattice is then laid about what was found, half as wide where that gains
+nothing.
 """
 
 from dataclasses import dataclass
@@ -62,13 +62,9 @@ class _Lattices:
 
 
 def tighten(
-    problem: PathProblem,
-    world: World,
-    grid: Grid,
-    positions: Array,
-    segments: int = SEGMENTS,
+    problem: PathProblem, world: World, grid: Grid, positions: Array, segments: int = SEGMENTS,
     width: float | tuple[float, float] | None = None,
-) -> Polished | None:
+) -> Polished | None:  # fmt: skip
     """Tighten a path; None where no path nearby is feasible.
 
     Args:

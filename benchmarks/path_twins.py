@@ -100,25 +100,19 @@ def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
     return call
 
 
-def in_numba(problem: "Problem") -> Callable[[Array], Scores] | None:
-    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in Numba; None where it is missing."""
-    kernel = numba_kernel()
-    if kernel is None:
-        return None
-    values = problem.numbers()
+def in_numba(problem: "Problem") -> Callable[[Array], Scores]:
+    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in Numba."""
+    kernel, values = numba_kernel(), problem.numbers()
     single = {name: np.float32(v) if isinstance(v, float) else v for name, v in values.items()}
-    order = namedtuple("Numbers", single)
-    packed = order(**single)
+    packed = namedtuple("Numbers", single)(**single)
     return lambda paths: kernel(paths, packed)
 
 
 @cache
-def numba_kernel() -> Callable[[Array, Any], Scores] | None:
+def numba_kernel() -> Callable[[Array, Any], Scores]:
     """``score(habitats, numbers)`` compiled by Numba, one path after another, planes [samples] of each."""
-    try:
-        import numba
-    except ImportError:
-        return None
+    import numba
+
     # Plain Python numbers would turn the arithmetic into double precision.
     one, half, two, zero, tiny, far = (np.float32(v) for v in (1.0, 0.5, 2.0, 0.0, 1e-8, 1e6))
     lowest, c6, c24, c120 = (np.float32(v) for v in (-126.0, 1 / 6, 1 / 24, 1 / 120))

@@ -88,7 +88,6 @@ def _southernmost(job: dict) -> float:
 
 
 def main() -> None:
-    """Print all lines."""
     argparse.ArgumentParser(description="Real data in, vehicle files out.").parse_args()
     if not DATA.is_dir():
         raise SystemExit(f"{DATA}: no such folder")

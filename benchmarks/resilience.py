@@ -1,14 +1,10 @@
 """Runs that are broken off: studies killed and resumed, or robbed of a Dask worker; results half replaced.
 
-``python -m benchmarks.resilience [-n 30] [--kills 10]`` runs a study of the shipped Whitsunday scenario
-unbroken, then again with the command killed by SIGKILL at random moments and resumed, then on two Dask
-workers of which one is killed. It prints whether the datasets are the same to the last bit, wall-clock times
-apart.
-
-``python -m benchmarks.resilience --outputs [--kills 10]`` fills a folder with the results of ``auvplan
-plan``, begins a run of a later departure into it and kills that by SIGKILL: so many times spread over the
-run, and as often while it writes its files, half of these just as the first old file is gone. It does so for
-``auvplan mission`` with another seed, and prints how often the folder then held which files.
+`python -m benchmarks.resilience [-n 30] [--kills 10]` runs a study of the shipped Whitsunday scenario
+unbroken, then killed by SIGKILL at random moments and resumed, then on two Dask workers of which one is
+killed, and prints whether the datasets are the same to the last bit, wall-clock times apart. `--outputs`
+kills runs of `plan` and `mission` that replace the results of an earlier one: at moments spread over the
+run, and while it writes its files.
 """
 
 import argparse
@@ -32,7 +28,7 @@ import auvplan as ap
 from auvplan.runtime.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
-from benchmarks.machine import AUVPLAN, console, table
+from benchmarks.machine import AUVPLAN, screen, show
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
@@ -194,12 +190,12 @@ def print_outputs(kills: int, folder: Path) -> None:
         for kind, counts in outputs_killed(name, kills, scenario, folder).items()
     ]
     columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
-    console().print(table("results of an earlier run, after a kill of a new one", rows, columns, names=2))
+    show("results of an earlier run, after a kill of a new one", rows, columns, names=2)
 
 
 def print_studies(count: int, kills: int, folder: Path) -> None:
     """Print whether studies that were broken off have the data of one that was not."""
-    begin, screen = time.perf_counter(), console()
+    begin = time.perf_counter()
     unbroken = run_study(Design(ap.load_scenario("whitsunday"), count), folder / "unbroken")
     seconds = time.perf_counter() - begin
     on_disk, studies = killed_and_resumed(count, kills, seconds, folder / "killed")
@@ -212,7 +208,6 @@ def print_studies(count: int, kills: int, folder: Path) -> None:
 
 
 def main() -> None:
-    """Print what was compared."""
     parser = argparse.ArgumentParser(description="Runs that are broken off.")
     parser.add_argument("-n", type=int, default=30, help="missions of a study")
     parser.add_argument("--kills", type=int, default=10)

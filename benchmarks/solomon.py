@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
-from benchmarks.machine import arguments, console, table, write
+from benchmarks.machine import arguments, show, write
 from benchmarks.mission_sets import timed_graph
 
 FILE = Path(__file__).with_name("solomon.json")
@@ -65,7 +65,6 @@ def profit_of(stated: dict[str, Any], nodes: list[int]) -> int:
 
 
 def main() -> None:
-    """Print a row for each set."""
     parser = arguments("Orienteering with time windows on Solomon's customers.")
     parser.add_argument("--seeds", type=int, default=5, help="plans of each set")
     parser.add_argument("--limit", type=float, default=120.0, help="s for each proof; 0 for none")
@@ -93,7 +92,7 @@ def main() -> None:
         "set": "{set}", "published": "{published}", "planned: mean": "{mean:.1f}", "worst": "{worst}",
         "best": "{best}", "plan, s": "{seconds:.2f}", "proof": "{proof}",
     }  # fmt: skip
-    console().print(table("profit of one vehicle, 100 customers", rows, columns))
+    show("profit of one vehicle, 100 customers", rows, columns)
     write(options.out, {"solomon": rows})
 
 

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import AUVPLAN, arguments, clock, console, machine, table, write
+from benchmarks.machine import AUVPLAN, arguments, clock, machine, screen, show, write
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -103,7 +103,7 @@ def own_currents(count: int, folder: Path) -> list[dict[str, Any]]:
     (warm, second, _), *others = seen(count)
     first = statistics.mean(row[0] for row in others)
     half, end = others[count // 2][2], others[-1][2]
-    console().print(
+    screen.print(
         f"a plan in a function, empty cache {empty:.1f} s, another process {warm:.1f} s, "
         f"a second one {second:.2f} s; "
         f"each of {len(others)} other functions {first:.2f} s; "
@@ -123,7 +123,7 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
             _, said = call([sys.executable, "-c", TWICE, *words[len(AUVPLAN) :]], folder)
             row["beyond"] = row["later"] - float(said.splitlines()[-1])
         rows.append(row)
-        console().print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
+        screen.print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
 
     take("mission, all pictures", [*AUVPLAN, "mission", "--out", "run"])
     take("mission, no pictures", [*AUVPLAN, "mission", "--pictures", "none", "--out", "none"])
@@ -143,7 +143,6 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("How long a person waits for a command.")
     parser.add_argument(
         "--runs",
@@ -160,7 +159,7 @@ def main() -> None:
     stated = machine()
     title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
     times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
-    console().print(table(title, rows, {"command": "{what}"} | times))
+    show(title, rows, {"command": "{what}"} | times)
     write(options.out, {"startup": [*own, *rows]})
 
 

@@ -76,7 +76,6 @@ def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="Travel times of edges against paths.")
     parser.add_argument("missions", nargs="?", type=int, default=16)
     scenario, count = ap.load_scenario("whitsunday"), parser.parse_args().missions
