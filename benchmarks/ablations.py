@@ -1,12 +1,8 @@
 """What each part of the planner is worth to whole missions: paired studies of the Whitsunday scenario.
 
-``python -m benchmarks.ablations --out DIR [-n 100]`` simulates the same missions with the default settings,
-then with one of them changed, and prints the differences mission by mission with their 95 % intervals.
-Studies on disk are not run again.
-
-``--sheared`` simulates missions in three seas whose currents differ with depth, with ways in depth and with
-ways that are sought in the plan view alone: a made tide that turns in two layers, and two ROMS models of
-../shared, in a fjord and over a shelf.
+`python -m benchmarks.ablations --out DIR [-n 100]` simulates the same missions with the default settings,
+then with one of them changed. `--sheared` simulates missions in three seas whose currents differ with depth,
+with ways in depth and with ways that are sought in the plan view alone. Studies on disk are not run again.
 """
 
 import argparse
@@ -19,7 +15,6 @@ from unittest.mock import patch
 import numpy as np
 import xarray as xr
 import yaml
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import auvplan as ap
 from auvplan.io.example import write_example
@@ -27,7 +22,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import SHARED, show
+from benchmarks.machine import SHARED, screen, show
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -135,25 +130,16 @@ def study(folder: Path, design: Design, workers: int | None = None) -> xr.Datase
     """Run one study, or continue or load it."""
     if (folder / DATASET).is_file():
         return load_study(folder)
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), transient=True) as bar:
-        task = bar.add_task(folder.name, total=1.0)
-        return run_study(
-            design,
-            folder,
-            workers=workers,
-            resume=(folder / "study.json").is_file(),
-            progress=lambda _, __, share: bar.update(task, completed=share),
-        )
+    screen.print(f"{folder.name} ...")
+    return run_study(design, folder, workers=workers, resume=(folder / "study.json").is_file())
 
 
 def difference(dataset: xr.Dataset, base: xr.Dataset, of: Callable[[xr.Dataset], Any]) -> str:
-    """Mean difference, mission by mission, and half of its 95 % interval."""
     mean, low, _ = mean_interval(np.asarray(of(dataset), float) - np.asarray(of(base), float))
     return f"{mean:+.2f} ± {mean - low:.2f}"
 
 
 def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
-    """A row a study."""
     base = next(iter(found.values()))
     for name, dataset in found.items():
         row = {"name": name}

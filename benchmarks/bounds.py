@@ -68,7 +68,6 @@ def bounds(
 
 
 def summed(family: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Sum up the bounds of a family."""
     gaps = np.array([run["gap"] for run in runs])
     return {
         "family": family, "median": np.median(gaps), "mean": gaps.mean(),

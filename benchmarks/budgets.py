@@ -1,9 +1,8 @@
-"""How well planning calls keep a budget of wall-clock time, on a quiet machine and beside a busy process.
+"""How well planning calls keep a budget of wall-clock time, on a quiet machine and beside busy processes.
 
-``python -m benchmarks.budgets [-n 40] [--quick] [--out FILE.json]`` plans paths, also anew on the way, and
-routes with budgets, after calls that compile what is needed, and prints how far the calls went beyond them:
-first as the machine is, then beside as many processes that do nothing but count as there are cores. What is
-planned within a budget is compared with what the same call finds without one.
+`python -m benchmarks.budgets [-n 40] [--quick]` plans paths, re-plans and routes with budgets, after calls
+that compile what is needed: how far they went beyond, and what they cost compared with the same call without
+a budget.
 """
 
 import subprocess

@@ -58,7 +58,6 @@ def harmonic_tide(path: Path) -> Path:
 
 
 def seas(folder: Path) -> dict[str, dict[str, Any]]:
-    """Sections of a scenario for each sea."""
     tide = harmonic_tide(folder / "tide.nc")
     fjord, ocean = DATA / "norfjords160_roms_native_24h.nc", DATA / "rtofs_water_u_v_washington_64x3h.nc"
     found = {
@@ -98,7 +97,6 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def scenario(name: str, sections: dict[str, Any], departures: int) -> Scenario:
-    """The scenario of a sea, planned with so many departures."""
     return Scenario.model_validate(COMMON | sections | {"name": name, "planning": {"departures": departures}})
 
 
@@ -115,7 +113,6 @@ def arrivals(run: MissionRun) -> list[float]:
 
 
 def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> list[str]:
-    """Cells of the table for one sea."""
     runs = {}
     for departures in (1, 24):
         seeds = range(first, first + missions)

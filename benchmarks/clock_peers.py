@@ -1,11 +1,8 @@
 """Routes by the clock against peers and a referee: ``python -m benchmarks.clock_peers``.
 
-Peers: single-vehicle prize-collecting problems with one time window a customer, drawn in the manner of
-Solomon's (R, C and RC, windows of a tenth to a half of the horizon), 100 and 200 customers. PyVRP gets the
-same whole seconds, prizes that count before the way, and a time limit; the gap is 1 - priority / PyVRP's.
-
-Referee: routes of 24 waypoints in a tide whose arrival functions are tables of 24 departures, with windows;
-every leg is walked again in plain Python from the table alone.
+Peers: single-vehicle prize-collecting problems with a time window a customer, drawn in the manner of
+Solomon's. PyVRP gets the same whole seconds and prizes that count before the way. Referee: routes in a tide
+with windows, of which every leg is walked again in plain Python from the table of arrivals alone.
 """
 
 import argparse
@@ -30,25 +27,17 @@ def customers(seed: int, count: int, kind: str) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(seed)
     scattered = rng.integers(0, 1001, (count, 2)).astype(float)
     centres = rng.integers(100, 901, (10, 2))
-    clustered = np.clip(
-        centres[rng.integers(0, 10, count)] + rng.normal(0.0, 40.0, (count, 2)).round(), 0, 1000
-    )
+    clustered = centres[rng.integers(0, 10, count)] + rng.normal(0.0, 40.0, (count, 2)).round()
+    clustered = np.clip(clustered, 0, 1000)
     mixed = {"R": np.zeros(count, bool), "C": np.ones(count, bool), "RC": rng.random(count) < 0.5}[kind]
     places = np.vstack([[500.0, 500.0], np.where(mixed[:, None], clustered, scattered)])
-    horizon = 4000
+    horizon = 4000.0
     prizes, service = rng.integers(1, 10, count), rng.integers(10, 91, count)
     widths = (rng.uniform(0.1, 0.5, count) * horizon).round()
     middles = rng.uniform(0.1, 0.9, count) * horizon
     ready = np.maximum(middles - widths / 2, 0).round()
     due = np.minimum(ready + widths, horizon - 100)
-    first = [0]
-    return (
-        places,
-        np.concatenate([first, prizes]),
-        np.concatenate([first, service]),
-        np.concatenate([first, ready]),
-        np.concatenate([[horizon], due]),
-    )
+    return places, np.r_[0, prizes], np.r_[0, service], np.r_[0.0, ready], np.r_[horizon, due]
 
 
 def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
@@ -70,7 +59,6 @@ def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
 
 
 def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
-    """Total prize of PyVRP's best route."""
     from pyvrp import Model
     from pyvrp.stop import MaxRuntime
 
@@ -94,7 +82,6 @@ def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
 
 
 def compare(sizes: list[int], cases: int, seconds: float, first: int) -> None:
-    """Print a row for each size and kind."""
     head = markdown(("customers", "kind", "cases", "ours", "PyVRP", "mean gap", "worst gap"), [])
     print(*head, sep="\n")
     gaps = []
@@ -157,7 +144,6 @@ def walked(graph: MissionGraph, nodes: list[int]) -> list[float]:
 
 
 def referee(cases: int, first: int) -> None:
-    """Print how many routes take as long as planned."""
     right = 0
     for seed in range(first, first + cases):
         graph, available = tidal(seed)

@@ -1,11 +1,9 @@
 """Commands that are killed at random moments, and commands whose disk is full: what do they leave behind?
 
-``python -m benchmarks.crashes [--kills 30] [--disks 12] [--out FILE.json]`` runs the commands mission,
-montecarlo, export and report on a small sea. Each is killed by SIGKILL so often, at moments drawn from all of
-its run; its folder then holds a whole result, one that ``--resume`` completes, or none. Each is also run on
-small file systems of random sizes (a tmpfs where one can be mounted, else a limit on the size of files): it
-has to end with status 2 and one line, and leave no broken file. Any other outcome is listed, and ends this
-with status 1.
+`python -m benchmarks.crashes [--kills 30] [--disks 12]` kills mission, montecarlo, export and report on a
+small sea; the folder then has to hold a whole result, one that `--resume` completes, or none. On small file
+systems (a tmpfs, else a limit on the size of files) each has to end with status 2 and one line. Other
+outcomes end this with status 1.
 """
 
 import json
@@ -72,13 +70,11 @@ def _names(folder: Path) -> set[str]:
 
 
 def _whole(name: str, out: Path, before: set[str]) -> bool:
-    """Whether a command's result is there."""
     needed = {"mission": {SUMMARY, MISSION}, "montecarlo": {SUMMARY, DATASET}}.get(name)
     return bool(_names(out) - before) if needed is None else needed <= _names(out)
 
 
 def _prepare(name: str, result: Path, out: Path) -> set[str]:
-    """A folder as the command finds it; names of the files in it."""
     shutil.rmtree(out, ignore_errors=True)
     if name == "report":
         shutil.copytree(result, out)
@@ -86,7 +82,6 @@ def _prepare(name: str, result: Path, out: Path) -> set[str]:
 
 
 def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) -> list[str]:
-    """Outcomes of a command that is killed so many times."""
     chance, out, found = random.Random(name), folder / f"{name}-out", []
     words = command(name, scenario, result, out)
     _prepare(name, result, out)

@@ -184,7 +184,6 @@ class _Leg:
     def posed(
         self, current: Current, obstacles: ap.Obstacles | None = None, seabed: ap.Seabed | None = None
     ) -> PathProblem:
-        """Return the problem in this current."""
         side = ROOM * self.length
         corners = (0.0, 0.0, 0.0), (side, side, self.depth)
         env = ap.Environment(current, None, obstacles, *corners, seabed)
@@ -209,7 +208,6 @@ def depth_problem(family: str, seed: int) -> PathProblem:
 
 
 def have_levels() -> bool:
-    """Whether the shared files of currents with levels are there."""
     return all((SHARED / source.path).exists() for source in _SOURCES)
 
 
@@ -459,7 +457,6 @@ def _log_uniform(rng: Rng, low: float, high: float) -> float:
 
 
 def _single(current: T) -> T:
-    """Put all leaves into arrays of JAX's default precision."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), current)
 
 

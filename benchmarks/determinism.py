@@ -50,7 +50,6 @@ def _call(command: list[str], cores: int | None = None, **environment: str) -> N
 
 
 def killed_and_resumed(command: list[str], folder: Path) -> None:
-    """Kill a study when its first mission is on disk, and resume it."""
     process = subprocess.Popen([*command, "--out", str(folder)], stderr=subprocess.DEVNULL)
     while process.poll() is None and not any((folder / PIECES).glob("[0-9]*.npz")):
         time.sleep(0.05)

@@ -1,11 +1,9 @@
 """Plans among closed areas, islands and jobs in one place, against exhaustive search over paths round them.
 
-    python -m benchmarks.detours --cases 30 --first 7000
-
-Each case is a folder of files as an operator writes them: seven jobs and up to two more in the places of
-others, one to four closed areas, up to two islands and a tide off Hobart, Tasmania. The optimum is worked out
-beside the package: shortest paths over the corners of the areas, widened by the clearance (shapely), timed
-along the tide in steps, and every sequence of jobs by dynamic programming over sets.
+`python -m benchmarks.detours --cases 30 --first 7000`. Each case is a folder of files as an operator writes
+them, in a tide off Hobart, Tasmania. The optimum is worked out beside the package: shortest paths over the
+corners of the areas, widened by the clearance (shapely), timed along the tide in steps, and every sequence
+of jobs by dynamic programming.
 """
 
 import argparse
@@ -369,7 +367,6 @@ class Row:
 
 
 def planned(case: Case, seed: int | None, folder: Path) -> Row:
-    """Plan a case as `auvplan plan` does and compare."""
     path = written(case, folder)
     scenario = ap.load_scenario(str(path))
     area = load_area_at(scenario, [0.0], folder)

@@ -55,7 +55,6 @@ def table(
 
 
 def regular_table(lon: np.ndarray, lat: np.ndarray, **more: Any) -> Table:
-    """`table` on a regular grid."""
     y, x = np.meshgrid(lat, lon, indexing="ij")
     return table(x.ravel(), y.ravel(), rows=np.arange(x.size).reshape(x.shape), **more)
 
@@ -95,7 +94,6 @@ def regular_file(
     form: str = "NETCDF4",
     more: dict | None = None,
 ) -> Made:
-    """A regular grid of longitude and latitude."""
     lon = LON + STEP * np.arange(9) if lon is None else lon
     lat = LAT + STEP * np.arange(7) if lat is None else lat
     known = regular_table(lon, lat, about=middle, depths=DEPTHS if levels else np.zeros(1))
@@ -476,7 +474,6 @@ def pop(folder: Path) -> Made:
 
 
 def zarr_store(folder: Path) -> Made:
-    """The regular grid as a Zarr folder."""
     paths, options, known = regular_file(folder, "for_zarr")
     with xr.open_dataset(paths[0], engine="netcdf4", decode_times=False) as data:
         data.load().drop_encoding().to_zarr(folder / "grid.zarr", consolidated=False)

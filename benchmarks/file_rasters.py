@@ -38,7 +38,6 @@ class Box:
 
     @property
     def corners(self) -> dict[str, tuple[float, float]]:
-        """As the readers take it."""
         north, east = self.half
         return {"lower": (-north, -east), "upper": (north, east)}
 
@@ -156,7 +155,6 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
 
 
 def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
-    """Depth, m, as auvplan reads it."""
     return read_bathymetry(path, box.site, **box.corners, pixel_size=box.pixel, **options).depth
 
 
@@ -184,7 +182,6 @@ def picture(path: Path, crs: int | None = None) -> np.ndarray:
 
 
 def classes(path: Path, box: Box) -> np.ndarray:
-    """Passability as auvplan reads it."""
     chart = chart_from_raster(path, box.site, **box.corners, pixel_size=box.pixel, classes=CLASSES)
     return np.asarray(chart.passability)
 
@@ -260,7 +257,6 @@ def _geopackage(folder: Path) -> Path:
 
 
 def _world_file(folder: Path) -> Path:
-    """The real picture as PNG, with the world file that it lacks."""
     path = Path(shutil.copy(SHARED / "maps/whitsunday_hook_passage.png", folder))
     path.with_suffix(".pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
     return path

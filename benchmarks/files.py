@@ -253,7 +253,6 @@ def largest(found: Any, expected: Any) -> float:
 
 
 def compared(case: Currents, folder: Path) -> list[str]:
-    """The row of a current file."""
     paths, options = case.prepare(folder)
     about = [case.name, case.model, case.origin]
     try:
@@ -269,7 +268,6 @@ def compared(case: Currents, folder: Path) -> list[str]:
 
 
 def raster(case: Rasters, folder: Path) -> list[str]:
-    """The row of a sea bed or a chart."""
     path, about = case.prepare(folder), [case.name, case.kind, case.origin]
     try:
         found = np.asarray(case.read(path), float)
@@ -284,7 +282,6 @@ def raster(case: Rasters, folder: Path) -> list[str]:
 
 
 def shown(value: float | None) -> str:
-    """A difference in a table."""
     return "-" if value is None else "0" if value == 0.0 else f"{value:.0e}"
 
 
@@ -301,7 +298,6 @@ def mutated_table(counts: dict[str, Any]) -> list[str]:
 
 
 def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any]) -> str:
-    """The whole page."""
     about, every = machine(), [*rows, *pixels]
     head = HEAD.format(
         files=len(every), real=sum(row[2] != "made" for row in every), count=COUNT, same=f"{SAME:g}",

@@ -277,7 +277,6 @@ def _status(name: str, reset: bool = False) -> int:
 
 
 def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, keep: Path) -> None:
-    """Keep the files of a failure."""
     folder = keep / f"{cases.name.replace(', ', '-').replace(' ', '-')}-{cases.seed}-{number}"
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(place, folder)

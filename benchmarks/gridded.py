@@ -69,7 +69,6 @@ def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
 
 
 def rows(presets: list[str], rounds: int) -> list[dict[str, Any]]:
-    """All currents with each of the presets."""
     known, found = currents(), []
     for preset in presets:
         calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}

@@ -1,12 +1,9 @@
 """Most total priority under time windows, proved by labels of dynamic programming (Righini and Salani 2009).
 
 A label is a waypoint, the set of waypoints visited and the earliest time at which the task there begins.
-What can still be gained from a waypoint on is bounded by routes that may repeat waypoints, though not turn
-straight back, each visit charged with a Lagrange multiplier of the rule that none is repeated. Labels whose
-bound does not beat the best route known are dropped; where none is left that route is the best.
-
-Times are whole seconds, and no leg with its task takes less than `GRID` seconds, but for those from the
-start.
+What can still be gained is bounded by routes that may repeat waypoints, though not turn straight back, each
+visit charged with a Lagrange multiplier. Times are whole seconds, and no leg with its task takes less than
+`GRID` of them, but for those from the start.
 """
 
 from dataclasses import dataclass

@@ -50,7 +50,6 @@ class Solver:
 
 
 def preset(case: Case, seed: int, config: ap.MissionConfig) -> Any:
-    """Waypoints that `plan_mission` finds."""
     asked = case.graph, case.start, case.goal, case.time_available
     route = plan_mission(*asked, speed=case.speed, key=jax.random.key(seed), config=config)
     return route.nodes if route.feasible else []

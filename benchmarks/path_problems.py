@@ -70,7 +70,6 @@ class PathProblem:
 
     @property
     def distance(self) -> float:
-        """Start to goal, m."""
         return float(np.linalg.norm(np.subtract(self.goal, self.start)))
 
     def plan(self, key: jax.Array, config: ap.PathConfig) -> ap.PathPlan:
@@ -165,7 +164,6 @@ def random_problems(count: int = 24, seed: int = 0) -> list[PathProblem]:
 
 
 def have_charts() -> bool:
-    """Whether the maps of the shared data are there."""
     return all((MAPS / f"whitsunday_{site}_class.tif").exists() for site in SITES)
 
 

@@ -85,7 +85,6 @@ def _disturbed(
 
 
 def warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPlan:
-    """Plan from the kept population."""
     problem = situation.problem
     config = ap.PathConfig(**problem.changes).replace(**changes)
     now = situation.position, situation.now, situation.env, problem.vehicle

@@ -108,7 +108,6 @@ class Spheres:
         return (np.abs(self.velocity).sum(axis=1) > 0.0) | ((self.growth > 0.0) & (self.growth_max > 0.0))
 
     def chosen(self, which: NDArray[np.bool_]) -> "Spheres":
-        """Return some of them."""
         return Spheres(*(field[which] for field in vars(self).values()))
 
     def clearance(self, x: Array, y: Array, z: ArrayLike, t: ArrayLike) -> Array:
@@ -137,7 +136,6 @@ class Raster(NamedTuple):
 
     @classmethod
     def of(cls, placed: Any, values: ArrayLike) -> "Raster":
-        """Return values that lie as a chart or a sea bed does."""
         return cls(np.asarray(values, float), np.asarray(placed.origin, float), float(placed.pixel_size))
 
     def at(self, x: Array, y: Array) -> Array:
@@ -172,7 +170,6 @@ class World:
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":
-        """Return the world of a problem, with the margins of the planner's settings."""
         env, config = problem.environment, PathConfig(**problem.changes)
         coast = bed = Raster(np.full((2, 2), _FAR), np.zeros(2), 1.0)
         if env.chart is not None:

@@ -46,8 +46,6 @@ ARRAYS = "first basis first_step step ends vortex obstacle chart"
 
 
 class Packed(ctypes.Structure):
-    """`Problem` of score.c."""
-
     _fields_ = (
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
         *((name, ctypes.c_float) for name in REALS.split()),

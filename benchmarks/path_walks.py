@@ -92,7 +92,6 @@ def _walk(
 
 
 def said(found: Walked) -> str:
-    """One line."""
     return (
         f"{found.paths:,} of {found.drawn:,} random paths called clear, {found.metres / 1000.0:,.0f} km "
         f"walked: {found.collisions} collisions, nearest {found.nearest:.3f} m to a collision boundary"

@@ -88,7 +88,6 @@ def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def figure(of: Callable[..., Any], values: Sequence[float]) -> float | None:
-    """Return a figure of some values; None of none."""
     return float(of(values)) if values else None
 
 
@@ -111,7 +110,6 @@ def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
 
 
 def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int) -> list[Run]:
-    """Plan problems with every preset, family by family."""
     references, runs = stored_times(), []
     sorted_ = sorted(problems, key=lambda problem: problem.family)
     for problem in track(sorted_, "plans"):

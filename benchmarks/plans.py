@@ -175,7 +175,6 @@ def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
 
 
 def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
-    """All contenders with all seeds."""
     # The peers search the space of the paper's planner; the default's splines have more control points.
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
     known, found = contenders(leg), []

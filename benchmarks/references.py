@@ -183,7 +183,6 @@ def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tupl
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
-    """Return all stored entries by name; none where there is no file."""
     return json.loads(path.read_text()) if path.exists() else {}
 
 

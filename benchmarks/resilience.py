@@ -91,7 +91,6 @@ def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
 
 
 def same(one: xr.Dataset, other: xr.Dataset) -> str:
-    """Words for whether two datasets agree."""
     return "identical" if without_clocks(one).identical(without_clocks(other)) else "DIFFERENT"
 
 
@@ -181,7 +180,6 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
 
 
 def print_outputs(kills: int, folder: Path) -> None:
-    """Print the table of `outputs_killed` for all commands."""
     scenario = folder / "example" / "scenario.yaml"
     subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
     rows = [

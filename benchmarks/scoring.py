@@ -182,11 +182,6 @@ def contenders(problem: Problem) -> dict[str, tuple[Contender, float]]:
 
 
 def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
-    """All contenders at all sizes.
-
-    Raises:
-        RuntimeError: two contenders disagree on the costs.
-    """
     leg, result = problem(), []
     known = contenders(leg)
     for count in COUNTS:

@@ -1,9 +1,8 @@
 """Orienteering with time windows on Solomon's customers: ``python -m benchmarks.solomon``.
 
-One vehicle leaves the depot, serves customers within their windows, and is back before the depot closes; it
-collects as much profit (their demand) as it can. Distances are rounded down to one decimal, and count as
-times, as in the literature. What is planned is walked again in whole tenths, and held against the published
-optimum and against a proof by `plan_mission(..., method="exact")` within a limit of time.
+One vehicle collects as much profit as it can within windows. Distances are rounded down to one decimal, and
+count as times, as in the literature. What is planned is walked again in whole tenths, and held against the
+published optimum and against a proof by `plan_mission(..., method="exact")`.
 """
 
 import json

@@ -1,9 +1,8 @@
 """How long a person waits for a command: the first time, with an empty cache, and later.
 
-``python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100] [--out FILE.json]`` times whole
-processes, from the call to their end, each with a cache that begins empty, and plans in currents that are
-given as functions. *Beyond its own work* is what a command takes longer than the same call made a second time
-in one process: start, imports, loading of programs, the end. Nothing else should run meanwhile.
+`python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100]` times whole processes, and plans in
+currents that are given as functions. *Beyond its own work* is what a command takes longer than the same call
+made a second time in one process. Nothing else should run meanwhile.
 """
 
 import os
@@ -75,12 +74,8 @@ def other_counts(folder: Path) -> Path:
     """The shipped scenario with other numbers of vortices, obstacles, waypoints and links."""
     import auvplan as ap
 
-    changes = {
-        "current.vortices": 9,
-        "simulation.obstacles": {"static": 1, "afloat": 3},
-        "mission.waypoints": 23,
-        "mission.neighbours": 5,
-    }
+    changes = {"current.vortices": 9, "simulation.obstacles": {"static": 1, "afloat": 3}}
+    changes |= {"mission.waypoints": 23, "mission.neighbours": 5}
     scenario = ap.load_scenario("whitsunday").with_(changes)
     file = folder / "other.yaml"
     file.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
@@ -144,12 +139,7 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 
 def main() -> None:
     parser = arguments("How long a person waits for a command.")
-    parser.add_argument(
-        "--runs",
-        type=int,
-        default=3,
-        help="later runs of each, of which the median counts; 0 for no commands",
-    )
+    parser.add_argument("--runs", type=int, default=3, help="later runs of each command; 0 for no commands")
     parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
     parser.add_argument("--functions", type=int, default=100, help="currents as functions; 0 for none")
     options = parser.parse_args()

@@ -51,7 +51,6 @@ class Watch(threading.Thread):
         self.most, self.over = 0, threading.Event()
 
     def run(self) -> None:
-        """Look until it is over."""
         while not self.over.wait(PERIOD):
             self.most = max(self.most, memory(os.getpid()))
 

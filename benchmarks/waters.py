@@ -48,7 +48,6 @@ Cases = Sequence[tuple[PathProblem, Reference | None]]
 
 
 def posed(family: str, seed: int) -> PathProblem:
-    """Make a problem of any family."""
     return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
 
 

@@ -201,7 +201,6 @@ PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
 def plan(case: Case, config: MissionConfig, key: int) -> MissionRoute:
-    """Plan from the first waypoint to the last one."""
     asked = case.graph, 0, case.graph.size - 1, case.time_available
     return plan_mission(*asked, speed=SPEED, key=jax.random.key(key), config=config)
 
@@ -249,7 +248,6 @@ def compare(count: int, first: int, limit: float) -> tuple[list[dict], list[dict
 
 
 def proof_rows(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """How each exact search fared."""
     rows = []
     for family in FAMILIES:
         members = [each for each in found if each["family"] == family]
