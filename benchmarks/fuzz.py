@@ -230,7 +230,7 @@ def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire)
     return found
 
 
-def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection) -> None:
+def work(cases: Cases, place: Path, keep: Path, pipe: Connection) -> None:
     """Make and read cases, and report each before and after; runs in a process of its own."""
     os.environ["AUVPLAN_CACHE"] = "off"
     warnings.simplefilter("ignore")
@@ -243,9 +243,9 @@ def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection
             cases.reader.read(place / seed.name / seed.main)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries in C complain of files
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    for number in numbers:
+    for number in iter(pipe.recv, None):
         path, said = cases.make(number, place)
-        pipe.send((number, said))
+        pipe.send(said)
         _status("VmHWM", reset=True)
         before = _status("VmRSS")
         resource.setrlimit(resource.RLIMIT_DATA, (_status("VmData") + BYTES, hard))
@@ -261,8 +261,7 @@ def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection
             found = f"memory: {grown / 2**30:.1f} GiB"
         if found not in GOOD:
             keep_case(cases, number, said, found, place, keep)
-        pipe.send((number, said, found, grown / 2**20))
-    pipe.send(None)
+        pipe.send((found, grown / 2**20))
 
 
 def _status(name: str, reset: bool = False) -> int:

@@ -1,4 +1,4 @@
-"""What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib: ``python -m benchmarks.install_size``."""
+"""What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib, with sizes on disk."""
 
 from importlib.metadata import PackageNotFoundError, distribution
 

@@ -15,7 +15,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -374,7 +374,7 @@ def outcome(work: Callable[[], str]) -> str:
         return f"raised {type(error).__name__}: {str(error)[:200]}"
 
 
-def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> None:
+def copies_of(case: Currents | Rasters, pipe: Any) -> None:
     """Make copies and report what became of each; runs in a process of its own."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
@@ -389,7 +389,7 @@ def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> No
         else:
             whole, options = [case.prepare(kept)], {}
             original = np.asarray(case.expect(whole[0]), float)
-        for number in numbers:
+        for number in iter(pipe.recv, None):
             shutil.rmtree(folder, ignore_errors=True)
             shutil.copytree(kept, folder)
             paths = [folder / path.name for path in whole]
@@ -400,12 +400,11 @@ def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> No
                 change = netcdf(path, variables, rng)
             else:
                 change = {".geojson": text, ".tif": tiff}[path.suffix](path, rng)
-            pipe.send((number, change[0]))
+            pipe.send(change[0])
             work = partial(raster, case, paths[0], change, original)
             if isinstance(case, Currents):
                 work = partial(current, case, paths, options, change, original)
-            pipe.send((number, change[0], outcome(work)))
-    pipe.send(None)
+            pipe.send((outcome(work),))
 
 
 #: As `Currents.variables` of sea beds.

@@ -1,4 +1,4 @@
-"""How well travel times of edges foretell the paths that are planned for them: ``python -m benchmarks.travel_times``.
+"""How well travel times of edges foretell planned paths, by effort: ``python -m benchmarks.travel_times``.
 
 Missions of the shipped Whitsunday scenario: for d / |v| of Eq. 13 and each level of effort, the error |T -
 t_ij| / t_ij against the path planned at the leg's start and against the time executed, both without the
