@@ -349,13 +349,9 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Row:
-    """How a plan fared.
+    """How a plan fared; priority and time [s] beside the most, and the least for that, that can be had.
 
-    Attributes:
-        seed: of the case; None for the one off Hobart.
-        priority, best: of the plan and the most that can be had.
-        time, least: s, of the plan and the least that the optimum needs.
-        faults: what `auvplan check` finds and figures that do not agree.
+    Faults are what `auvplan check` finds, and figures that do not agree.
     """
 
     seed: int | None

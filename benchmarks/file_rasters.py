@@ -89,15 +89,19 @@ def bilinear(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndar
     )
 
 
-def tiff_depth(path: Path, box: Box) -> np.ndarray:
-    """Depth, m, of heights in a GeoTIFF, by rasterio."""
+def _tiff(path: Path, box: Box) -> tuple[np.ma.MaskedArray, np.ndarray, np.ndarray]:
+    """First band of a GeoTIFF in its unit, by rasterio, and rows and columns of the box's pixels there."""
     with rasterio.open(path) as source:
-        values = source.read(1, masked=True).astype(float).filled(np.nan)
-        values = values * source.scales[0] + source.offsets[0]
-        values[np.abs(values) > 12_000.0] = np.nan
         x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
         column, row = ~source.transform * (np.asarray(x), np.asarray(y))
-    return -bilinear(values, row - 0.5, column - 0.5)
+        return source.read(1, masked=True).astype(float) * source.scales[0] + source.offsets[0], row, column
+
+
+def tiff_depth(path: Path, box: Box) -> np.ndarray:
+    """Depth, m, of heights in a GeoTIFF."""
+    values, row, column = _tiff(path, box)
+    values = values.filled(np.nan)
+    return -bilinear(np.where(np.abs(values) > 12_000.0, np.nan, values), row - 0.5, column - 0.5)
 
 
 def _height(raw: Raw, name: str, dims: Sequence[str] | None) -> np.ndarray:
@@ -159,15 +163,10 @@ def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
 
 
 def tiff_classes(path: Path, box: Box) -> np.ndarray:
-    """Passability of the nearest pixel of a raster of classes, by rasterio."""
-    with rasterio.open(path) as source:
-        values = source.read(1)
-        x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
-        column, row = ~source.transform * (np.asarray(x), np.asarray(y))
-    i, j = (
-        np.clip(np.floor(at).astype(int), 0, n - 1) for at, n in zip((row, column), values.shape, strict=True)
-    )
-    return np.vectorize(CLASSES.get)(values[i, j])
+    """Passability of the nearest pixel of a raster of classes."""
+    values, *at = _tiff(path, box)
+    i, j = (np.clip(np.floor(a).astype(int), 0, n - 1) for a, n in zip(at, values.shape, strict=True))
+    return np.vectorize(CLASSES.get)(values.data[i, j])
 
 
 def pixels(path: Path) -> np.ndarray:

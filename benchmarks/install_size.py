@@ -1,5 +1,6 @@
 """What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib, with sizes on disk."""
 
+import argparse
 from importlib.metadata import PackageNotFoundError, distribution
 
 from packaging.markers import default_environment
@@ -47,6 +48,7 @@ def table(title: str, names: set[str]) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
     known = set().union(*(needed_by(name) for name in KNOWN))
     print(f"{', '.join(KNOWN)} and what they need: {sum(map(size, known)):.0f} MB")
     lean = needed_by("auvplan") - {"auvplan"}

@@ -174,16 +174,8 @@ def _labels(windows: Windows, ways: _Ways, multipliers: Array, known: float) -> 
             fits = (seen[part, None] & bits[1:]) == 0
             most = max(most, np.where(fits & (begins < late), worth, -np.inf)[:, -1].max())
             row, column = np.nonzero(fits[:, :-1] & (bound[:, :-1] >= most + 1.0 - TOLERANCE))
-            rows.append(
-                (
-                    column + 1,
-                    seen[part][row] | bits[1:][column],
-                    begins[row, column],
-                    worth[row, column],
-                    left[row, column],
-                    bound[row, column],
-                )
-            )
+            kept = seen[part][row] | bits[1:][column], begins[row, column], worth[row, column]
+            rows.append((column + 1, *kept, left[row, column], bound[row, column]))
         here, seen, time, gained, spare, bound = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         # Of those that end at one waypoint and have visited the same the earliest goes on.
         kept = np.lexsort((time, seen, here))

@@ -12,16 +12,13 @@ from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.machine import compiler
-
-if TYPE_CHECKING:
-    from benchmarks.scoring import Problem
 
 Array = np.ndarray[Any, Any]
 Scores = tuple[Array, Array]
@@ -73,12 +70,15 @@ def library() -> ctypes.CDLL | None:
     return None
 
 
-def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
-    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in C; None without a compiler."""
+def in_c(values: dict[str, Any]) -> Callable[[Array], Scores] | None:
+    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in C; None without a compiler.
+
+    Args:
+        values: of the problem, as `scoring.Problem.numbers` has them.
+    """
     compiled = library()
     if compiled is None:
         return None
-    values = problem.numbers()
     packed = Packed()
     for name in (*INTEGERS.split(), *REALS.split()):
         setattr(packed, name, values[name])
@@ -88,19 +88,18 @@ def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
     packed.weights[:] = values["weights"].tolist()
 
     def call(paths: Array, keep: dict[str, Any] = values) -> Scores:
-        cost, violation = np.empty(len(paths), np.float32), np.empty(len(paths), np.float32)
-        if compiled.score(
-            ctypes.byref(packed), paths.ctypes.data, len(paths), cost.ctypes.data, violation.ctypes.data
-        ):
+        cost, violation = np.empty((2, len(paths)), np.float32)
+        given = ctypes.byref(packed), paths.ctypes.data, len(paths), cost.ctypes.data, violation.ctypes.data
+        if compiled.score(*given):
             raise MemoryError("score.c: out of memory")
         return cost, violation
 
     return call
 
 
-def in_numba(problem: "Problem") -> Callable[[Array], Scores]:
-    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in Numba."""
-    kernel, values = numba_kernel(), problem.numbers()
+def in_numba(values: dict[str, Any]) -> Callable[[Array], Scores]:
+    """The same in Numba."""
+    kernel = numba_kernel()
     single = {name: np.float32(v) if isinstance(v, float) else v for name, v in values.items()}
     packed = namedtuple("Numbers", single)(**single)
     return lambda paths: kernel(paths, packed)

@@ -60,7 +60,7 @@ def mealpy_bbo(problem: Problem, population: int, iterations: int) -> Search:
     """`OriginalBBO` as mealpy runs it: one path at a time, here with the cost compiled by Numba."""
     from mealpy import BBO, FloatVar
 
-    score = twins.in_numba(problem)
+    score = twins.in_numba(problem.numbers())
     paths = problem.paths(100)
     costs = np.asarray(problem.cost(paths)[0])
     if np.median(np.abs(score(np.asarray(paths))[0] / costs - 1.0)) > 1e-4:

@@ -28,7 +28,7 @@ import auvplan as ap
 from auvplan.runtime.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
-from benchmarks.machine import AUVPLAN, screen, show
+from benchmarks.machine import AUVPLAN, clock, screen, show
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
@@ -179,45 +179,32 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
     return counts
 
 
-def print_outputs(kills: int, folder: Path) -> None:
-    scenario = folder / "example" / "scenario.yaml"
-    subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
-    rows = [
-        {"command": name, "killed": f"{kills} times {kind}"} | counts
-        for name in OUTPUTS
-        for kind, counts in outputs_killed(name, kills, scenario, folder).items()
-    ]
-    columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
-    show("results of an earlier run, after a kill of a new one", rows, columns, names=2)
-
-
-def print_studies(count: int, kills: int, folder: Path) -> None:
-    """Print whether studies that were broken off have the data of one that was not."""
-    begin = time.perf_counter()
-    unbroken = run_study(Design(ap.load_scenario("whitsunday"), count), folder / "unbroken")
-    seconds = time.perf_counter() - begin
-    on_disk, studies = killed_and_resumed(count, kills, seconds, folder / "killed")
-    said = ", ".join(sorted({same(unbroken, load_study(study)) for study in studies}))
-    screen.print(
-        f"{len(studies)} studies killed {len(on_disk)} times, missions on disk then {on_disk}: {said}"
-    )
-    said = same(unbroken, on_a_cluster(count, folder / "dask"))
-    screen.print(f"Dask, one of two workers killed: {said}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description="Runs that are broken off.")
     parser.add_argument("-n", type=int, default=30, help="missions of a study")
     parser.add_argument("--kills", type=int, default=10)
-    parser.add_argument(
-        "--outputs", action="store_true", help="kill runs that replace earlier results instead"
-    )
+    parser.add_argument("--outputs", action="store_true", help="kill runs that replace earlier results")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
         if options.outputs:
-            print_outputs(options.kills, Path(name))
-        else:
-            print_studies(options.n, options.kills, Path(name))
+            scenario = folder / "example" / "scenario.yaml"
+            subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
+            rows = []
+            for command in OUTPUTS:
+                for kind, counts in outputs_killed(command, options.kills, scenario, folder).items():
+                    rows.append({"command": command, "killed": f"{options.kills} times {kind}"} | counts)
+            columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
+            show("results of an earlier run, after a kill of a new one", rows, columns, names=2)
+            return
+        design = Design(ap.load_scenario("whitsunday"), options.n)
+        seconds, unbroken = clock(lambda: run_study(design, folder / "unbroken"))
+        on_disk, studies = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
+        said = ", ".join(sorted({same(unbroken, load_study(study)) for study in studies}))
+        deaths = f"{len(studies)} studies killed {len(on_disk)} times"
+        screen.print(f"{deaths}, missions on disk then {on_disk}: {said}")
+        said = same(unbroken, on_a_cluster(options.n, folder / "dask"))
+        screen.print(f"Dask, one of two workers killed: {said}")
 
 
 if __name__ == "__main__":

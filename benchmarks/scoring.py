@@ -170,13 +170,13 @@ def contenders(problem: Problem) -> dict[str, tuple[Contender, float]]:
         "JAX": (lambda device, _: value(device), 0.0),
         "JAX, cost and gradient": (lambda device, _: gradient(device)[0][1:], 0.0),
     }
-    seconds, in_c = clock(partial(twins.in_c, problem))
+    seconds, in_c = clock(lambda: twins.in_c(problem.numbers()))
     if in_c is None:
         screen.print("C: left out, no C compiler that works was found")
     else:
         found["C, 1 thread"] = (lambda _, host: in_c(host), seconds)
     if available("Numba", ["numba"]):
-        with_numba = twins.in_numba(problem)
+        with_numba = twins.in_numba(problem.numbers())
         found["Numba, 1 thread"] = (lambda _, host: with_numba(host), 0.0)
     return found
 

@@ -8,7 +8,7 @@ obstacles.
 """
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,8 +18,6 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
@@ -32,6 +30,7 @@ from benchmarks.path_problems import (
     PathProblem,
     drawn_obstacles,
     drawn_vortices,
+    quickest,
     unlimited_vehicle,
 )
 
@@ -368,7 +367,7 @@ class _Grid:
 
     clear: Array
     pixel: float
-    seconds: tuple[Array, ...]
+    seconds: Mapping[tuple[int, int], Array]
 
     @classmethod
     def of(
@@ -377,7 +376,7 @@ class _Grid:
         """Time all moves in a steady current that may be multiplied by each of some factors."""
         u, v = _at_pixels(current, pixel)
         speed, surge, sway = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
-        seconds = []
+        seconds = {}
         for a, b in _MOVES:
             steps = float(np.hypot(a, b))
             along, across = (u * a + v * b) / steps, (v * a - u * b) / steps
@@ -388,8 +387,8 @@ class _Grid:
                 forbidden |= np.abs(factor * across) > _RESERVE * min(speed, sway)
                 forbidden |= (ground < _PROGRESS * speed) | (ground > _RESERVE * surge)
             # The last factor is the strongest: what is timed is the current as `current` has it.
-            seconds.append(np.where(forbidden, np.inf, steps * pixel / np.maximum(ground, 1e-3 * speed)))
-        return cls(coast, pixel, tuple(seconds))
+            seconds[a, b] = np.where(forbidden, np.inf, steps * pixel / np.maximum(ground, 1e-3 * speed))
+        return cls(coast, pixel, seconds)
 
     def without(self, centres: Array, reach: Array) -> "_Grid":
         """Return the grid without discs of centres [M, 2] m and radii [M] m, the margin added."""
@@ -403,34 +402,8 @@ class _Grid:
     def route(self, start: tuple[int, int], goal: tuple[int, int]) -> tuple[Array, Array] | None:
         """Return positions [n, 2] m and times [n] s of the quickest way; None without any."""
         # Both ends of a move are so clear that what lies between them is.
-        free = self.clear > 0.8 * self.pixel
-        labels, _ = ndimage.label(free, np.ones((3, 3)))
-        if not free[start] or labels[start] != labels[goal]:
-            return None
-        free &= labels == labels[start]
-        index = np.full(free.shape, -1)
-        index[free] = np.arange(free.sum())
-        tails, heads, times = [], [], []
-        for (a, b), seconds in zip(_MOVES, self.seconds, strict=True):
-            ends, between = _shifted(free, a, b), free
-            for part in ((a - np.sign(a), b), (a, b - np.sign(b)), (np.sign(a), np.sign(b))):
-                if max(abs(a), abs(b)) == 2:
-                    between = between & _shifted(free, *(int(p) for p in part))
-            joined = ends & between & np.isfinite(seconds) & np.isfinite(_shifted(seconds, a, b, np.inf))
-            tails.append(index[joined])
-            heads.append(_shifted(index, a, b, -1)[joined])
-            times.append(0.5 * (seconds + _shifted(seconds, a, b, np.inf))[joined])
-        count = int(free.sum())
-        ends = np.concatenate(tails), np.concatenate(heads)
-        edges = coo_array((np.concatenate(times), ends), (count, count))
-        found, before = dijkstra(edges.tocsr(), indices=index[start], return_predecessors=True)
-        if not np.isfinite(found[index[goal]]):
-            return None
-        chain = [int(index[goal])]
-        while before[chain[-1]] >= 0:
-            chain.append(int(before[chain[-1]]))
-        nodes = np.array(chain[::-1])
-        return (np.argwhere(free)[nodes] + 0.5) * self.pixel, found[nodes]
+        found = quickest(self.clear > 0.8 * self.pixel, self.seconds, start, goal)
+        return None if found is None else ((found[0] + 0.5) * self.pixel, found[1])
 
     def has_way_past(
         self, movers: ap.Obstacles, start: tuple[int, int], goal: tuple[int, int], tries: int = 6
@@ -459,12 +432,3 @@ class _Grid:
             when = [int(np.argmin(away[:, k])) for k in whom]
             grid = grid.without(met[when, whom], reach[when, whom] + slack[when, whom])
         return False
-
-
-def _shifted(plane: Any, a: int, b: int, fill: Any = False) -> Any:
-    """Return the plane's value (a, b) pixels on; `fill` beyond its edge."""
-    found = np.full_like(plane, fill)
-    here = np.s_[max(0, -a) : PIXELS - max(0, a), max(0, -b) : PIXELS - max(0, b)]
-    there = np.s_[max(0, a) : PIXELS - max(0, -a), max(0, b) : PIXELS - max(0, -b)]
-    found[here] = plane[there]
-    return found

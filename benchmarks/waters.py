@@ -15,21 +15,12 @@ import jax
 import numpy as np
 
 from auvplan.runtime.compiled import drop_programs
+from benchmarks import references
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.machine import arguments, machine, screen, seed_range, show, track, write
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, literature
 from benchmarks.path_ruler import World, evaluate
 from benchmarks.paths import Run, beside, figure, plan_one, show_gaps, summed
-from benchmarks.references import (
-    STORED,
-    STORED_DEEP,
-    Reference,
-    depth_reference,
-    load,
-    store,
-    stored_reference,
-    water_reference,
-)
 from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
 
 #: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
@@ -44,14 +35,14 @@ SCALED_FAMILIES = "open", "coast", "sounds"
 #: Families whose problems have a way.
 WITH_WAY = *FAMILIES, *DEPTH_FAMILIES
 
-Cases = Sequence[tuple[PathProblem, Reference | None]]
+Cases = Sequence[tuple[PathProblem, references.Reference | None]]
 
 
 def posed(family: str, seed: int) -> PathProblem:
     return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
 
 
-def references(families: Sequence[str], seeds: Iterable[int], most: int | None = None) -> Cases:
+def referenced(families: Sequence[str], seeds: Iterable[int], most: int | None = None) -> Cases:
     """Return problems, seed by seed, and their references, computed and stored where that was not done.
 
     Problems without a way have none. The first `most` are returned.
@@ -61,11 +52,11 @@ def references(families: Sequence[str], seeds: Iterable[int], most: int | None =
         problem, reference = posed(family, seed), None
         if family in WITH_WAY:
             deep = family in DEPTH_FAMILIES
-            path = STORED_DEEP if deep else STORED
-            reference = stored_reference(problem, load(path))
+            path = references.STORED_DEEP if deep else references.STORED
+            reference = references.stored_reference(problem, references.load(path))
             if reference is None:
-                reference = (depth_reference if deep else water_reference)(problem)
-                store(problem, reference, path)
+                reference = (references.depth_reference if deep else references.water_reference)(problem)
+                references.store(problem, reference, path)
         found.append((problem, reference))
     return found
 
@@ -147,7 +138,7 @@ def gaps(options: argparse.Namespace) -> dict[str, Any] | None:
         screen.print("file: left out, the shared currents with levels were not found")
         families = [name for name in families if name != "file"]
     open_, shut = ([name for name in families if (name in WITH_WAY) is way] for way in (True, False))
-    cases = references(open_, options.seeds, options.most)
+    cases = referenced(open_, options.seeds, options.most)
     known = [reference for _, reference in cases if reference is not None]
     unknown, spent = sum(one.travel_time is None for one in known), sum(one.seconds for one in known)
     screen.print(f"{len(cases)} references, {unknown} without a path, {spent:.0f} s to compute")
@@ -165,7 +156,7 @@ def gaps(options: argparse.Namespace) -> dict[str, Any] | None:
         errors = {"error, mean": "{error:.3%}", "error, worst": "{worst_error:.2%}"}
         show_gaps("Random waters: gap to the reference", found, **errors)
         screen.print(f"references that a feasible plan was quicker than, and replaced: {len(replaced)}")
-    closed, _ = plan_all(references(shut, options.seeds), options.preset)
+    closed, _ = plan_all(referenced(shut, options.seeds), options.preset)
     for preset in options.preset if closed else ():
         statuses = [run["status"] for run in closed if run["preset"] == preset and not run["claimed"]]
         plans = f"{len(statuses)} of {len(closed) // len(options.preset)} plans reported infeasible"
