@@ -47,27 +47,16 @@ _OFF = 0.05
 #: Of the made tide: period, s; speed at most above and below, m/s; depths, m, of the soft edge between them.
 _PERIOD, _ABOVE, _BELOW, _EDGE = 44_714.0, 0.9, -0.6, (10.0, 16.0)
 
-#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle, settings.
-_MODELS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], dict[str, Any]]] = {
+#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle; speed, m/s,
+#: time available, s, and clearance of waypoints, m.
+_MODELS = {
     "fjord (norfjords160, ROMS)": (
-        "currents/norfjords160_roms_native_24h.nc",
-        (700.0, 800.0, 60.0),
-        (5.677, 59.0329),
-        {
-            "vehicle": {"speed": 1.0, "sway_max": 1.0},
-            "mission": {"waypoints": 14, "time_available": 3600, "waypoint_clearance": 60},
-        },
+        "currents/norfjords160_roms_native_24h.nc", (700.0, 800.0, 60.0), (5.677, 59.0329), 1.0, 3600, 60
     ),
     "shelf (nordic, ROMS)": (
-        "elsewhere/nordic_roms_native_day1.nc",
-        (20e3, 20e3, 200.0),
-        (14.022, 67.353),
-        {
-            "vehicle": {"speed": 1.5, "sway_max": 1.5},
-            "mission": {"waypoints": 14, "time_available": 60_000, "waypoint_clearance": 300},
-        },
+        "elsewhere/nordic_roms_native_day1.nc", (20e3, 20e3, 200.0), (14.022, 67.353), 1.5, 60_000, 300
     ),
-}
+}  # fmt: skip
 
 
 def two_layers(folder: Path) -> Path:
@@ -93,7 +82,7 @@ def two_layers(folder: Path) -> Path:
 
 def of_model(folder: Path, name: str) -> Path:
     """Write a scenario in the current, bed and land of a file; return its path."""
-    file, (north, east, depth), (longitude, latitude), more = _MODELS[name]
+    file, (north, east, depth), (longitude, latitude), speed, available, clearance = _MODELS[name]
     settings = {
         "name": name,
         "site": {"longitude": longitude, "latitude": latitude},
@@ -101,10 +90,12 @@ def of_model(folder: Path, name: str) -> Path:
         "chart": {"source": "current"},
         "bathymetry": {"source": "current"},
         "current": {"source": "file", "files": str(SHARED / file), "outside": "clamp"},
+        "vehicle": {"speed": speed, "sway_max": speed},
+        "mission": {"waypoints": 14, "time_available": available, "waypoint_clearance": clearance},
     }
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "scenario.yaml"
-    path.write_text(yaml.safe_dump(settings | more))
+    path.write_text(yaml.safe_dump(settings))
     return path
 
 

@@ -386,7 +386,7 @@ class _Source:
 
 _SOURCES = (
     _Source(
-        "currents/norfjords160_roms_native_24h.nc", (5.677, 59.0329), (1000, 1100), 60.0, (800, 1800), 0.4
+        "currents/norfjords160_roms_native_24h.nc", (5.677, 59.0329), (1e3, 1100), 60.0, (800, 1800), 0.4
     ),
     _Source("elsewhere/nordic_roms_native_day1.nc", (14.022, 67.353), (25e3, 25e3), 250.0, (5e3, 45e3), 0.4),
     _Source("currents/norkyst_v3_800m_5h.nc", (5.9926, 55.950), (3e3, 4e3), 7.0, (2e3, 7e3), 0.1),

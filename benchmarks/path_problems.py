@@ -288,10 +288,8 @@ def _worth_planning(
         return False
     x, y = _lattice(low, size, 100)
     nodes = [np.unravel_index(np.argmin((x - a) ** 2 + (y - b) ** 2), x.shape) for a, b in ends]
-    lengths = {
-        (a, b): np.full(x.shape, np.hypot(a, b) * size / 99)
-        for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b
-    }  # fmt: skip
+    moves = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+    lengths = {(a, b): np.full(x.shape, np.hypot(a, b) * size / 99) for a, b in moves}
     found = quickest(clearance(x, y) > CLEAR_WAY, lengths, *nodes)
     return found is not None and found[1][-1] <= LONGEST * np.linalg.norm(ends[1] - ends[0])
 

@@ -175,25 +175,18 @@ def prove(case: Case, route: Any, time_limit: float, workers: int) -> Proof:
     solver.parameters.linearization_level = 2
     status = solver.status_name(solver.solve(model))
     found = status in ("OPTIMAL", "FEASIBLE")
-    return Proof(
-        solver.objective_value if found else 0.0,
-        float(np.floor(solver.best_objective_bound + 1e-6)),
-        status in ("OPTIMAL", "INFEASIBLE"),
-        solver.wall_time,
-    )
+    best, bound = solver.objective_value if found else 0.0, np.floor(solver.best_objective_bound + 1e-6)
+    return Proof(best, float(bound), status in ("OPTIMAL", "INFEASIBLE"), solver.wall_time)
 
 
 def exact(case: Case, route: Any) -> Proof:
     """Most total priority by labels; `route` is a known one."""
     table, known = case.graph.timetable, float(case.graph.priority[0, route[1:]].sum())
     assert table is not None
-    lasts = case.graph.duration[0][:, None] + table.travel_time[0]
-    windows = Windows.of(
-        lasts, table.opens[0], table.closes[0], case.graph.priority[0], int(case.time_available)
-    )
-    begin = time.perf_counter()
-    priority, bound = most_priority(windows, known)
-    return Proof(float(priority), float(bound), bool(priority == bound), time.perf_counter() - begin)
+    lasts, end = case.graph.duration[0][:, None] + table.travel_time[0], int(case.time_available)
+    windows = Windows.of(lasts, table.opens[0], table.closes[0], case.graph.priority[0], end)
+    seconds, _, (priority, bound) = clock(lambda: most_priority(windows, known))
+    return Proof(float(priority), float(bound), bool(priority == bound), seconds)
 
 
 #: The configurations that are compared.
@@ -305,9 +298,7 @@ def timings(repeats: int) -> list[dict[str, Any]]:
 
 def main() -> None:
     parser = arguments("Routes by the clock against proven optima.")
-    parser.add_argument(
-        "--graphs", type=int, default=CASES, help="how many of the thirty; 0 for the timings alone"
-    )
+    parser.add_argument("--graphs", type=int, default=CASES, help="how many; 0 for the timings alone")
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first graph")
     parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
@@ -315,8 +306,7 @@ def main() -> None:
     asked = options.graphs, options.first, options.limit
     rows, found = compare(*asked) if options.graphs else ([], [])
     timed = timings(options.repeats) if options.repeats else []
-    facts = machine()
-    load = os.getloadavg()[0]
+    facts, load = machine(), os.getloadavg()[0]
     screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
     titled = (
         ("Routes by the clock: gap to the best", rows, GAPS, 2),
