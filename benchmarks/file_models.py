@@ -56,11 +56,6 @@ def table(
     return Table(np.ravel(lon), np.ravel(lat), depth, *parts, START + 3600.0 * np.asarray(hours), **more)
 
 
-def regular_table(lon: np.ndarray, lat: np.ndarray, **more: Any) -> Table:
-    y, x = np.meshgrid(lat, lon, indexing="ij")
-    return table(x.ravel(), y.ravel(), rows=np.arange(x.size).reshape(x.shape), **more)
-
-
 def save(path: Path, variables: dict[str, tuple], form: Any = "NETCDF4", **attributes: Any) -> Path:
     """Write variables (dimensions, values, attributes) as they are; `_FillValue` among the attributes."""
     with netCDF4.Dataset(str(path), "w", format=form) as file:
@@ -86,7 +81,9 @@ def regular_file(
     levels: tuple[Any, dict] | None = (DEPTHS, DOWN), middle: float = LON, packed: float | None = None,
     factor: float = 1.0, form: str = "NETCDF4", more: dict | None = None,
 ) -> Made:  # fmt: skip
-    known = regular_table(lon, lat, about=middle, depths=DEPTHS if levels else np.zeros(1))
+    places = np.meshgrid(lon, lat)
+    rows = np.arange(places[0].size).reshape(places[0].shape)
+    known = table(*map(np.ravel, places), DEPTHS if levels else np.zeros(1), about=middle, rows=rows)
     shape = (len(HOURS), *((3,) if levels else ()), len(lat), len(lon))
     u, v, x, y, z, t = names
     dims = (t, *((z,) if levels else ()), y, x)

@@ -74,6 +74,11 @@ class Rasters:
     expect: Callable[[Path], np.ndarray]
     exact: float = 1e-3
 
+    def equal(self, found: np.ndarray, expected: np.ndarray) -> float:
+        """Share of the pixels that are the same."""
+        missing = np.isnan(found) & np.isnan(expected)
+        return float(((np.abs(found - expected) <= self.exact) | missing).mean())
+
 
 def _copied(name: str) -> Callable[[Path], Path]:
     return lambda folder: Path(shutil.copy(SHARED / name, folder))

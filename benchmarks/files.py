@@ -245,11 +245,14 @@ def bearing(site: Site, longitude: float, latitude: float) -> float:
 
 
 def largest(found: Any, expected: Any) -> float:
-    """Largest difference of either component; infinite where one reading has a current and the other none."""
-    pairs = [np.asarray(part, float) for part in found[:2]], [np.asarray(part, float) for part in expected]
-    if any((np.isnan(a) != np.isnan(b)).any() for a, b in zip(*pairs, strict=True)):
-        return np.inf
-    return float(max(np.nanmax(np.abs(a - b), initial=0.0) for a, b in zip(*pairs, strict=True)))
+    """Largest difference of either component; infinite where one reading has a value and the other none."""
+    far = 0.0
+    for one, other in zip(found, expected, strict=False):
+        one, other = np.asarray(one, float), np.asarray(other, float)
+        if (np.isnan(one) != np.isnan(other)).any():
+            return np.inf
+        far = max(far, float(np.nanmax(np.abs(one - other), initial=0.0)))
+    return far
 
 
 def compared(case: Currents, folder: Path) -> list[str]:
@@ -274,11 +277,8 @@ def raster(case: Rasters, folder: Path) -> list[str]:
     except AuvplanError as error:
         return [*about, "refused", "", str(error).replace(f"{folder}/", "")]
     expected = np.asarray(case.expect(path), float)
-    gap, missing = np.abs(found - expected), np.isnan(found) & np.isnan(expected)
-    odd = (np.isnan(found) != np.isnan(expected)).any()
-    far = shown(np.inf if odd else float(np.nanmax(gap, initial=0.0)))
-    equal = float(((gap <= case.exact) | missing).mean())
-    return [*about, f"{equal:.2%}", far + " m" * (case.kind == "sea bed"), ""]
+    far = shown(largest([found], [expected])) + " m" * (case.kind == "sea bed")
+    return [*about, f"{case.equal(found, expected):.2%}", far, ""]
 
 
 def shown(value: float | None) -> str:

@@ -29,6 +29,7 @@ from benchmarks.apart import run_apart, within
 from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
+from benchmarks.files import largest, places
 from benchmarks.fuzz_changes import damage
 
 COPIES, POINTS = 500, 40
@@ -276,18 +277,9 @@ def thin(path: Path, variables: tuple[str, ...]) -> None:
 _BEARING = ("zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid")
 
 
-def difference(found: np.ndarray, expected: np.ndarray | None) -> float:
-    """Largest difference; infinite where only one of the two has a value, or there is nothing expected."""
-    if expected is None or found.shape != expected.shape:
-        return np.inf
-    odd = np.isnan(found) != np.isnan(expected)
-    return np.inf if odd.any() else float(np.nanmax(np.abs(found - expected), initial=0.0))
-
-
 def sampled(table: Table) -> tuple[np.ndarray, ...]:
     """Longitudes, latitudes, depths and moments [M] of points, levels and times that have a current."""
-    wet = np.argwhere(np.isfinite(table.east) & np.isfinite(table.depth))
-    t, k, p = wet[np.random.default_rng(1).choice(len(wet), min(POINTS, len(wet)), replace=False)].T
+    t, k, p = places(table, np.random.default_rng(1), POINTS).T
     depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
     return table.longitude[p], table.latitude[p], depth, table.times[t]
 
@@ -325,12 +317,12 @@ def current(
         if wanted is not None and np.isnan(wanted).any():
             known = np.isfinite(wanted).all(axis=0)
             found, wanted = found[:, known], wanted[:, known]
-        off, plain = difference(found, wanted), np.inf
+        off, plain = np.inf if wanted is None else largest(found, wanted), np.inf
         if off <= SAME:
             return "right"
         if expect == "either" or wanted is None:
             sample = sampled(original)
-            plain = difference(np.stack(ocean.at(*sample)[:2]), expected(original, sample))
+            plain = largest(ocean.at(*sample), expected(original, sample))
             if plain <= SAME:
                 return "right: as the original"
         if min(off, plain) <= NEAR and any(_MEANS in note for note in ocean.notes):
@@ -350,8 +342,7 @@ def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> s
     def far(expected: np.ndarray | None) -> float:
         if expected is None or expected.shape != found.shape:
             return np.inf
-        equal = (np.abs(found - expected) <= case.exact) | (np.isnan(found) & np.isnan(expected))
-        return float(1.0 - equal.mean())
+        return 1.0 - case.equal(found, expected)
 
     off, plain = far(wanted), far(original)
     if off <= SAME:
