@@ -3,7 +3,7 @@
 `python -m benchmarks.links`: twenty missions by MAVSDK's autopilot side and twenty by a peer of imcpy's
 messages, each behind a proxy that loses, doubles and delays packets. Counted are verdicts, uploads that are
 what was planned, item by item, and tasks by the vehicles' own books. `--link ADDRESS -n 5`: missions on a
-running vehicle, one after another; `--current` tells them the current that the vehicle's simulator has, m/s
+running vehicle, one after another; `--current` gives them the current that the vehicle's simulator has, m/s
 north and east.
 """
 
