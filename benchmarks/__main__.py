@@ -1,22 +1,14 @@
-"""All benchmarks of the path layer: ``python -m benchmarks [--out FILE.json] [--quick]``.
-
-Prints a table each of scoring, whole plans, plans against global references and re-plans on the way, walks
-paths that are called clear, and writes one JSON file with the machine and the versions. Compile and run times
-stand apart in every row.
-"""
+"""All benchmarks of the path layer: ``python -m benchmarks [--out FILE.json] [--quick]``."""
 
 from dataclasses import asdict
 from typing import Any
 
-from rich.console import Console
-from rich.progress import Progress
-
 from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
-from benchmarks.machine import arguments, bars, console, table, write
+from benchmarks.machine import arguments, screen, show, write
 from benchmarks.path_problems import PathProblem, path_problems
 
 
-def against_references(screen: Console, progress: Progress, quick: bool) -> list[dict[str, Any]]:
+def against_references(quick: bool) -> list[dict[str, Any]]:
     """Rows of `benchmarks.paths` by family, and of the default's parts on the random problems.
 
     Quick: two problems of each family with one seed, and the default alone.
@@ -30,30 +22,28 @@ def against_references(screen: Console, progress: Progress, quick: bool) -> list
     asked += [] if quick else [("the default without some of its parts", random, list(paths.VARIANTS), 1)]
     found = []
     for title, problems, presets, seeds in asked:
-        rows = paths.rows(paths.plan_all(problems, presets, seeds, progress), "family")
-        screen.print(paths.shown(f"Paths: {title}", rows))
+        rows = paths.rows(paths.plan_all(problems, presets, seeds), "family")
+        paths.show_gaps(f"Paths: {title}", rows, **paths.COMPILING)
         found += rows
     return found
 
 
 def main() -> None:
-    """Print the tables and write the file."""
     parser = arguments("All path benchmarks.", prog="python -m benchmarks")
     parser.add_argument("--quick", action="store_true", help="few rounds and seeds")
     options = parser.parse_args()
-    screen, quick = console(), options.quick
-    with bars(screen) as progress:
-        scored = scoring.rows(screen, progress, 5 if quick else scoring.ROUNDS)
-        screen.print(table(scoring.TITLE, scored, scoring.COLUMNS, names=2))
-        planned = plans.rows(screen, progress, 2 if quick else plans.SEEDS)
-        screen.print(table(plans.TITLE, planned, plans.COLUMNS))
-        compared = against_references(screen, progress, quick)
-        replans = path_replans.rows(4 if quick else path_replans.SITUATIONS, progress)
-        screen.print(table(path_replans.TITLE, replans, path_replans.COLUMNS))
-        arrivals = path_arrivals.rows()
-        screen.print(table(path_arrivals.TITLE, arrivals, path_arrivals.COLUMNS, names=2))
-        walked = path_walks.watched(200 if quick else path_walks.COUNT, progress)
-        screen.print(path_walks.said(walked))
+    quick = options.quick
+    scored = scoring.rows(5 if quick else scoring.ROUNDS)
+    show(scoring.TITLE, scored, scoring.COLUMNS, names=2)
+    planned = plans.rows(2 if quick else plans.SEEDS)
+    show(plans.TITLE, planned, plans.COLUMNS)
+    compared = against_references(quick)
+    replans = path_replans.rows(4 if quick else path_replans.SITUATIONS)
+    show(path_replans.TITLE, replans, path_replans.COLUMNS)
+    arrivals = path_arrivals.rows()
+    show(path_arrivals.TITLE, arrivals, path_arrivals.COLUMNS, names=2)
+    walked = path_walks.walks(200 if quick else path_walks.COUNT)
+    screen.print(path_walks.said(walked))
     parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans, "arrivals": arrivals}
     write(options.out, {"quick": quick, **parts, "walks": asdict(walked)})
 

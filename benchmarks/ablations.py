@@ -1,12 +1,8 @@
 """What each part of the planner is worth to whole missions: paired studies of the Whitsunday scenario.
 
-``python -m benchmarks.ablations --out DIR [-n 100]`` simulates the same missions with the default settings,
-then with one of them changed, and prints the differences mission by mission with their 95 % intervals.
-Studies on disk are not run again.
-
-``--sheared`` simulates missions in three seas whose currents differ with depth, with ways in depth and with
-ways that are sought in the plan view alone: a made tide that turns in two layers, and two ROMS models of
-../shared, in a fjord and over a shelf.
+`python -m benchmarks.ablations --out DIR [-n 100]` simulates the same missions with the default settings,
+then with one of them changed. `--sheared` simulates missions in three seas whose currents differ with depth,
+with ways in depth and with ways that are sought in the plan view alone. Studies on disk are not run again.
 """
 
 import argparse
@@ -19,7 +15,6 @@ from unittest.mock import patch
 import numpy as np
 import xarray as xr
 import yaml
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import auvplan as ap
 from auvplan.io.example import write_example
@@ -27,7 +22,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import SHARED, console, table
+from benchmarks.machine import SHARED, screen, show
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -52,27 +47,16 @@ _OFF = 0.05
 #: Of the made tide: period, s; speed at most above and below, m/s; depths, m, of the soft edge between them.
 _PERIOD, _ABOVE, _BELOW, _EDGE = 44_714.0, 0.9, -0.6, (10.0, 16.0)
 
-#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle, settings.
-_MODELS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], dict[str, Any]]] = {
+#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle; speed, m/s,
+#: time available, s, and clearance of waypoints, m.
+_MODELS = {
     "fjord (norfjords160, ROMS)": (
-        "currents/norfjords160_roms_native_24h.nc",
-        (700.0, 800.0, 60.0),
-        (5.677, 59.0329),
-        {
-            "vehicle": {"speed": 1.0, "sway_max": 1.0},
-            "mission": {"waypoints": 14, "time_available": 3600, "waypoint_clearance": 60},
-        },
+        "currents/norfjords160_roms_native_24h.nc", (700.0, 800.0, 60.0), (5.677, 59.0329), 1.0, 3600, 60
     ),
     "shelf (nordic, ROMS)": (
-        "elsewhere/nordic_roms_native_day1.nc",
-        (20e3, 20e3, 200.0),
-        (14.022, 67.353),
-        {
-            "vehicle": {"speed": 1.5, "sway_max": 1.5},
-            "mission": {"waypoints": 14, "time_available": 60_000, "waypoint_clearance": 300},
-        },
+        "elsewhere/nordic_roms_native_day1.nc", (20e3, 20e3, 200.0), (14.022, 67.353), 1.5, 60_000, 300
     ),
-}
+}  # fmt: skip
 
 
 def two_layers(folder: Path) -> Path:
@@ -98,7 +82,7 @@ def two_layers(folder: Path) -> Path:
 
 def of_model(folder: Path, name: str) -> Path:
     """Write a scenario in the current, bed and land of a file; return its path."""
-    file, (north, east, depth), (longitude, latitude), more = _MODELS[name]
+    file, (north, east, depth), (longitude, latitude), speed, available, clearance = _MODELS[name]
     settings = {
         "name": name,
         "site": {"longitude": longitude, "latitude": latitude},
@@ -106,10 +90,12 @@ def of_model(folder: Path, name: str) -> Path:
         "chart": {"source": "current"},
         "bathymetry": {"source": "current"},
         "current": {"source": "file", "files": str(SHARED / file), "outside": "clamp"},
+        "vehicle": {"speed": speed, "sway_max": speed},
+        "mission": {"waypoints": 14, "time_available": available, "waypoint_clearance": clearance},
     }
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "scenario.yaml"
-    path.write_text(yaml.safe_dump(settings | more))
+    path.write_text(yaml.safe_dump(settings))
     return path
 
 
@@ -135,25 +121,16 @@ def study(folder: Path, design: Design, workers: int | None = None) -> xr.Datase
     """Run one study, or continue or load it."""
     if (folder / DATASET).is_file():
         return load_study(folder)
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), transient=True) as bar:
-        task = bar.add_task(folder.name, total=1.0)
-        return run_study(
-            design,
-            folder,
-            workers=workers,
-            resume=(folder / "study.json").is_file(),
-            progress=lambda _, __, share: bar.update(task, completed=share),
-        )
+    screen.print(f"{folder.name} ...")
+    return run_study(design, folder, workers=workers, resume=(folder / "study.json").is_file())
 
 
 def difference(dataset: xr.Dataset, base: xr.Dataset, of: Callable[[xr.Dataset], Any]) -> str:
-    """Mean difference, mission by mission, and half of its 95 % interval."""
     mean, low, _ = mean_interval(np.asarray(of(dataset), float) - np.asarray(of(base), float))
     return f"{mean:+.2f} ± {mean - low:.2f}"
 
 
 def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
-    """A row a study."""
     base = next(iter(found.values()))
     for name, dataset in found.items():
         row = {"name": name}
@@ -172,7 +149,6 @@ def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
 
 
 def main() -> None:
-    """Run the studies that are missing and print the table."""
     parser = argparse.ArgumentParser(description="Ablations of whole missions.")
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")
@@ -186,7 +162,7 @@ def main() -> None:
             "planning, s": "{seconds:.2f}",
         }  # fmt: skip
         for sea, found in sheared(options.out / "sheared", options.n):
-            console().print(table(f"{sea}: {title}", found, columns))
+            show(f"{sea}: {title}", found, columns)
         return
     studies = {}
     for name, changes in STUDIES.items():
@@ -199,7 +175,7 @@ def main() -> None:
         "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
         "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
     }  # fmt: skip
-    console().print(table(title, rows(studies), columns))
+    show(title, rows(studies), columns)
 
 
 if __name__ == "__main__":

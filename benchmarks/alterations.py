@@ -1,9 +1,8 @@
 """Altered copies of saved runs: does the checker find each, and nothing in the originals?
 
-``python -m benchmarks.alterations DIR [DIR ...] [-n 40] [--seed 0] [--out FILE.json]`` takes saved runs (of a
-study's ``--save-runs``, missions, plans), checks each, and draws alterations at random from `KINDS`, each of
-one figure by more than the checker's tolerance. It ends with status 1 where an original has a fault or an
-alteration is not found.
+`python -m benchmarks.alterations DIR [DIR ...] [-n 40] [--seed 0]` checks saved runs, and draws alterations
+at random from `KINDS`, each of one figure by more than the checker's tolerance. It ends with status 1 where
+an original has a fault or an alteration is not found.
 """
 
 import copy
@@ -19,57 +18,56 @@ import xarray as xr
 
 from auvplan.check.run import check_dataset
 from auvplan.runtime.files import read_mission, read_summary
-from benchmarks.machine import arguments, bars, console, table, write
+from benchmarks.machine import arguments, screen, show, track, write
 
 Rng = np.random.Generator
 Summary = dict[str, Any]
 Alter = Callable[[Summary, xr.Dataset, Rng], None]
 
 
-def _altered(name: str, change: float, at: Callable[[xr.Dataset, tuple[int, ...], Rng], Any]) -> Alter:
-    """A figure of the dataset at one place, either way."""
+def _values(name: str, change: Callable[[np.ndarray, xr.Dataset, Rng], None]) -> Alter:
+    """The values of a variable, changed in place."""
 
     def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
         values = np.array(dataset[name].values)
-        values[at(dataset, values.shape, rng)] += change * rng.choice([-1.0, 1.0])
+        change(values, dataset, rng)
         dataset[name] = dataset[name].copy(data=values)
 
     return alter
 
 
-def _inner(dataset: xr.Dataset, shape: tuple[int, ...], rng: Rng) -> int:
+def _one(name: str, change: float, at: Callable[[np.ndarray, xr.Dataset, Rng], Any]) -> Alter:
+    """A value at one place, either way."""
+
+    def alter(values: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
+        values[at(values, dataset, rng)] += change * rng.choice([-1.0, 1.0])
+
+    return _values(name, alter)
+
+
+def _inner(values: np.ndarray, dataset: xr.Dataset, rng: Rng) -> int:
     """An observation that begins a step of a moving vehicle and is neither first nor last of its leg."""
     leg, moving = dataset["leg_index"].values, np.hypot(*(dataset[name] for name in ("surge", "sway"))) > 0.1
     inner = (leg[1:-1] == leg[:-2]) & (leg[1:-1] == leg[2:]) & moving.values[1:-1] & moving.values[:-2]
     return int(rng.choice(np.flatnonzero(inner))) + 1
 
 
-_track = partial(_altered, at=_inner)
+_track = partial(_one, at=_inner)
 #: One leg's, route's or plan's figure, and the first of one's.
-_row = partial(_altered, at=lambda dataset, shape, rng: rng.integers(shape[0]))
-_first = partial(_altered, at=lambda dataset, shape, rng: (rng.integers(shape[0]), 0))
+_row = partial(_one, at=lambda values, dataset, rng: rng.integers(len(values)))
+_first = partial(_one, at=lambda values, dataset, rng: (rng.integers(len(values)), 0))
 
 
-def _flag(name: str) -> Alter:
-    """One leg's yes or no."""
-
-    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
-        values = np.array(dataset[name].values)
-        k = rng.integers(len(values))
-        values[k] = 1 - values[k]
-        dataset[name] = dataset[name].copy(data=values)
-
-    return alter
+def _flipped(values: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
+    k = rng.integers(len(values))
+    values[k] = 1 - values[k]
 
 
 def _figure(name: str, change: float) -> Alter:
-    """A figure of the summary."""
     return lambda summary, dataset, rng: summary.update({name: summary[name] + change})
 
 
 def _leg_figure(name: str, change: float) -> Alter:
-    """A figure of a leg in the summary."""
-
     def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
         rows = [row for row in summary["legs"] if row[name] is not None]
         rows[rng.integers(len(rows))][name] += change
@@ -77,33 +75,23 @@ def _leg_figure(name: str, change: float) -> Alter:
     return alter
 
 
-def _swapped(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+def _swapped(nodes: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
     """Two waypoints of the first route change places."""
-    nodes = np.array(dataset["route_nodes"].values)
     count = int((nodes[0] >= 0).sum())
     if count < 4:
         nodes[0, 0] = nodes[0, 1]
     else:
         k = rng.integers(1, count - 2)
         nodes[0, [k, k + 1]] = nodes[0, [k + 1, k]]
-    dataset["route_nodes"] = dataset["route_nodes"].copy(data=nodes)
 
 
-def _plan_position(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+def _moved(places: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
     """A planned place moves north."""
-    places = np.array(dataset["plan_position"].values)
     places[rng.integers(len(places)), 1, 0] += 10.0
-    dataset["plan_position"] = dataset["plan_position"].copy(data=places)
 
 
 def _attribute(name: str, change: float) -> Alter:
-    """A figure of the whole run."""
     return lambda summary, dataset, rng: dataset.attrs.update({name: dataset.attrs[name] + change})
-
-
-def _current(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
-    """The current along the whole track."""
-    dataset["current_north"] = dataset["current_north"] + 0.1
 
 
 def _kept(name: str, change: Callable[[Any, Rng], None]) -> Alter:
@@ -118,8 +106,6 @@ def _kept(name: str, change: Callable[[Any, Rng], None]) -> Alter:
 
 
 def _job_figure(name: str, change: float) -> Alter:
-    """A figure of a job at a place."""
-
     def alter(stated: dict[str, Any], rng: Rng) -> None:
         rng.choice(stated["points"])[name] += change
 
@@ -161,14 +147,14 @@ KINDS: dict[str, Alter] = {
     "a leg's task time by 10 s": _row("leg_t_task", 10.0),
     "a leg's waiting by 10 s": _row("leg_t_wait", 10.0),
     "a leg's priority by 1": _row("leg_priority", 1.0),
-    "a leg's arrival": _flag("leg_arrived"),
-    "a leg's revisit": _flag("leg_revisit"),
+    "a leg's arrival": _values("leg_arrived", _flipped),
+    "a leg's revisit": _values("leg_revisit", _flipped),
     "a route's time by 10 s": _row("route_time", 10.0),
     "a route's priority by 1": _row("route_priority", 1.0),
     "a route's first leg by 10 s": _first("route_leg_time", 10.0),
-    "two waypoints of a route": _swapped,
+    "two waypoints of a route": _values("route_nodes", _swapped),
     "a plan's first time by 10 s": _first("plan_time", 10.0),
-    "a plan's position by 10 m": _plan_position,
+    "a plan's position by 10 m": _values("plan_position", _moved),
     "the mission's time by 10 s": _attribute("t_mission", 10.0),
     "the charged planning time by 10 s": _attribute("charged_compute", 10.0),
     "the speed of the vehicle by 0.2 m/s": _attribute("vehicle_speed", 0.2),
@@ -176,7 +162,7 @@ KINDS: dict[str, Alter] = {
     "a job's duration by 10 s": _job_figure("duration", 10.0),
     "a job's window by 10 s": _kept("jobs", _job_window),
     "two jobs swapped": _kept("jobs", _jobs_swapped),
-    "the current by 0.1 m/s": _current,
+    "the current by 0.1 m/s": _values("current_north", lambda values, *_: np.add(values, 0.1, out=values)),
     "the digest of a file": _kept("sources", _digest),
     "summary: mission time by 10 s": _figure("t_mission", 10.0),
     "summary: time left by 10 s": _figure("t_residual", 10.0),
@@ -195,17 +181,13 @@ KINDS: dict[str, Alter] = {
 }
 
 
-def altered(
-    kind: str, summary: dict[str, Any], dataset: xr.Dataset, rng: Rng
-) -> tuple[dict[str, Any], xr.Dataset]:
-    """Return an altered copy of a saved run."""
+def altered(kind: str, summary: Summary, dataset: xr.Dataset, rng: Rng) -> tuple[Summary, xr.Dataset]:
     changed = copy.deepcopy(summary), dataset.copy(deep=True)
     KINDS[kind](*changed, rng)
     return changed
 
 
 def possible(kind: str, dataset: xr.Dataset) -> bool:
-    """Return whether a run has what is to be altered."""
     name = kind.split(" by ")[0]
     jobs = (json.loads(dataset.attrs.get("jobs", "null")) or {}).get("points", [])
     needs = {
@@ -222,26 +204,24 @@ def possible(kind: str, dataset: xr.Dataset) -> bool:
 
 
 def main() -> int:
-    """Check originals and altered copies."""
     parser = arguments(__doc__)
     parser.add_argument("runs", nargs="+", type=Path, metavar="DIR")
     parser.add_argument("-n", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng, rows, clean = np.random.default_rng(options.seed), [], 0
-    with bars(console()) as progress:
-        runs = []
-        for folder in progress.track(options.runs, description="originals"):
-            runs.append((folder, read_summary(folder), read_mission(folder)))
-            report = check_dataset(*runs[-1][1:])
-            clean += report.ok
-            if not report.ok:
-                console().print(f"{folder}: {report.faults[0]}")
-        for _ in progress.track(range(options.n), description="alterations"):
-            folder, summary, dataset = runs[rng.integers(len(runs))]
-            kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
-            report = check_dataset(*altered(kind, summary, dataset, rng))
-            rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
+    runs = []
+    for folder in track(options.runs, "originals"):
+        runs.append((folder, read_summary(folder), read_mission(folder)))
+        report = check_dataset(*runs[-1][1:])
+        clean += report.ok
+        if not report.ok:
+            screen.print(f"{folder}: {report.faults[0]}")
+    for _ in track(range(options.n), "alterations"):
+        folder, summary, dataset = runs[rng.integers(len(runs))]
+        kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
+        report = check_dataset(*altered(kind, summary, dataset, rng))
+        rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
     found = sum(bool(row["faults"]) for row in rows)
     kinds, shown = {}, []
     for kind in [kind for kind in KINDS if any(row["kind"] == kind for row in rows)]:
@@ -250,9 +230,9 @@ def main() -> int:
         row = {"kind": kind, "found": kinds[kind][0], "of": len(own)}
         shown.append(row | {"first": (max(own, key=len) or [""])[0]})
     columns = {"alteration": "{kind}", "first fault": "{first}", "found": "{found}", "of": "{of}"}
-    console().print(table("altered runs", shown, columns, names=2))
+    show("altered runs", shown, columns, names=2)
     said = f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
-    console().print(said)
+    screen.print(said)
     write(options.out, {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}})
     return int(clean < len(runs) or found < len(rows))
 

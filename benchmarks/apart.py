@@ -3,7 +3,8 @@
 import contextlib
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from multiprocessing.connection import Connection
 from typing import Any
 
 
@@ -27,58 +28,60 @@ def within(seconds: float) -> Iterator[None]:
 
 
 def run_apart(
-    work: Callable[..., None],
-    given: tuple[Any, ...],
-    numbers: Sequence[int],
-    method: str,
-    patience: float | None = None,
-    more: Callable[[], bool] = lambda: True,
-) -> Iterator[tuple[Any, ...]]:
+    work: Callable[..., None], given: tuple[Any, ...], numbers: Iterable[int], method: str,
+    patience: float | None = None, more: Callable[[], bool] = lambda: True,
+) -> Iterator[tuple[Any, ...]]:  # fmt: skip
     """Yield what becomes of each case.
 
     A process that dies may have tripped over what an earlier case left in its memory: its case is begun once
     more in a new one.
 
     Args:
-        work: ``work(*given, numbers, pipe)`` sends ``(number, change)`` before a case, the same and what
-            became of it afterwards, None at the end.
+        work: ``work(*given, pipe)`` receives numbers; for each it sends the change before the case, and a
+            tuple of what became of it afterwards.
         method: by which processes start.
         patience: s of wall-clock time after which a case's process is ended; None for ever.
-        more: whether to go on.
+        more: whether to begin another case.
 
     Yields:
-        What was sent after a case; ``(number, change, fault)`` where its process died twice.
+        ``(number, change, *became)``; ``(number, change, fault)`` where its process died twice.
     """
-    context, died = multiprocessing.get_context(method), None
-    while numbers and (died is not None or more()):
-        ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=work, args=(*given, numbers, theirs), daemon=True)
-        process.start()
-        theirs.close()
-        begun, fault = None, ""
-        while not fault and numbers and (begun is not None or died is not None or more()):
-            if not ours.poll(patience):
-                fault = f"no answer in {patience:.0f} s"
-                continue
+    context, process, pipe = multiprocessing.get_context(method), None, None
+
+    def answer(pipe: Connection) -> Any:
+        if not pipe.poll(patience):
+            raise TimeoutError(f"no answer in {patience:.0f} s")
+        return pipe.recv()
+
+    for number in numbers:
+        if not more():
+            break
+        for is_last in (False, True):
+            if process is None:
+                pipe, theirs = context.Pipe()
+                process = context.Process(target=work, args=(*given, theirs), daemon=True)
+                process.start()
+                theirs.close()
+            change = fault = ""
             try:
-                message = ours.recv()
-            except EOFError:
+                pipe.send(number)
+                change = answer(pipe)
+                became = answer(pipe)
+            except TimeoutError as error:
+                fault = str(error)
+            except (EOFError, ConnectionError):
                 process.join()
                 fault = f"the process died ({process.exitcode})"
-                continue
-            if message is None:
-                numbers = []
-            elif len(message) == 2:
-                begun = message
-            else:
-                begun, died, numbers = None, None, numbers[1:]
-                yield message
+            if not fault:
+                yield number, change, *became
+                break
+            process.kill()
+            process.join()
+            process = None
+            if not change:
+                raise RuntimeError(f"{fault} by itself")
+            if is_last:
+                yield number, change, fault
+    if process is not None:
         process.kill()
         process.join()
-        if fault and begun is None:
-            raise RuntimeError(f"{fault} by itself")
-        if fault and died is None:
-            died = begun[0]
-        elif fault:
-            died, numbers = None, numbers[1:]
-            yield *begun, fault

@@ -1,9 +1,7 @@
 """`auvplan.bbo` on the 24 noiseless BBOB functions beside other searches: ``python -m benchmarks.bbob``.
 
-The functions are evosax's, with random shifts and rotations by seed, but for the peaks of 21 and 22; the
-bounds are [-5, 5], every search has 1,000 evaluations a dimension in 64-bit numbers. The measure is
-log10(best cost - optimum), not below -8; its median over the seeds is taken for each function, and the
-median of those for each group of functions.
+The functions are evosax's, shifted and rotated by seed, but for the peaks of 21 and 22; every search has
+1,000 evaluations a dimension in 64-bit numbers. The measure is log10(best cost - optimum), not below -8.
 """
 
 import argparse
@@ -196,7 +194,6 @@ def table(results: dict[str, dict[int, np.ndarray]]) -> str:
 
 
 def main() -> None:
-    """Print the table as Markdown, with the machine."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bbob", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--dims", type=int, nargs="+", default=DIMENSIONS)

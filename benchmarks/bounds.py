@@ -1,9 +1,8 @@
 """Lower bounds of path times: how near they come, and whether any path of the ruler beats one.
 
-`python -m benchmarks.bounds --seeds 6000:6034` bounds the plans of a preset; with `--references` the stored
-references, which takes no planning. `--known 1.25` has the bounds worked out as if no path were known that is
-quicker than 1.25 times that: then a bound may come to lie above the quickest path that the ruler holds
-feasible, and every one that does counts as a violation.
+`python -m benchmarks.bounds --seeds 6000:6034` bounds the plans of a preset, with `--references` the stored
+references. `--known 1.25` has the bounds worked out as if no path were known that is quicker than 1.25 times
+that: a bound that then lies above the quickest path which the ruler holds feasible is a violation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.path.bound import lower_bound
 from benchmarks.depth_problems import DEPTH_FAMILIES, have_levels
-from benchmarks.machine import arguments, clock, console, machine, seed_range, table, write
+from benchmarks.machine import arguments, clock, machine, screen, seed_range, show, write
 from benchmarks.path_problems import PRESETS
 from benchmarks.path_ruler import evaluate
 from benchmarks.references import STORED, STORED_DEEP, load, stored_reference
@@ -69,7 +68,6 @@ def bounds(
 
 
 def summed(family: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Sum up the bounds of a family."""
     gaps = np.array([run["gap"] for run in runs])
     return {
         "family": family, "median": np.median(gaps), "mean": gaps.mean(),
@@ -81,7 +79,6 @@ def summed(family: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Bound, print the table and write the file."""
     parser = arguments(__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
     parser.add_argument("--families", nargs="+", choices=[*FAMILIES, *DEPTH_FAMILIES], default=list(FAMILIES))
@@ -90,10 +87,10 @@ def main() -> None:
     parser.add_argument("--known", type=float, default=1.0, help="times the path's time, taken to be known")
     parser.add_argument("--fineness", type=float, default=1.0, help="factor on the cells along each axis")
     options = parser.parse_args()
-    screen, runs = console(), []
     screen.print(f"processor: {machine()['processor']}")
     families = [name for name in options.families if name != "file" or have_levels()]
     preset = None if options.references else options.preset
+    runs = []
     for run in bounds(families, options.seeds, preset, options.known, options.fineness):
         runs.append(run)
         mark = " VIOLATED" if run["violated"] else ""
@@ -108,7 +105,7 @@ def main() -> None:
             "worst": "{worst:.2%}", "violations": "{violations}", "certified": "{certified:.0%}",
             "s a bound": "{seconds:.2f}", "problems": "{count}",
         }  # fmt: skip
-        screen.print(table("Travel time above its lower bound", found, columns))
+        show("Travel time above its lower bound", found, columns)
         write(options.out, {"runs": runs})
 
 

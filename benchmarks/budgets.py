@@ -1,9 +1,8 @@
-"""How well planning calls keep a budget of wall-clock time, on a quiet machine and beside a busy process.
+"""How well planning calls keep a budget of wall-clock time, on a quiet machine and beside busy processes.
 
-``python -m benchmarks.budgets [-n 40] [--quick] [--out FILE.json]`` plans paths, also anew on the way, and
-routes with budgets, after calls that compile what is needed, and prints how far the calls went beyond them:
-first as the machine is, then beside as many processes that do nothing but count as there are cores. What is
-planned within a budget is compared with what the same call finds without one.
+`python -m benchmarks.budgets [-n 40] [--quick]` plans paths, re-plans and routes with budgets, after calls
+that compile what is needed: how far they went beyond, and what they cost compared with the same call without
+a budget.
 """
 
 import subprocess
@@ -21,7 +20,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.mission import random_graph
 from auvplan.runtime import cores
-from benchmarks.machine import arguments, console, table, write
+from benchmarks.machine import arguments, show, write
 from benchmarks.path_problems import path_problems
 
 #: s.
@@ -108,7 +107,6 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("Planning calls within budgets of time.")
     parser.add_argument("-n", type=int, default=40, help="calls of each kind")
     parser.add_argument("--quick", action="store_true", help="two budgets alone")
@@ -128,7 +126,7 @@ def main() -> None:
         "beyond a tenth": "{beyond a tenth} of {calls}", "worse by": "{worse by:+.2%}",
     }  # fmt: skip
     title = "wall-clock time of planning calls against their budgets"
-    console().print(table(title, rows, columns, names=2))
+    show(title, rows, columns, names=2)
     write(options.out, {"budgets": rows})
 
 

@@ -1,10 +1,9 @@
 """Routes by the clock against routes by the sea as it is when they are planned, in three tidal seas.
 
-    python -m benchmarks.clock --missions 100 --out docs/clock_missions.md
-
-Missions of one seed differ in nothing but `planning.departures`: 1 prices every leg as if it were executed at
-once, 24 by the time at which it is begun. Forecasts are exact and nothing is in the way: what is late is so
-by the route alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
+`python -m benchmarks.clock --missions 100`. Missions of one seed differ in nothing but
+`planning.departures`: 1 prices every leg as if it were executed at once, 24 by the time at which it is
+begun. Forecasts are exact and nothing is in the way. Two seas are files of ../shared/data, the third is a
+harmonic tide (M2, S2, K1) made here.
 """
 
 import argparse
@@ -18,9 +17,8 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.records import MissionRun
-from auvplan.runtime.files import write_atomically
 from auvplan.scenario.scenario import Scenario
-from benchmarks.machine import SHARED, machine, markdown
+from benchmarks.machine import SHARED, machine, markdown, track
 
 DATA = SHARED / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
@@ -58,7 +56,6 @@ def harmonic_tide(path: Path) -> Path:
 
 
 def seas(folder: Path) -> dict[str, dict[str, Any]]:
-    """Sections of a scenario for each sea."""
     tide = harmonic_tide(folder / "tide.nc")
     fjord, ocean = DATA / "norfjords160_roms_native_24h.nc", DATA / "rtofs_water_u_v_washington_64x3h.nc"
     found = {
@@ -98,7 +95,6 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def scenario(name: str, sections: dict[str, Any], departures: int) -> Scenario:
-    """The scenario of a sea, planned with so many departures."""
     return Scenario.model_validate(COMMON | sections | {"name": name, "planning": {"departures": departures}})
 
 
@@ -115,7 +111,6 @@ def arrivals(run: MissionRun) -> list[float]:
 
 
 def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> list[str]:
-    """Cells of the table for one sea."""
     runs = {}
     for departures in (1, 24):
         seeds = range(first, first + missions)
@@ -125,41 +120,31 @@ def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> 
     cells = [name, f"{gain.mean():+.2f} ± {half:.2f}"]
     for each in runs.values():
         off = np.array([error for run in each for error in arrivals(run)])
-        cells += [
-            f"{np.mean([run.total_priority for run in each]):.1f}",
-            f"{100.0 * off.mean():.1f} %",
-            f"{100.0 * (off > OFF).mean():.0f} %",
-            f"{np.mean([len(run.routes) - 1 for run in each]):.1f}",
-            f"{sum(run.success for run in each)}",
-        ]
+        priority = np.mean([run.total_priority for run in each])
+        routes = np.mean([len(run.routes) - 1 for run in each])
+        cells += [f"{priority:.1f}", f"{off.mean():.1%}", f"{(off > OFF).mean():.0%}", f"{routes:.1f}"]
+        cells.append(f"{sum(run.success for run in each)}")
     return cells
 
 
 def main() -> None:
-    """Run the missions and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--missions", type=int, default=100)
     parser.add_argument("--first", type=int, default=5000, help="first seed")
-    parser.add_argument("--only", help="seas whose name holds this")
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--only", default="", help="seas whose name holds this")
+    parser.add_argument("--out", type=Path, help="file of Markdown to write")
     chosen = parser.parse_args()
     heads = ["priority", "arrivals off", f"off by more than {100 * OFF:.0f} %", "re-plans", "on time"]
     columns = [f"{head}, {how}" for how in ("snapshot", "clock") for head in heads]
-    rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for name, sections in seas(Path(folder)).items():
-            if not chosen.only or chosen.only in name:
-                rows.append(compared(name, sections, chosen.missions, chosen.first))
-                print(" | ".join(rows[-1]), flush=True)
-    head = (
-        f"By `python -m benchmarks.clock --missions {chosen.missions}`, seeds {chosen.first} to "
-        f"{chosen.first + chosen.missions - 1}; {machine()['processor']}.\n"
-    )
+        found = {name: sections for name, sections in seas(Path(folder)).items() if chosen.only in name}
+        rows = [compared(*sea, chosen.missions, chosen.first) for sea in track(found.items(), "seas")]
+    last = chosen.first + chosen.missions - 1
+    head = f"Seeds {chosen.first} to {last}; {machine()['processor']}.\n"
     text = "\n".join([head, *markdown(["sea", "gain in priority", *columns], rows)]) + "\n"
+    print(text)
     if chosen.out:
-        write_atomically(chosen.out, lambda part: part.write_text(text, encoding="utf-8"))
-    else:
-        print(text)
+        chosen.out.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,28 +1,32 @@
-"""Routes by the clock against peers and a referee: ``python -m benchmarks.clock_peers``.
+"""Routes by the clock against peers, published optima and a referee: ``python -m benchmarks.clock_peers``.
 
-Peers: single-vehicle prize-collecting problems with one time window a customer, drawn in the manner of
-Solomon's (R, C and RC, windows of a tenth to a half of the horizon), 100 and 200 customers. PyVRP gets the
-same whole seconds, prizes that count before the way, and a time limit; the gap is 1 - priority / PyVRP's.
-
-Referee: routes of 24 waypoints in a tide whose arrival functions are tables of 24 departures, with windows;
-every leg is walked again in plain Python from the table alone.
+Peers: single-vehicle prize-collecting problems with a time window a customer, drawn in the manner of
+Solomon's. PyVRP gets the same whole seconds and prizes that count before the way. Published: orienteering
+with windows on Solomon's customers, distances rounded down to one decimal, as in the literature; what is
+planned is walked again in whole tenths, and proved by `plan_mission(..., method="exact")`. Referee: routes
+in a tide with windows, of which every leg is walked again in plain Python from the table of arrivals alone.
 """
 
-import argparse
+import json
 import math
 from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from auvplan.mission import MissionGraph, plan_mission
-from benchmarks.machine import machine, markdown
+from auvplan.mission import MissionGraph, MissionRoute, plan_mission
+from benchmarks.machine import arguments, clock, machine, markdown, screen, show, write
 from benchmarks.mission_sets import timed_graph
 
 #: Prizes count so many times as much as a second of the way.
 PRIZE = 10_000
-HALF = 0.5
+#: s: windows close, and the time ends, this much after a whole second, and after a tenth.
+HALF, HALF_TENTH = 0.5, 0.05
+#: Orienteering with windows on Solomon's customers.
+FILE = Path(__file__).with_name("solomon.json")
 
 
 def customers(seed: int, count: int, kind: str) -> tuple[np.ndarray, ...]:
@@ -30,25 +34,17 @@ def customers(seed: int, count: int, kind: str) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(seed)
     scattered = rng.integers(0, 1001, (count, 2)).astype(float)
     centres = rng.integers(100, 901, (10, 2))
-    clustered = np.clip(
-        centres[rng.integers(0, 10, count)] + rng.normal(0.0, 40.0, (count, 2)).round(), 0, 1000
-    )
+    clustered = centres[rng.integers(0, 10, count)] + rng.normal(0.0, 40.0, (count, 2)).round()
+    clustered = np.clip(clustered, 0, 1000)
     mixed = {"R": np.zeros(count, bool), "C": np.ones(count, bool), "RC": rng.random(count) < 0.5}[kind]
     places = np.vstack([[500.0, 500.0], np.where(mixed[:, None], clustered, scattered)])
-    horizon = 4000
+    horizon = 4000.0
     prizes, service = rng.integers(1, 10, count), rng.integers(10, 91, count)
     widths = (rng.uniform(0.1, 0.5, count) * horizon).round()
     middles = rng.uniform(0.1, 0.9, count) * horizon
     ready = np.maximum(middles - widths / 2, 0).round()
     due = np.minimum(ready + widths, horizon - 100)
-    first = [0]
-    return (
-        places,
-        np.concatenate([first, prizes]),
-        np.concatenate([first, service]),
-        np.concatenate([first, ready]),
-        np.concatenate([[horizon], due]),
-    )
+    return places, np.r_[0, prizes], np.r_[0, service], np.r_[0.0, ready], np.r_[horizon, due]
 
 
 def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
@@ -70,7 +66,6 @@ def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
 
 
 def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
-    """Total prize of PyVRP's best route."""
     from pyvrp import Model
     from pyvrp.stop import MaxRuntime
 
@@ -94,7 +89,6 @@ def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
 
 
 def compare(sizes: list[int], cases: int, seconds: float, first: int) -> None:
-    """Print a row for each size and kind."""
     head = markdown(("customers", "kind", "cases", "ours", "PyVRP", "mean gap", "worst gap"), [])
     print(*head, sep="\n")
     gaps = []
@@ -157,7 +151,6 @@ def walked(graph: MissionGraph, nodes: list[int]) -> list[float]:
 
 
 def referee(cases: int, first: int) -> None:
-    """Print how many routes take as long as planned."""
     right = 0
     for seed in range(first, first + cases):
         graph, available = tidal(seed)
@@ -168,20 +161,92 @@ def referee(cases: int, first: int) -> None:
     print(f"referee: durations confirmed of {right} of {cases} routes", flush=True)
 
 
+def posed(stated: dict[str, Any]) -> tuple[MissionGraph, float]:
+    """Graph of a set, the depot twice, and the time available."""
+    x, y, profit, ready, due = np.array(stated["customers"], float).T
+    depot = np.array(stated["depot"], float)
+    places = np.vstack([depot, np.c_[x, y], depot])
+    travel = np.floor(10.0 * cdist(places, places) + 1e-9) / 10.0
+    np.fill_diagonal(travel, np.inf)
+    travel[0, -1] = travel[-1, 0] = np.inf
+
+    def at_ends(inner: np.ndarray, ends: float) -> np.ndarray:
+        return np.concatenate([[ends], inner, [ends]])
+
+    service = at_ends(np.full(len(x), float(stated["service"])), 0.0)
+    windows = at_ends(ready, -np.inf), at_ends(due + HALF_TENTH, np.inf)
+    return timed_graph(places, travel[None], at_ends(profit, 0.0), service, *windows), stated[
+        "until"
+    ] + HALF_TENTH
+
+
+def profit_of(stated: dict[str, Any], nodes: list[int]) -> int:
+    """Profit of a route, walked in whole tenths from the set's own table.
+
+    Raises:
+        ValueError: a window is missed, or the depot is closed at the end.
+    """
+    rows, depot = [None, *stated["customers"], None], stated["depot"]
+    places = [row[:2] if row else depot for row in rows]
+    now, total = 0, 0
+    for i, j in pairwise(nodes):
+        squared = sum((a - b) ** 2 for a, b in zip(places[i], places[j], strict=True))
+        now += int(np.floor(10.0 * squared**0.5 + 1e-9))
+        if rows[j]:
+            _, _, profit, ready, due = rows[j]
+            if now > 10 * due:
+                raise ValueError(f"customer {j} is reached at {now / 10}, after {due}")
+            now, total = max(now, 10 * ready) + 10 * stated["service"], total + profit
+    if now > 10 * stated["until"]:
+        raise ValueError(f"back at {now / 10}, after {stated['until']}")
+    return total
+
+
+def published(seeds: int, limit: float) -> list[dict[str, Any]]:
+    """Rows of Solomon's sets: profits of plans beside the published optimum, and a proof."""
+    rows = []
+    for name, stated in json.loads(FILE.read_text(encoding="utf-8"))["sets"].items():
+        graph, until = posed(stated)
+
+        def planned(seed: int, graph: Any = graph, until: float = until, **more: Any) -> MissionRoute:
+            return plan_mission(graph, 0, graph.size - 1, until, speed=1.0, key=jax.random.key(seed), **more)
+
+        planned(0)  # compiles
+        seconds, routes = clock(lambda planned=planned: [planned(seed) for seed in range(1, 1 + seeds)])
+        found = [profit_of(stated, route.nodes.tolist()) for route in routes]
+        proof: dict[str, Any] = {}
+        if limit:
+            exact = planned(0, method="exact", time_limit=limit)
+            proof = {"priority": profit_of(stated, exact.nodes.tolist()), "bound": float(exact.bound)}
+        words = "{priority} to {bound:.0f}".format(**proof) if proof else "none"
+        row = {"set": name, "published": stated["most"], "found": found, "proof": words} | proof
+        row |= {"mean": float(np.mean(found)), "worst": min(found), "best": max(found)}
+        rows.append(row | {"seconds": seconds / seeds})
+    columns = {
+        "set": "{set}", "published": "{published}", "planned: mean": "{mean:.1f}", "worst": "{worst}",
+        "best": "{best}", "plan, s": "{seconds:.2f}", "proof": "{proof}",
+    }  # fmt: skip
+    show("profit of one vehicle, 100 customers", rows, columns)
+    return rows
+
+
 def main() -> None:
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = arguments("Routes by the clock against peers, published optima and a referee.")
     parser.add_argument("--sizes", type=int, nargs="*", default=[100, 200])
     parser.add_argument("--cases", type=int, default=3, help="of each size and kind")
     parser.add_argument("--seconds", type=float, default=10.0, help="of PyVRP for each")
     parser.add_argument("--routes", type=int, default=100, help="of the referee")
     parser.add_argument("--first", type=int, default=95_000, help="first seed")
+    parser.add_argument("--seeds", type=int, default=5, help="plans of each of Solomon's sets; 0 for none")
+    parser.add_argument("--limit", type=float, default=120.0, help="s for each proof; 0 for none")
     chosen = parser.parse_args()
-    print(f"{machine()['processor']}, seeds from {chosen.first}")
+    screen.print(f"{machine()['processor']}, seeds from {chosen.first}")
     if chosen.routes:
         referee(chosen.routes, chosen.first)
+    solomon = published(chosen.seeds, chosen.limit) if chosen.seeds else []
     if chosen.sizes and chosen.cases:
         compare(chosen.sizes, chosen.cases, chosen.seconds, chosen.first)
+    write(chosen.out, {"solomon": solomon})
 
 
 if __name__ == "__main__":

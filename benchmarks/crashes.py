@@ -1,11 +1,9 @@
 """Commands that are killed at random moments, and commands whose disk is full: what do they leave behind?
 
-``python -m benchmarks.crashes [--kills 30] [--disks 12] [--out FILE.json]`` runs the commands mission,
-montecarlo, export and report on a small sea. Each is killed by SIGKILL so often, at moments drawn from all of
-its run; its folder then holds a whole result, one that ``--resume`` completes, or none. Each is also run on
-small file systems of random sizes (a tmpfs where one can be mounted, else a limit on the size of files): it
-has to end with status 2 and one line, and leave no broken file. Any other outcome is listed, and ends this
-with status 1.
+`python -m benchmarks.crashes [--kills 30] [--disks 12]` kills mission, montecarlo, export and report on a
+small sea; the folder then has to hold a whole result, one that `--resume` completes, or none. On small file
+systems (a tmpfs, else a limit on the size of files) each has to end with status 2 and one line. Other
+outcomes end this with status 1.
 """
 
 import json
@@ -27,7 +25,7 @@ from xml.etree import ElementTree
 from auvplan.runtime.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, clock, console, table, write
+from benchmarks.machine import AUVPLAN, arguments, clock, screen, show, write
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -72,13 +70,11 @@ def _names(folder: Path) -> set[str]:
 
 
 def _whole(name: str, out: Path, before: set[str]) -> bool:
-    """Whether a command's result is there."""
     needed = {"mission": {SUMMARY, MISSION}, "montecarlo": {SUMMARY, DATASET}}.get(name)
     return bool(_names(out) - before) if needed is None else needed <= _names(out)
 
 
 def _prepare(name: str, result: Path, out: Path) -> set[str]:
-    """A folder as the command finds it; names of the files in it."""
     shutil.rmtree(out, ignore_errors=True)
     if name == "report":
         shutil.copytree(result, out)
@@ -86,7 +82,6 @@ def _prepare(name: str, result: Path, out: Path) -> set[str]:
 
 
 def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) -> list[str]:
-    """Outcomes of a command that is killed so many times."""
     chance, out, found = random.Random(name), folder / f"{name}-out", []
     words = command(name, scenario, result, out)
     _prepare(name, result, out)
@@ -151,7 +146,6 @@ def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: i
 
 
 def main() -> None:
-    """Print the tables."""
     parser = arguments("Kills and full disks.")
     parser.add_argument("--kills", type=int, default=30, help="of each command")
     parser.add_argument("--disks", type=int, default=12, help="sizes of disks for each command")
@@ -166,9 +160,9 @@ def main() -> None:
             counts = dict(Counter(outcomes(word, scenario, result, folder, count)))
             said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
             rows.append({"command": word, "kind": kind, "outcomes": counts, "times": count, "said": said})
-            console().print(f"{word}, {kind}: {said}")
+            screen.print(f"{word}, {kind}: {said}")
     columns = {"command": "{command}", "what": "{kind}", "outcomes": "{said}", "times": "{times}"}
-    console().print(table("commands that were broken off", rows, columns, names=3))
+    show("commands that were broken off", rows, columns, names=3)
     write(options.out, {"crashes": rows})
     sys.exit(any(outcome not in GOOD for row in rows for outcome in row["outcomes"]))
 

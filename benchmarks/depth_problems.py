@@ -1,20 +1,16 @@
 """Path problems by seed in seas with depth: sheared currents, spirals, sills, spheres, and real model files.
 
 `depth_problem(family, seed)` makes the same problem for the same arguments. Most legs are log-uniform from 1
-to 10 km, a fifth of them from 20 to 50 km, in any direction; the box is `ROOM` times as wide, and has depth.
-Vehicles make 1.0 to 2.5 m/s; those of even seeds pitch by `PITCH` at most, the others as they like. No water
-is faster than 0.9 of the vehicle, so that every track can be held. Most ends are 5 to 20 m deep.
-
-Every problem has a way: a simple one that the ruler holds feasible, see `way`. Counts are padded and rasters
-have one shape, so that problems of a family share compiled programs.
+to 10 km, a fifth of them from 20 to 50 km. Vehicles make 1.0 to 2.5 m/s, and no water is faster than 0.9 of
+that; those of even seeds pitch by `PITCH` at most. Every problem has a way: a simple one that the ruler
+holds feasible.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from types import MappingProxyType
 from typing import TypeVar
 
 import jax
@@ -79,7 +75,6 @@ class LayeredCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         share = 0.5 * (1.0 + jnp.tanh((z - self.interface) / self.softness)) + 0.0 * (x + y)
         u, v = (self.upper[k] + share * (self.lower[k] - self.upper[k]) for k in range(2))
         return u, v, jnp.zeros_like(u)
@@ -104,7 +99,6 @@ class EkmanCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         down = z / self.scale + 0.0 * (x + y)
         fading, cos, sin = jnp.exp(-down), jnp.cos(down), self.sense * jnp.sin(down)
         north, east = self.surface[0], self.surface[1]
@@ -135,7 +129,6 @@ class SillCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         u, v, w = self.layers(x, y, z, t)
         arc = (x - self.origin[0]) * self.along[0] + (y - self.origin[1]) * self.along[1]
         factor = 1.0
@@ -182,7 +175,6 @@ class _Leg:
 
     @property
     def straight(self) -> float:
-        """s, in still water."""
         return self.length / self.speed
 
     def turned(self, angle: float) -> Array:
@@ -192,7 +184,6 @@ class _Leg:
     def posed(
         self, current: Current, obstacles: ap.Obstacles | None = None, seabed: ap.Seabed | None = None
     ) -> PathProblem:
-        """Return the problem in this current."""
         side = ROOM * self.length
         corners = (0.0, 0.0, 0.0), (side, side, self.depth)
         env = ap.Environment(current, None, obstacles, *corners, seabed)
@@ -203,17 +194,13 @@ def depth_problem(family: str, seed: int) -> PathProblem:
     """Make a problem; the same one for the same family and seed.
 
     Raises:
-        ValueError: there is no such family.
         FileNotFoundError: the family is "file" and the shared data are absent.
     """
-    if family not in DEPTH_FAMILIES:
-        raise ValueError(f"family must be one of {', '.join(DEPTH_FAMILIES)}, got {family!r}")
     rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
+    pitch = PITCH if seed % 2 == 0 else None
     while True:
-        drawn = DEPTH_FAMILIES[family](rng)
-        if drawn is None:
+        if (drawn := DEPTH_FAMILIES[family](rng)) is None:
             continue
-        pitch = PITCH if seed % 2 == 0 else None
         vehicle = replace(drawn.vehicle, pitch_max=pitch)
         problem = replace(drawn, name=f"{family}-{seed}", family=family, vehicle=vehicle)
         if way(problem) is not None:
@@ -221,7 +208,6 @@ def depth_problem(family: str, seed: int) -> PathProblem:
 
 
 def have_levels() -> bool:
-    """Whether the shared files of currents with levels are there."""
     return all((SHARED / source.path).exists() for source in _SOURCES)
 
 
@@ -387,6 +373,7 @@ class _Source:
         half: m, sides of the box are twice as long, north and east.
         depth: m, of the box.
         distances: m, of the legs.
+        weight: share of the problems.
     """
 
     path: str
@@ -399,7 +386,7 @@ class _Source:
 
 _SOURCES = (
     _Source(
-        "currents/norfjords160_roms_native_24h.nc", (5.677, 59.0329), (1000, 1100), 60.0, (800, 1800), 0.4
+        "currents/norfjords160_roms_native_24h.nc", (5.677, 59.0329), (1e3, 1100), 60.0, (800, 1800), 0.4
     ),
     _Source("elsewhere/nordic_roms_native_day1.nc", (14.022, 67.353), (25e3, 25e3), 250.0, (5e3, 45e3), 0.4),
     _Source("currents/norkyst_v3_800m_5h.nc", (5.9926, 55.950), (3e3, 4e3), 7.0, (2e3, 7e3), 0.1),
@@ -470,11 +457,10 @@ def _log_uniform(rng: Rng, low: float, high: float) -> float:
 
 
 def _single(current: T) -> T:
-    """Put all leaves into arrays of JAX's default precision."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), current)
 
 
 #: The families of the benchmark in depth.
-DEPTH_FAMILIES: Mapping[str, Callable[[Rng], PathProblem | None]] = MappingProxyType(
-    {"shear": _shear, "ekman": _ekman, "ridge": _ridge, "spheres": _spheres, "file": _file}
-)
+DEPTH_FAMILIES: dict[str, Callable[[Rng], PathProblem | None]] = {
+    "shear": _shear, "ekman": _ekman, "ridge": _ridge, "spheres": _spheres, "file": _file
+}  # fmt: skip

@@ -1,10 +1,8 @@
 """Does the same seed give the same summary, byte for byte, whatever else differs?
 
-``python -m benchmarks.determinism [--scenario NAME] [--seed 0] [--out FILE.json]`` runs one mission again and
-again in processes of their own: five times; on one core and on two, with and without XLA's threads; with one
-to seven other missions in its batch; in a study on this machine and in one on Dask workers; in a study that
-is killed by SIGKILL and resumed. It compares the bytes of ``summary.json``, fields that hold clock times left
-out, and ends with status 1 where two differ.
+`python -m benchmarks.determinism` runs one mission again and again in processes of their own: on one core
+and on two, with and without XLA's threads, beside other missions in its batch, in studies here, on Dask
+workers, and killed and resumed. Compared are the bytes of `summary.json` but for clock times.
 """
 
 import hashlib
@@ -20,7 +18,7 @@ from pathlib import Path
 from auvplan.runtime.files import SUMMARY
 from auvplan.study.store import PIECES, RUNS
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, console, table, write
+from benchmarks.machine import AUVPLAN, arguments, screen, show, write
 from benchmarks.resilience import clockless, two_workers
 
 RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
@@ -52,7 +50,6 @@ def _call(command: list[str], cores: int | None = None, **environment: str) -> N
 
 
 def killed_and_resumed(command: list[str], folder: Path) -> None:
-    """Kill a study when its first mission is on disk, and resume it."""
     process = subprocess.Popen([*command, "--out", str(folder)], stderr=subprocess.DEVNULL)
     while process.poll() is None and not any((folder / PIECES).glob("[0-9]*.npz")):
         time.sleep(0.05)
@@ -67,7 +64,7 @@ def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, s
 
     def note(how: str, at: Path) -> None:
         found.append({"how": how, "digest": digest(at)})
-        console().print(f"{how}: {found[-1]['digest'][:12]}")
+        screen.print(f"{how}: {found[-1]['digest'][:12]}")
 
     mission = [*RUN, name, "--seed", str(seed), "--out"]
     for number in range(5):
@@ -94,7 +91,6 @@ def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, s
 
 
 def main() -> None:
-    """Print the comparison."""
     parser = arguments("The same seed, the same summary.")
     parser.add_argument("--scenario", default="whitsunday", help="shipped one, a file, or 'small'")
     parser.add_argument("--seed", type=int, default=0)
@@ -106,9 +102,9 @@ def main() -> None:
         found = compared(chosen, options.seed, options.n, folder)
     for row in found:
         row["same"] = "the same" if row["digest"] == found[0]["digest"] else "DIFFERENT"
-    same, screen = sum(row["same"] == "the same" for row in found), console()
+    same = sum(row["same"] == "the same" for row in found)
     title = f"{options.scenario}, seed {options.seed}"
-    screen.print(table(title, found, {"how": "{how}", "summary": "{same}"}, names=2))
+    show(title, found, {"how": "{how}", "summary": "{same}"}, names=2)
     screen.print(f"{same} of {len(found)} summaries are the same to the byte, clock times left out")
     write(options.out, {"determinism": found})
     sys.exit(same < len(found))

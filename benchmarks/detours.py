@@ -1,11 +1,9 @@
 """Plans among closed areas, islands and jobs in one place, against exhaustive search over paths round them.
 
-    python -m benchmarks.detours --cases 30 --first 7000
-
-Each case is a folder of files as an operator writes them: seven jobs and up to two more in the places of
-others, one to four closed areas, up to two islands and a tide off Hobart, Tasmania. The optimum is worked out
-beside the package: shortest paths over the corners of the areas, widened by the clearance (shapely), timed
-along the tide in steps, and every sequence of jobs by dynamic programming over sets.
+`python -m benchmarks.detours --cases 30 --first 7000`. Each case is a folder of files as an operator writes
+them, in a tide off Hobart, Tasmania. The optimum is worked out beside the package: shortest paths over the
+corners of the areas, widened by the clearance (shapely), timed along the tide in steps, and every sequence
+of jobs by dynamic programming.
 """
 
 import argparse
@@ -351,13 +349,9 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Row:
-    """How a plan fared.
+    """How a plan fared; priority and time [s] beside the most, and the least for that, that can be had.
 
-    Attributes:
-        seed: of the case; None for the one off Hobart.
-        priority, best: of the plan and the most that can be had.
-        time, least: s, of the plan and the least that the optimum needs.
-        faults: what `auvplan check` finds and figures that do not agree.
+    Faults are what `auvplan check` finds, and figures that do not agree.
     """
 
     seed: int | None
@@ -369,7 +363,6 @@ class Row:
 
 
 def planned(case: Case, seed: int | None, folder: Path) -> Row:
-    """Plan a case as `auvplan plan` does and compare."""
     path = written(case, folder)
     scenario = ap.load_scenario(str(path))
     area = load_area_at(scenario, [0.0], folder)
@@ -385,7 +378,6 @@ def planned(case: Case, seed: int | None, folder: Path) -> Row:
 
 
 def main() -> None:
-    """Plan the cases and print a row each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=30)
     parser.add_argument("--first", type=int, default=7000, help="first seed")

@@ -1,10 +1,8 @@
 """Missions in which something goes wrong on purpose: does each end safely, and say why it ended as it did?
 
-``python -m benchmarks.faults [-n 200] [--out FILE.json]`` simulates missions of the shipped Whitsunday
-scenario, a share of them with each kind of fault of `auvplan.simulation.faults` and a share with several
-kinds at random, and prints for each kind how many were on time, why the others failed, and the collisions
-that a manoeuvre could have avoided when they were sensed, and those that none could. It ends with status 1
-where a collision was avoidable or a mission ended without a reason.
+`python -m benchmarks.faults [-n 200]` simulates missions of the shipped Whitsunday scenario, a share of them
+with each kind of fault of `auvplan.simulation.faults`, a share with several. It ends with status 1 where a
+collision could have been avoided when it was sensed, or a mission ended without a reason.
 """
 
 import sys
@@ -26,7 +24,7 @@ from auvplan.simulation.faults import (
     Slower,
     WrongForecast,
 )
-from benchmarks.machine import arguments, bars, console, table, write
+from benchmarks.machine import arguments, screen, show, track, write
 
 Draw = Callable[[np.random.Generator, float], Fault]
 
@@ -81,10 +79,9 @@ def simulate(
     kinds = [names[seed % len(names)] for seed in range(count)]
     available = scenario.mission.time_available
     faults = [draw(kind, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(kinds)]
-    with bars(console()) as progress:
-        runs = execute_missions(scenario, seeds=range(count), faults=faults)
-        for number, run in progress.track(runs, total=count, description="missions"):
-            found.append((kinds[number], faults[number], run, collisions(run, faults[number])))
+    runs = execute_missions(scenario, seeds=range(count), faults=faults)
+    for number, run in track(runs, "missions", count):
+        found.append((kinds[number], faults[number], run, collisions(run, faults[number])))
     return sorted(found, key=lambda row: row[2].seed)
 
 
@@ -95,11 +92,10 @@ def _cause(reason: str) -> str:
 
 
 def main() -> None:
-    """Print the table, and what is wrong."""
     parser = arguments("Missions with injected faults.")
     parser.add_argument("-n", type=int, default=200, help="missions")
     options = parser.parse_args()
-    screen, rows, wrong = console(), [], []
+    rows, wrong = [], []
     found = simulate(ap.load_scenario("whitsunday"), options.n)
     for name in [*KINDS, MIXED, "all"]:
         chosen = [row for row in found if name in (row[0], "all")]
@@ -114,7 +110,7 @@ def main() -> None:
         wrong += [f"seed {run.seed}: {hit}; {given}" for hit in hits if hit.avoidable]
         wrong += [] if run.reason else [f"seed {run.seed}: ended without a reason; {given}"]
     counts = {name: f"{{{name}}}" for name in ("missions", "on time", "avoidable", "unavoidable")}
-    screen.print(table("injected faults", rows, {"fault": "{fault}"} | counts | {"failed": "{causes}"}))
+    show("injected faults", rows, {"fault": "{fault}"} | counts | {"failed": "{causes}"})
     for line in wrong:
         screen.print(line, soft_wrap=True)
     write(options.out, {"faults": rows, "wrong": wrong})

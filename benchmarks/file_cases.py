@@ -74,18 +74,6 @@ def _schism(folder: Path) -> tuple[list[Path], dict[str, Any]]:
     return paths, {"crs": 26910}
 
 
-def _days(paths: Sequence[Path], **options: Any) -> Table:
-    return file_references.joined([file_references.roms([path], **options) for path in paths])
-
-
-def _grid(names: str, **options: Any) -> Reading:
-    return partial(file_references.grid, names=names.split(), **options)
-
-
-def _mesh(names: str, **options: Any) -> Reading:
-    return partial(file_references.mesh, names=names.split(), **options)
-
-
 _CMEMS = "currents/cmems_glo12_uo_vo_northsea.nc"
 _NORKYST = "currents/norkyst_v3_800m_5h.nc"
 _ARCTIC = "elsewhere/arctic20_polar_stereographic.nc"
@@ -93,62 +81,71 @@ _FJORD = "currents/norfjords160_roms_native_24h.nc"
 _UO = "uo vo longitude latitude time"
 _EPOCH = {"epoch": datetime(1970, 1, 1, tzinfo=UTC)}
 
+_ROMS = "u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time"
+
+
+def _days(paths: Sequence[Path], **options: Any) -> Table:
+    return file_references.joined([file_references.roms([path], **options) for path in paths])
+
+
+def _grid(names: str, depth: str | None = "depth", **options: Any) -> tuple[Reading, tuple[str, ...]]:
+    """The reading of a grid, and the variables that it looks at."""
+    *places, time = names.split()
+    reading = partial(file_references.grid, names=names.split(), depth=depth, **options)
+    return reading, (*places, depth or "", time)
+
+
+def _mesh(names: str, heights: str | None = None, **options: Any) -> tuple[Reading, tuple[str, ...]]:
+    *places, time = names.split()
+    reading = partial(file_references.mesh, names=names.split(), heights=heights, **options)
+    return reading, (*places, heights or "", time)
+
+
 REAL = (
     Currents("norfjords160_roms_native_24h.nc", "ROMS, C-grid", "real", _copied(_FJORD), file_references.roms,
-             ("u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time")),
+             _ROMS),
     Currents("norkyst_v3_800m_5h.nc", "NorKyst (ROMS on z-levels)", "real", _copied(_NORKYST),
-             _grid("u_eastward v_northward lon lat time", floor="h"),
-             ("u_eastward", "v_northward", "lon", "lat", "depth", "time")),
-    Currents("cmems_glo12_uo_vo_northsea.nc", "Copernicus GLO12", "real", _copied(_CMEMS), _grid(_UO),
-             ("uo", "vo", "longitude", "latitude", "depth", "time")),
+             *_grid("u_eastward v_northward lon lat time", floor="h")),
+    Currents("cmems_glo12_uo_vo_northsea.nc", "Copernicus GLO12", "real", _copied(_CMEMS), *_grid(_UO)),
     Currents("rtofs_water_u_v_washington_64x3h.nc", "RTOFS (HYCOM)", "real",
              _copied("currents/rtofs_water_u_v_washington_64x3h.nc"),
-             _grid("water_u water_v lon lat time", depth=None),
-             ("water_u", "water_v", "lon", "lat", "", "time")),
+             *_grid("water_u water_v lon lat time", depth=None)),
     Currents("creofs_selfe_noaa.nc", "SELFE", "real", _copied("elsewhere/creofs_selfe_noaa.nc"),
-             _mesh("u v lon lat time", nodes=("lon", "lat"), connectivity="ele",
-                   heights="zval"), ("u", "v", "lon", "lat", "zval", "time")),
+             *_mesh("u v lon lat time", nodes=("lon", "lat"), connectivity="ele", heights="zval")),
     Currents("nordic_roms_native_day1.nc, _day2.nc", "ROMS, cut by one range on all axes", "real",
              _copied("elsewhere/nordic_roms_native_day1.nc", "elsewhere/nordic_roms_native_day2.nc"), _days,
-             ("u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time")),
+             _ROMS),
     Currents("arctic20_polar_stereographic.nc", "ROMS on z-levels, along x and y", "real", _copied(_ARCTIC),
-             _grid("u v longitude latitude time", floor="h", angle=file_references.polar),
-             ("u", "v", "longitude", "latitude", "depth", "time")),
+             *_grid("u v longitude latitude time", floor="h", angle=file_references.polar)),
     Currents("schism_out2d_1.nc, schism_zCoordinates_1.nc", "SCHISM scribed (velocities made)", "real",
-             _schism, _mesh("horizontalVelX horizontalVelY SCHISM_hgrid_node_x SCHISM_hgrid_node_y time",
-                            nodes=("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), heights="zCoordinates",
-                            connectivity="SCHISM_hgrid_face_nodes", dry="dryFlagNode", crs=26910),
-             ("horizontalVelX", "horizontalVelY", "SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y",
-              "zCoordinates", "time")),
+             _schism, *_mesh("horizontalVelX horizontalVelY SCHISM_hgrid_node_x SCHISM_hgrid_node_y time",
+                             nodes=("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), heights="zCoordinates",
+                             connectivity="SCHISM_hgrid_face_nodes", dry="dryFlagNode", crs=26910)),
     Currents("mom5_access_om2_u.nc, _v.nc", "MOM5, B-grid, NOLEAP", "real",
              _copied("elsewhere/mom5_access_om2_u.nc", "elsewhere/mom5_access_om2_v.nc"),
-             _grid("u v xu_ocean yu_ocean time", depth="st_ocean"),
-             ("u", "v", "xu_ocean", "yu_ocean", "st_ocean", "time")),
+             *_grid("u v xu_ocean yu_ocean time", depth="st_ocean")),
     Currents("dflowfm_simplebox_projected.nc", "D-Flow FM, UGRID in metres", "real",
              _copied("elsewhere/dflowfm_simplebox_projected.nc"),
-             _mesh("mesh2d_ucx mesh2d_ucy mesh2d_face_x mesh2d_face_y time",
-                   nodes=("mesh2d_node_x", "mesh2d_node_y"), connectivity="mesh2d_face_nodes", in_cells=True,
-                   crs=28992),
-             ("mesh2d_ucx", "mesh2d_ucy", "mesh2d_face_x", "mesh2d_face_y", "", "time")),
+             *_mesh("mesh2d_ucx mesh2d_ucy mesh2d_face_x mesh2d_face_y time",
+                    nodes=("mesh2d_node_x", "mesh2d_node_y"), connectivity="mesh2d_face_nodes", in_cells=True,
+                    crs=28992)),
     Currents("roms_separate_his.nc, roms_separate_grid.nc", "ROMS, grid in another file, no dates", "real",
              _copied("elsewhere/roms_separate_his.nc", "elsewhere/roms_separate_grid.nc", **_EPOCH),
-             partial(file_references.roms, epoch=0.0, aligned=True),
-             ("u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time")),
+             partial(file_references.roms, epoch=0.0, aligned=True), _ROMS),
     Currents("ngofs_fvcom_small.nc", "FVCOM, two-dimensional", "real",
              _copied("elsewhere/ngofs_fvcom_small.nc"),
-             _mesh("u v lonc latc time", nodes=("lon", "lat"), connectivity="nv",
-                   in_cells=True), ("u", "v", "lonc", "latc", "", "time")),
+             *_mesh("u v lonc latc time", nodes=("lon", "lat"), connectivity="nv", in_cells=True)),
 )  # fmt: skip
 
 CUTS = (
     Currents("cmems_glo12, longitudes + 360, NetCDF-3", "Copernicus GLO12", "cut",
              _changed(_CMEMS, lambda data: data.assign_coords(longitude=(
                  "longitude", data["longitude"].values + 360.0, data["longitude"].attrs)), "NETCDF3_64BIT"),
-             _grid(_UO)),
+             *_grid(_UO)),
     Currents("cmems_glo12, dimensions transposed, depths and latitudes falling", "Copernicus GLO12", "cut",
              _changed(_CMEMS, lambda data: data.isel(
                  depth=slice(None, None, -1), latitude=slice(None, None, -1)).transpose(
-                 "longitude", "depth", "latitude", "time")), _grid(_UO)),
+                 "longitude", "depth", "latitude", "time")), *_grid(_UO)),
     Currents("norkyst_v3 without longitude and latitude", "NorKyst", "cut",
              _changed(_NORKYST, lambda data: _bare(data, ("lon", "lat"))),
              lambda paths, **more: file_references.grid(
@@ -173,12 +170,6 @@ def made(folder: Path) -> list[Currents]:
     found = []
     for name, model, maker in file_models.MADE:
         paths, options, known = maker(folder)
-
-        def prepare(_: Path, given: Any = (paths, options)) -> tuple[list[Path], dict[str, Any]]:
-            return given
-
-        def reading(_: Any, known: Table = known, **more: Any) -> Table:
-            return known
-
-        found.append(Currents(name, model, "made", prepare, reading))
+        given, reading = (lambda _, given=(paths, options): given), (lambda *_, known=known, **__: known)
+        found.append(Currents(name, model, "made", given, reading))
     return found

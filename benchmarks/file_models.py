@@ -1,6 +1,7 @@
 """Small files by the conventions of ocean models, with the current that they stand for in closed form."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from scipy.spatial import Delaunay
 from benchmarks.file_references import Table, halves
 
 LON, LAT, STEP = 5.0, 60.0, 0.01
+MERIDIANS, PARALLELS = LON + STEP * np.arange(9), LAT + STEP * np.arange(7)
 #: 2020-01-01 in s since 1970.
 START = 1577836800.0
 HOURS = np.array([0.0, 1.0, 3.0])
@@ -54,12 +56,6 @@ def table(
     return Table(np.ravel(lon), np.ravel(lat), depth, *parts, START + 3600.0 * np.asarray(hours), **more)
 
 
-def regular_table(lon: np.ndarray, lat: np.ndarray, **more: Any) -> Table:
-    """`table` on a regular grid."""
-    y, x = np.meshgrid(lat, lon, indexing="ij")
-    return table(x.ravel(), y.ravel(), rows=np.arange(x.size).reshape(x.shape), **more)
-
-
 def save(path: Path, variables: dict[str, tuple], form: Any = "NETCDF4", **attributes: Any) -> Path:
     """Write variables (dimensions, values, attributes) as they are; `_FillValue` among the attributes."""
     with netCDF4.Dataset(str(path), "w", format=form) as file:
@@ -79,26 +75,15 @@ def save(path: Path, variables: dict[str, tuple], form: Any = "NETCDF4", **attri
 
 
 def regular_file(
-    folder: Path,
-    name: str,
-    *,
-    lon: np.ndarray | None = None,
-    lat: np.ndarray | None = None,
+    folder: Path, name: str, *, lon: np.ndarray = MERIDIANS, lat: np.ndarray = PARALLELS,
     names: tuple[str, ...] = ("uo", "vo", "longitude", "latitude", "depth", "time"),
-    about: tuple[dict, dict] = (EAST, NORTH),
-    clock: dict | None = None,
-    times: Any = HOURS,
-    levels: tuple[Any, dict] | None = (DEPTHS, DOWN),
-    middle: float = LON,
-    packed: float | None = None,
-    factor: float = 1.0,
-    form: str = "NETCDF4",
-    more: dict | None = None,
-) -> Made:
-    """A regular grid of longitude and latitude."""
-    lon = LON + STEP * np.arange(9) if lon is None else lon
-    lat = LAT + STEP * np.arange(7) if lat is None else lat
-    known = regular_table(lon, lat, about=middle, depths=DEPTHS if levels else np.zeros(1))
+    about: tuple[dict, dict] = (EAST, NORTH), clock: dict = CLOCK, times: Any = HOURS,
+    levels: tuple[Any, dict] | None = (DEPTHS, DOWN), middle: float = LON, packed: float | None = None,
+    factor: float = 1.0, form: str = "NETCDF4", more: dict | None = None,
+) -> Made:  # fmt: skip
+    places = np.meshgrid(lon, lat)
+    rows = np.arange(places[0].size).reshape(places[0].shape)
+    known = table(*map(np.ravel, places), DEPTHS if levels else np.zeros(1), about=middle, rows=rows)
     shape = (len(HOURS), *((3,) if levels else ()), len(lat), len(lon))
     u, v, x, y, z, t = names
     dims = (t, *((z,) if levels else ()), y, x)
@@ -112,12 +97,12 @@ def regular_file(
             fields[field] = dims, np.rint((values - 0.5) / packed).astype(np.int16), stated | pack
     if packed is not None:
         exact = [fields[f][1].astype(float) * packed + 0.5 for f in (u, v)]
-        parts = [part.reshape(known.east.shape) / factor for part in exact]
-        known = Table(known.longitude, known.latitude, known.depth, *parts, known.times, rows=known.rows)
+        east, north = (part.reshape(known.east.shape) / factor for part in exact)
+        known = replace(known, east=east, north=north)
     fields |= {
         x: ((x,), lon, DEGREES_EAST),
         y: ((y,), lat, DEGREES_NORTH),
-        t: ((t,), np.asarray(times), CLOCK if clock is None else clock),
+        t: ((t,), np.asarray(times), clock),
     }
     if levels:
         fields[z] = (z,), levels[0], levels[1]
@@ -189,7 +174,7 @@ def nemo(folder: Path) -> Made:
 
 def c_grid(folder: Path, model: str) -> Made:
     """MOM6 (symmetric, edges also outside) and MITgcm (edges west and south of the middle)."""
-    lon, lat = LON + STEP * np.arange(9), LAT + STEP * np.arange(7)
+    lon, lat = MERIDIANS, PARALLELS
     if model == "mom6":
         x, y = (np.append(axis[0] - STEP / 2, axis + STEP / 2) for axis in (lon, lat))
         names, units = ("uo", "vo", "xh", "yh", "xq", "yq"), (ALONG_X, ALONG_Y)
@@ -439,9 +424,7 @@ def projected(folder: Path, name: str, crs: Any, x: np.ndarray, y: np.ndarray, k
     known = table(lon.ravel(), lat.ravel(), about=float(lon.mean()), triangles=halves(*lon.shape))
     scale = 0.02 / max(np.ptp(lon), np.ptp(lat), 0.02)
     parts = [0.3 + scale * (part - 0.3) for part in (known.east, known.north)]
-    known = Table(
-        known.longitude, known.latitude, known.depth, *parts, known.times, None, None, known.triangles
-    )
+    known = replace(known, east=parts[0], north=parts[1])
     u, v = along(*(part[..., rows] for part in parts), angle)
     mapping = {key: value for key, value in system.to_cf().items() if kind != "cf" or key != "crs_wkt"}
     units = {"units": "degrees" if system.is_geographic else "m"}
@@ -476,7 +459,6 @@ def pop(folder: Path) -> Made:
 
 
 def zarr_store(folder: Path) -> Made:
-    """The regular grid as a Zarr folder."""
     paths, options, known = regular_file(folder, "for_zarr")
     with xr.open_dataset(paths[0], engine="netcdf4", decode_times=False) as data:
         data.load().drop_encoding().to_zarr(folder / "grid.zarr", consolidated=False)
@@ -519,7 +501,7 @@ MADE: tuple[tuple[str, str, Maker], ...] = (
         folder, "hycom", lon=300.0 + STEP * np.arange(9), names=_NAMES["hycom"], middle=-60.0, packed=1e-4,
         more={"tau": (("time",), np.zeros(3), {"units": "hours since analysis"})})),
     ("calendar gregorian_proleptic, falling latitudes", "CF", lambda folder: regular_file(
-        folder, "proleptic", lat=LAT + STEP * np.arange(7)[::-1],
+        folder, "proleptic", lat=PARALLELS[::-1],
         clock=CLOCK | {"calendar": "gregorian_proleptic"})),
     ("calendar noleap, depths negative up", "CF", lambda folder: regular_file(
         folder, "noleap", times=365.0 * 20 * 24 + HOURS, levels=(-DEPTHS, {"units": "m", "positive": "up"}),

@@ -38,7 +38,6 @@ class Box:
 
     @property
     def corners(self) -> dict[str, tuple[float, float]]:
-        """As the readers take it."""
         north, east = self.half
         return {"lower": (-north, -east), "upper": (north, east)}
 
@@ -75,6 +74,11 @@ class Rasters:
     expect: Callable[[Path], np.ndarray]
     exact: float = 1e-3
 
+    def equal(self, found: np.ndarray, expected: np.ndarray) -> float:
+        """Share of the pixels that are the same."""
+        missing = np.isnan(found) & np.isnan(expected)
+        return float(((np.abs(found - expected) <= self.exact) | missing).mean())
+
 
 def _copied(name: str) -> Callable[[Path], Path]:
     return lambda folder: Path(shutil.copy(SHARED / name, folder))
@@ -90,15 +94,19 @@ def bilinear(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndar
     )
 
 
-def tiff_depth(path: Path, box: Box) -> np.ndarray:
-    """Depth, m, of heights in a GeoTIFF, by rasterio."""
+def _tiff(path: Path, box: Box) -> tuple[np.ma.MaskedArray, np.ndarray, np.ndarray]:
+    """First band of a GeoTIFF in its unit, by rasterio, and rows and columns of the box's pixels there."""
     with rasterio.open(path) as source:
-        values = source.read(1, masked=True).astype(float).filled(np.nan)
-        values = values * source.scales[0] + source.offsets[0]
-        values[np.abs(values) > 12_000.0] = np.nan
         x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
         column, row = ~source.transform * (np.asarray(x), np.asarray(y))
-    return -bilinear(values, row - 0.5, column - 0.5)
+        return source.read(1, masked=True).astype(float) * source.scales[0] + source.offsets[0], row, column
+
+
+def tiff_depth(path: Path, box: Box) -> np.ndarray:
+    """Depth, m, of heights in a GeoTIFF."""
+    values, row, column = _tiff(path, box)
+    values = values.filled(np.nan)
+    return -bilinear(np.where(np.abs(values) > 12_000.0, np.nan, values), row - 0.5, column - 0.5)
 
 
 def _height(raw: Raw, name: str, dims: Sequence[str] | None) -> np.ndarray:
@@ -156,20 +164,14 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
 
 
 def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
-    """Depth, m, as auvplan reads it."""
     return read_bathymetry(path, box.site, **box.corners, pixel_size=box.pixel, **options).depth
 
 
 def tiff_classes(path: Path, box: Box) -> np.ndarray:
-    """Passability of the nearest pixel of a raster of classes, by rasterio."""
-    with rasterio.open(path) as source:
-        values = source.read(1)
-        x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
-        column, row = ~source.transform * (np.asarray(x), np.asarray(y))
-    i, j = (
-        np.clip(np.floor(at).astype(int), 0, n - 1) for at, n in zip((row, column), values.shape, strict=True)
-    )
-    return np.vectorize(CLASSES.get)(values[i, j])
+    """Passability of the nearest pixel of a raster of classes."""
+    values, *at = _tiff(path, box)
+    i, j = (np.clip(np.floor(a).astype(int), 0, n - 1) for a, n in zip(at, values.shape, strict=True))
+    return np.vectorize(CLASSES.get)(values.data[i, j])
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -184,7 +186,6 @@ def picture(path: Path, crs: int | None = None) -> np.ndarray:
 
 
 def classes(path: Path, box: Box) -> np.ndarray:
-    """Passability as auvplan reads it."""
     chart = chart_from_raster(path, box.site, **box.corners, pixel_size=box.pixel, classes=CLASSES)
     return np.asarray(chart.passability)
 
@@ -260,7 +261,6 @@ def _geopackage(folder: Path) -> Path:
 
 
 def _world_file(folder: Path) -> Path:
-    """The real picture as PNG, with the world file that it lacks."""
     path = Path(shutil.copy(SHARED / "maps/whitsunday_hook_passage.png", folder))
     path.with_suffix(".pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
     return path

@@ -301,14 +301,9 @@ Angle = Callable[[Raw, np.ndarray, np.ndarray], Any]
 
 
 def grid(
-    paths: Sequence[Path],
-    names: Sequence[str],
-    *,
-    depth: str | None = "depth",
-    floor: str | None = None,
-    angle: Angle | None = None,
-    renamed: Mapping[str, str] | None = None,
-) -> Table:
+    paths: Sequence[Path], names: Sequence[str], *, depth: str | None = "depth", floor: str | None = None,
+    angle: Angle | None = None, renamed: Mapping[str, str] | None = None,
+) -> Table:  # fmt: skip
     """A grid with both components at its points; names: east, north, longitude, latitude, time."""
     with Raw(*paths, names=renamed) as raw:
         u, v = components(raw, *names[:2])
@@ -349,12 +344,9 @@ def grid(
 
 
 def roms(
-    paths: Sequence[Path],
-    *,
-    epoch: float | None = None,
-    aligned: bool = False,
+    paths: Sequence[Path], *, epoch: float | None = None, aligned: bool = False,
     renamed: Mapping[str, str] | None = None,
-) -> Table:
+) -> Table:  # fmt: skip
     """Native ROMS: the mean of a cell's open faces, turned by `angle`; s-levels by Vtransform.
 
     Times count from `epoch`, s since 1970, where that is given; an `aligned` grid has no angle.
@@ -437,17 +429,10 @@ def joined(tables: Sequence[Table]) -> Table:
 
 
 def mesh(
-    paths: Sequence[Path],
-    names: Sequence[str],
-    *,
-    nodes: tuple[str, str],
-    connectivity: str,
-    in_cells: bool = False,
-    heights: str | None = None,
-    dry: str | None = None,
-    crs: Any = None,
+    paths: Sequence[Path], names: Sequence[str], *, nodes: tuple[str, str], connectivity: str,
+    in_cells: bool = False, heights: str | None = None, dry: str | None = None, crs: Any = None,
     renamed: Mapping[str, str] | None = None,
-) -> Table:
+) -> Table:  # fmt: skip
     """A mesh; names: east, north, longitude, latitude, time. Levels by heights, or one at the surface."""
     with Raw(*paths, names=renamed) as raw:
         u, v = components(raw, *names[:2])

@@ -245,15 +245,17 @@ def bearing(site: Site, longitude: float, latitude: float) -> float:
 
 
 def largest(found: Any, expected: Any) -> float:
-    """Largest difference of either component; infinite where one reading has a current and the other none."""
-    pairs = [np.asarray(part, float) for part in found[:2]], [np.asarray(part, float) for part in expected]
-    if any((np.isnan(a) != np.isnan(b)).any() for a, b in zip(*pairs, strict=True)):
-        return np.inf
-    return float(max(np.nanmax(np.abs(a - b), initial=0.0) for a, b in zip(*pairs, strict=True)))
+    """Largest difference of either component; infinite where one reading has a value and the other none."""
+    far = 0.0
+    for one, other in zip(found, expected, strict=False):
+        one, other = np.asarray(one, float), np.asarray(other, float)
+        if (np.isnan(one) != np.isnan(other)).any():
+            return np.inf
+        far = max(far, float(np.nanmax(np.abs(one - other), initial=0.0)))
+    return far
 
 
 def compared(case: Currents, folder: Path) -> list[str]:
-    """The row of a current file."""
     paths, options = case.prepare(folder)
     about = [case.name, case.model, case.origin]
     try:
@@ -269,22 +271,17 @@ def compared(case: Currents, folder: Path) -> list[str]:
 
 
 def raster(case: Rasters, folder: Path) -> list[str]:
-    """The row of a sea bed or a chart."""
     path, about = case.prepare(folder), [case.name, case.kind, case.origin]
     try:
         found = np.asarray(case.read(path), float)
     except AuvplanError as error:
         return [*about, "refused", "", str(error).replace(f"{folder}/", "")]
     expected = np.asarray(case.expect(path), float)
-    gap, missing = np.abs(found - expected), np.isnan(found) & np.isnan(expected)
-    odd = (np.isnan(found) != np.isnan(expected)).any()
-    far = shown(np.inf if odd else float(np.nanmax(gap, initial=0.0)))
-    equal = float(((gap <= case.exact) | missing).mean())
-    return [*about, f"{equal:.2%}", far + " m" * (case.kind == "sea bed"), ""]
+    far = shown(largest([found], [expected])) + " m" * (case.kind == "sea bed")
+    return [*about, f"{case.equal(found, expected):.2%}", far, ""]
 
 
 def shown(value: float | None) -> str:
-    """A difference in a table."""
     return "-" if value is None else "0" if value == 0.0 else f"{value:.0e}"
 
 
@@ -301,7 +298,6 @@ def mutated_table(counts: dict[str, Any]) -> list[str]:
 
 
 def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any]) -> str:
-    """The whole page."""
     about, every = machine(), [*rows, *pixels]
     head = HEAD.format(
         files=len(every), real=sum(row[2] != "made" for row in every), count=COUNT, same=f"{SAME:g}",
@@ -315,7 +311,6 @@ def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any])
 
 
 def main() -> None:
-    """Print or write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
     parser.add_argument("--out", type=Path, help="Markdown file to write")
     parser.add_argument("--only", default="", help="part of the names of files")

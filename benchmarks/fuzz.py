@@ -1,11 +1,9 @@
 """Every reader of files is given changed real ones: ``python -m benchmarks.fuzz [--minutes 10]``.
 
-Each copy has bytes changed, or values, keys, names, tags, links and sizes that its format knows
-(`benchmarks.fuzz_changes`). It has to be read, or refused by one line. All else is a failure: another error,
-more than 10 s of processor time, more than 2 GiB beyond what was loaded, a dead process, a file opened that
-neither the call nor the file names, a program started, a connection made, an object unpickled. A case in
-which the process dies is read once more in a new one, and counts as it ends there. Failures are kept in a
-folder with the reader, the seed and the number of the case; the same seed makes the same cases.
+Each copy has to be read, or refused by one line. All else is a failure: another error, more than 10 s of
+processor time, more than 2 GiB beyond what was loaded, a dead process, a file opened that neither the call
+nor the file names, a program started, a connection made, an object unpickled. Failures are kept in a folder
+with the reader, the seed and the number of the case; the same seed makes the same cases.
 """
 
 import contextlib
@@ -33,14 +31,13 @@ from typing import Any
 import jax
 import joblib
 import numpy as np
-from rich.progress import Progress
 
 import auvplan
 from auvplan.errors import AuvplanError
 from benchmarks.apart import Late, run_apart, within
 from benchmarks.fuzz_changes import change
 from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
-from benchmarks.machine import arguments, bars, console, table, write
+from benchmarks.machine import arguments, screen, show, track, write
 
 #: Processor time of a case, s; wall-clock time after which its process is ended.
 SECONDS, PATIENCE = 10, 90.0
@@ -149,16 +146,15 @@ class Tripwire:
 
     def opened(self) -> list[str]:
         """Names of files that were opened since the last call."""
-        content, at, found = b"", 0, []
+        content, at, found = b"", 0, set()
         with contextlib.suppress(OSError):
             content = os.read(self._handle, 1 << 16)
         while at + 16 <= len(content):
             _, mask, _, size = struct.unpack_from("iIII", content, at)
             name = content[at + 16 : at + 16 + size].rstrip(b"\0").decode()
-            if mask & self._OPENED and name:
-                found.append(name)
+            found |= {name} if mask & self._OPENED and name else set()
             at += 16 + size
-        return sorted(set(found))
+        return sorted(found)
 
 
 def write_outside(folder: Path) -> Path:
@@ -234,7 +230,7 @@ def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire)
     return found
 
 
-def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection) -> None:
+def work(cases: Cases, place: Path, keep: Path, pipe: Connection) -> None:
     """Make and read cases, and report each before and after; runs in a process of its own."""
     os.environ["AUVPLAN_CACHE"] = "off"
     warnings.simplefilter("ignore")
@@ -247,9 +243,9 @@ def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection
             cases.reader.read(place / seed.name / seed.main)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries in C complain of files
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    for number in numbers:
+    for number in iter(pipe.recv, None):
         path, said = cases.make(number, place)
-        pipe.send((number, said))
+        pipe.send(said)
         _status("VmHWM", reset=True)
         before = _status("VmRSS")
         resource.setrlimit(resource.RLIMIT_DATA, (_status("VmData") + BYTES, hard))
@@ -265,8 +261,7 @@ def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection
             found = f"memory: {grown / 2**30:.1f} GiB"
         if found not in GOOD:
             keep_case(cases, number, said, found, place, keep)
-        pipe.send((number, said, found, grown / 2**20))
-    pipe.send(None)
+        pipe.send((found, grown / 2**20))
 
 
 def _status(name: str, reset: bool = False) -> int:
@@ -281,7 +276,6 @@ def _status(name: str, reset: bool = False) -> int:
 
 
 def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, keep: Path) -> None:
-    """Keep the files of a failure."""
     folder = keep / f"{cases.name.replace(', ', '-').replace(' ', '-')}-{cases.seed}-{number}"
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(place, folder)
@@ -290,19 +284,13 @@ def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, kee
     (folder / "case.txt").write_text(text, encoding="utf-8", errors="replace")
 
 
-def fuzz(
-    cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, first: int = 0
-) -> dict[str, Any]:
+def fuzz(cases: Cases, minutes: float, most: int, keep: Path, first: int = 0) -> dict[str, Any]:
     """Read cases of a reader until the time is up or `most` are read; return what became of them."""
     outcomes, failures, memory = Counter(), [], 0.0
-    end, whole = time.monotonic() + 60.0 * minutes, 60.0 * minutes
-    task, place = bar.add_task(cases.name, total=whole), cases.folder / "case"
+    end, place = time.monotonic() + 60.0 * minutes, cases.folder / "case"
     given, numbers = (cases, place, keep), range(first, first + most)
-
-    def left() -> float:
-        return end - time.monotonic()
-
-    for number, said, found, *grown in run_apart(work, given, numbers, "spawn", PATIENCE, lambda: left() > 0):
+    became = run_apart(work, given, numbers, "spawn", PATIENCE, lambda: time.monotonic() < end)
+    for number, said, found, *grown in became:
         if not grown:
             with contextlib.suppress(OSError):
                 keep_case(cases, number, said, found, place, keep)
@@ -310,8 +298,6 @@ def fuzz(
         memory = max(memory, *grown, 0.0)
         if found not in GOOD:
             failures.append({"case": number, "change": said[:300], "found": found})
-        bar.update(task, completed=whole - max(left(), 0.0))
-    bar.remove_task(task)
     return {
         "reader": cases.name, "cases": outcomes.total(), "failed": failures[:50], "memory": round(memory, 1),
         **{name: outcomes[name] for name in (*GOOD, "failures")},
@@ -319,7 +305,6 @@ def fuzz(
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("Changed files for every reader.")
     parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
     parser.add_argument("--cases", type=int, default=10**9, help="of each reader, at most")
@@ -328,28 +313,27 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for failures; a temporary one if absent")
     options = parser.parse_args()
-    shown = console()
     keep = options.keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
     chosen = [name for name in READERS if (options.only or "") in name]
     rows = []
-    with tempfile.TemporaryDirectory() as name, bars(shown) as bar:
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         outside = write_outside(folder)
         write_sources(folder / "sources")
-        for reader in bar.track(chosen, description="readers"):
+        for reader in track(chosen, "readers"):
             place = folder / "readers" / f"{len(rows)}"
             seeds = tuple(READERS[reader].write(place, folder / "sources"))
             cases = Cases(reader, seeds, place, outside, options.seed)
-            rows.append(fuzz(cases, options.minutes, options.cases, keep, bar, options.first))
+            rows.append(fuzz(cases, options.minutes, options.cases, keep, options.first))
             for failure in {one["found"][:60]: one for one in rows[-1]["failed"][::-1]}.values():
                 line = "{case}, {change}: {found}".format(**failure)
-                shown.print(f"{reader}, case {line}", markup=False, highlight=False)
+                screen.print(f"{reader}, case {line}", markup=False, highlight=False)
     columns = {name: f"{{{name}}}" for name in ("reader", "cases", "read", "refused", "failures")}
-    shown.print(table("changed files", rows, columns | {"most memory, MiB": "{memory}"}))
+    show("changed files", rows, columns | {"most memory, MiB": "{memory}"})
     failed = sum(row["failures"] for row in rows)
-    shown.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
+    screen.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
     if failed:
-        shown.print(f"failures are kept in {keep}", markup=False)
+        screen.print(f"failures are kept in {keep}", markup=False)
     write(options.out, {"fuzz": rows})
     sys.exit(1 if failed else 0)
 

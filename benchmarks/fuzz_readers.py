@@ -4,10 +4,9 @@ import json
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -41,23 +40,20 @@ from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.geo.files import write_geotiff
 from tests.io.sample_run import make_run
 
-ROOT = Path(__file__).resolve().parent.parent
-DATA = ROOT / "auvplan" / "data"
-_SCENARIOS = *sorted((DATA / "scenarios").glob("*.yaml")), *sorted(DATA.glob("[et]*/scenario.yaml"))
+DATA = Path(__file__).resolve().parent.parent / "auvplan" / "data"
 RUN = "mission.nc"
 
-#: Real files of currents and sea beds, those of them that are small enough to be changed often.
+#: Real files of currents, those of them that are small enough to be changed often.
 _CURRENTS = (
     "currents/norkyst_v3_800m_5h.nc", "currents/rtofs_water_u_v_washington_64x3h.nc",
     "currents/cmems_glo12_uo_vo_northsea.nc", "elsewhere/ngofs_fvcom_small.nc",
     "elsewhere/creofs_selfe_noaa.nc",
 )  # fmt: skip
-_LINES = (
-    {"obstacle": "ferry", "longitude": 148.97, "latitude": -20.34, "radius": 80, "course": 90, "speed": 3},
-    {"obstacle": "buoy", "north": 100, "east": -50, "radius": 5, "depth_min": 0, "depth_max": 12},
-    {"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10},
-    {"current": [0.4, -0.1]},
-)
+_LINES = """{"obstacle": "ferry", "longitude": 148.97, "latitude": -20.34, "radius": 80, "speed": 3}
+{"obstacle": "buoy", "north": 100, "east": -50, "radius": 5, "depth_min": 0, "depth_max": 12}
+{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}
+{"current": [0.4, -0.1]}
+"""
 _DEPARTURES = """departure_utc,departure_s,feasible,best,time_s,tasks,total_priority,waypoints,reason
 2026-03-01T00:00:00Z,0.0,true,true,900.5,2,7,a > b,
 2026-03-01T01:00:00Z,3600.0,false,false,,,,,too late
@@ -74,24 +70,57 @@ _KML = """<?xml version="1.0" encoding="UTF-8"?>
 <Placemark><name>bay</name><MultiGeometry><LineString><coordinates>148.95,-20.33 148.96,-20.34,-8
 </coordinates></LineString></MultiGeometry></Placemark></Folder></Document></kml>
 """
+#: A mission of QGroundControl with waypoints and a survey.
+_PLAN = """{"fileType": "Plan", "version": 1, "mission": {"version": 2,
+"plannedHomePosition": [-20.33, 148.95, 0], "items": [
+{"type": "SimpleItem", "command": 16, "frame": 3, "params": [30, 0, 0, null, -20.33, 148.95, -5]},
+{"type": "ComplexItem", "complexItemType": "survey",
+"TransectStyleComplexItem": {"VisualTransectPoints": [[-20.33, 148.95], [-20.34, 148.95]]}}]}}
+"""
+
+
+class Files:
+    """A folder of real files.
+
+    Args:
+        files: by name a text, a path - of the sources or the shared data where it is relative -, or a call
+            that writes it; the name "." stands for the folder.
+        main: what the reader is given; the first file if empty.
+        changed: patterns of the files that are changed, one at a time; the main one alone if empty.
+    """
+
+    def __init__(self, files: Mapping[str, Any], main: str = "", changed: tuple[str, ...] = ()) -> None:
+        self._files, self._main = files, main or next(iter(files))
+        self._changed = changed or (self._main,)
+
+    def write(self, folder: Path, sources: Path) -> "Seed | None":
+        """Write them; None where what they come from is not there."""
+        folder.mkdir(parents=True)
+        try:
+            for name, content in self._files.items():
+                path = folder / name
+                if isinstance(content, str):
+                    path.write_text(content, encoding="utf-8")
+                elif isinstance(content, Path):
+                    root = sources if (sources / content).exists() else SHARED
+                    copy = partial(shutil.copytree, dirs_exist_ok=True) if name == "." else shutil.copy
+                    copy(root / content, path)
+                else:
+                    content(path)
+        except (FileNotFoundError, ModuleNotFoundError):
+            shutil.rmtree(folder)
+            return None
+        found = [path for pattern in self._changed for path in sorted(folder.glob(pattern)) if path.is_file()]
+        return Seed(folder.name, self._main, tuple(str(path.relative_to(folder)) for path in found))
 
 
 @dataclass(frozen=True)
 class Seed:
-    """A folder of real files.
-
-    Attributes:
-        main: the file, or ".", the folder, that the reader is given.
-        changed: the files that are changed, one at a time.
-    """
+    """A folder as it was written: what the reader is given, and the files that are changed."""
 
     name: str
     main: str
-    changed: tuple[str, ...] = ()
-
-    @property
-    def targets(self) -> tuple[str, ...]:
-        return self.changed or (self.main,)
+    targets: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -99,13 +128,18 @@ class Reader:
     """A reader.
 
     Attributes:
-        write: writes a reader's files below a folder, a folder each; the second folder is one of sources.
+        files: by the name of the folder.
         names: whether its files may name others, anywhere.
     """
 
-    write: Callable[[Path, Path], Iterable[Seed]]
     read: Callable[[Path], object]
+    files: Mapping[str, Files]
     names: bool = False
+
+    def write(self, folder: Path, sources: Path) -> list[Seed]:
+        """Write all that are there below a folder."""
+        seeds = (files.write(folder / name, sources) for name, files in self.files.items())
+        return [seed for seed in seeds if seed is not None]
 
 
 def write_sources(folder: Path, planned: bool = True) -> None:
@@ -116,9 +150,15 @@ def write_sources(folder: Path, planned: bool = True) -> None:
     """
     write_example(folder / "example")
     write_example_of_times(folder / "times")
-    ap.save_run(_sample(), folder / "sample")
+    sample = make_run()
+    sample.scenario, sample.names = _scenario(site=_SITE), ["alpha", "bravo", "charlie", "delta"]
+    sample.site = ap.Site(*_SITE.values(), None, (5000.0, 3000.0))
+    sample.seabed = ap.Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
+    ap.save_run(sample, folder / "sample")
     # Exports need what a file keeps of the run.
     ap.export_run(restore_run(folder / "sample"), folder / "exports")
+    for name in ("finished", "unfinished"):
+        _write_study(folder / name, folder / "sample", finished=name == "finished")
     if planned:
         scenario, out = folder / "example" / "scenario.yaml", folder / "planned"
         words = ["plan", str(scenario), "--out", str(out), "--pictures", "none", "--quiet"]
@@ -126,14 +166,11 @@ def write_sources(folder: Path, planned: bool = True) -> None:
         ap.export_run(restore_run(out), folder / "exports")
 
 
-def _sample() -> Any:
-    """A run with a site, names, vortices, obstacles and a sea bed."""
-    run = make_run()
-    scenario = ap.Scenario.model_validate({"site": {"longitude": 148.96, "latitude": -20.34}})
-    run.scenario, run.names = scenario.model_dump(mode="json"), ["alpha", "bravo", "charlie", "delta"]
-    run.site = ap.Site(148.96, -20.34, None, (5000.0, 3000.0))
-    run.seabed = ap.Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
-    return run
+_SITE = {"longitude": 148.96, "latitude": -20.34}
+
+
+def _scenario(**sections: Any) -> dict[str, Any]:
+    return ap.Scenario.model_validate(sections).model_dump(mode="json")
 
 
 @cache
@@ -153,60 +190,22 @@ def _box() -> dict[str, Any]:
     return {"lower": lower[:2], "upper": upper[:2], "pixel_size": 20.0}
 
 
-def _put(folder: Path, name: str, files: Mapping[str, Any], changed: tuple[str, ...] = ()) -> Seed:
-    """Write a seed of files: texts, paths to copy, or calls that write them; the first is the main one."""
-    (folder / name).mkdir(parents=True)
-    for file, content in files.items():
-        path = folder / name / file
-        if isinstance(content, str):
-            path.write_text(content, encoding="utf-8")
-        elif isinstance(content, Path):
-            shutil.copy(content, path)
-        else:
-            content(path)
-    return Seed(name, next(iter(files)), changed)
+def _zipped(path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("doc.kml", _KML)
 
 
-def _copied(name: str, *places: Path) -> Callable[[Path, Path], list[Seed]]:
-    """Seeds that are a file each, of those that are there; from the sources where a path is not absolute."""
-
-    def write(folder: Path, sources: Path) -> list[Seed]:
-        there = [(f"{number}", sources / place) for number, place in enumerate(places)]
-        return [_put(folder, number, {name: path}) for number, path in there if path.is_file()]
-
-    return write
+def _jobs(kind: str, *files: Any) -> dict[str, Files]:
+    """Jobs in files, and what the export of the same format wrote."""
+    every = *files, Path(f"exports/itinerary.{kind}")
+    return {f"{number}": Files({f"jobs.{kind}": each}) for number, each in enumerate(every)}
 
 
-def _stated(suffix: str, text: str) -> Callable[[Path, Path], list[Seed]]:
-    """A text, and what the export of the same format wrote."""
-
-    def write(folder: Path, sources: Path) -> list[Seed]:
-        seeds = [_put(folder, "stated0", {f"jobs.{suffix}": text})]
-        exported = sources / "exports" / f"itinerary.{suffix}"
-        if exported.is_file():
-            content = exported.read_text("utf-8")
-            seeds.append(_put(folder, "exported0", {f"jobs.{suffix}": content}))
-        return seeds
-
-    return write
-
-
-def _folders(folder: Path, sources: Path) -> list[Seed]:
-    """Scenarios with all that they name."""
-    seeds = []
-    for name in ("example", "times"):
-        shutil.copytree(sources / name, folder / name)
-        files = sorted(path.name for path in (folder / name).iterdir() if path.suffix != ".md")
-        seeds.append(Seed(name, "scenario.yaml", tuple(files)))
-    return seeds
-
-
-def _kmz(folder: Path, sources: Path) -> list[Seed]:
-    def write(path: Path) -> None:
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("doc.kml", _KML)
-
-    return [_put(folder, "zip", {"jobs.kmz": write})]
+def _read_jobs(path: Path) -> object:
+    slack = 0.1 + 0.5 * np.sin(np.arange(1000.0) / 60.0) ** 2
+    return geo.read_jobs(
+        path, _site(), until=10_800.0, speed=lambda place, times: slack[(times / 60.0).astype(int) % 1000]
+    )
 
 
 def _picture() -> np.ndarray:
@@ -216,31 +215,20 @@ def _picture() -> np.ndarray:
     return values + np.random.default_rng(0).integers(0, 9, values.shape).astype(np.uint8)
 
 
-def _pictures(folder: Path, sources: Path) -> list[Seed]:
-    """PNG pictures with a world file and a projection."""
-    pictures = {"made": _picture()}
-    real = SHARED / "maps" / "whitsunday_hook_passage.png"
-    if real.is_file():
-        with Image.open(real) as opened:
-            pictures["real"] = np.asarray(opened.convert("RGB").crop((300, 300, 400, 400)))
+def _real_picture(path: Path) -> None:
+    with Image.open(SHARED / "maps" / "whitsunday_hook_passage.png") as opened:
+        opened.convert("RGB").crop((300, 300, 400, 400)).save(path)
+
+
+def _placed(picture: Any) -> Files:
+    """A PNG picture with a world file and a projection."""
     placed = {"chart.pgw": "0.002\n0\n0\n-0.002\n148.9\n-20.28\n", "chart.prj": "EPSG:4326"}
-    changed = "chart.png", "chart.png", "chart.pgw", "chart.prj"
-    return [
-        _put(folder, name, {"chart.png": Image.fromarray(values).save} | placed, changed)
-        for name, values in pictures.items()
-    ]
+    return Files({"chart.png": picture} | placed, changed=("chart.png", "chart.*"))
 
 
-_PLACE: dict[str, Any] = {"corner": (148.9, -20.28), "scale": (0.002, 0.002), "compress": "deflate"}
-
-
-def _tiffs(folder: Path, sources: Path) -> list[Seed]:
-    values = _picture()
-    rasters = {"colour": values, "classes": (values[..., 0] < 80).astype(np.uint8)}
-    return [
-        _put(folder, name, {"chart.tif": lambda path, array=array: write_geotiff(path, array, **_PLACE)})
-        for name, array in rasters.items()
-    ]
+def _geotiff(values: np.ndarray, **more: Any) -> Callable[[Path], object]:
+    where = {"corner": (148.9, -20.28), "scale": (0.002, 0.002), "compress": "deflate"}
+    return lambda path: write_geotiff(path, values, **where, **more)
 
 
 def _read_tiff(path: Path) -> object:
@@ -249,46 +237,33 @@ def _read_tiff(path: Path) -> object:
     return chart_from_raster(path, _site(), **_box(), classes=classes)
 
 
-def _land(folder: Path, sources: Path) -> list[Seed]:
-    """Polygons as GeoJSON, and as what else GDAL writes."""
-    own = sources / "example" / "whitsunday_coast.geojson"
-    world = SHARED / "elsewhere" / "natural_earth_110m_land.geojson"
-    seeds = _copied("land.geojson", own, world)(folder, sources)
-    if find_spec("pyogrio") is None:
-        return seeds
+def _write_vectors(path: Path) -> None:
+    """Write the example's coast by the driver of GDAL that the name asks for."""
     from pyogrio import raw
 
-    shapes = [shapely.geometry.shape(one["geometry"]) for one in json.loads(own.read_text())["features"]]
-    shapes = [part for shape in shapes for part in shapely.get_parts(shape)]
+    features = json.loads((DATA / "whitsunday_coast.geojson").read_text())["features"]
+    shapes = shapely.get_parts([shapely.geometry.shape(one["geometry"]) for one in features])
     names = np.asarray([f"part {k}" for k in range(len(shapes))], object)
-    geometry = shapely.to_wkb(np.asarray(shapes, object))
     how = {"field_data": [names], "fields": ["name"], "geometry_type": "Polygon", "crs": "EPSG:4326"}
-    for suffix in ("gpkg", "shp", "fgb"):
-        main = f"land.{suffix}"
-        _put(folder, suffix, {main: lambda path: raw.write(path, geometry=geometry, **how)})
-        seeds.append(Seed(suffix, main, tuple(sorted(path.name for path in (folder / suffix).iterdir()))))
-    return seeds
+    raw.write(path, geometry=shapely.to_wkb(shapes), **how)
 
 
-def _cells(folder: Path, sources: Path) -> list[Seed]:
-    """A cell with land, depth areas, a wreck, a rock and a prohibited area, and an update of it."""
+def _write_cell(path: Path) -> None:
+    """Write a cell with land, depth areas, a wreck, a rock and a prohibited area, or an update of it."""
+    if path.suffix == ".001":
+        more = [Object("OBSTRN", shapely.Point(148.98, -20.33), {"VALSOU": 7}, number=99)]
+        write_cell(path, more, update=1, first=1000)
+        return
     west, south, east, north = 148.85, -20.45, 149.1, -20.2
-    bay = shapely.box(west, south, east, north)
-    objects = [
-        Object("M_COVR", bay, {"CATCOV": 1}),
+    write_cell(path, [
+        Object("M_COVR", shapely.box(west, south, east, north), {"CATCOV": 1}),
         Object("LNDARE", shapely.box(148.9, -20.4, 148.92, -20.38)),
         Object("DEPARE", shapely.box(west, south, 148.93, north), {"DRVAL1": 2, "DRVAL2": 5}),
         Object("DEPARE", shapely.box(148.93, south, east, north), {"DRVAL1": 20, "DRVAL2": 50}),
         Object("WRECKS", shapely.Point(148.96, -20.34), {"VALSOU": 12.5, "CATWRK": 1}),
         Object("UWTROC", shapely.Point(148.97, -20.35), {"WATLEV": 3}),
         Object("RESARE", shapely.box(149.0, -20.3, 149.02, -20.28), {"RESTRN": 7}),
-    ]
-    more = [Object("OBSTRN", shapely.Point(148.98, -20.33), {"VALSOU": 7}, number=99)]
-    files = {
-        "AU5WHIT1.000": lambda path: write_cell(path, objects),
-        "AU5WHIT1.001": lambda path: write_cell(path, more, update=1, first=1000),
-    }
-    return [_put(folder, "cell", files, tuple(files))]
+    ])  # fmt: skip
 
 
 def _read_closed(path: Path) -> object:
@@ -297,38 +272,23 @@ def _read_closed(path: Path) -> object:
     return closures_of(zones, _site(), **box, margin=60.0, until=10_800.0)
 
 
-def _beds(folder: Path, sources: Path) -> list[Seed]:
-    places = Path("example/bathymetry.nc"), SHARED / "elsewhere" / "etopo60_rose.nc"
-    values = -np.linspace(0.0, 60.0, 60 * 80).reshape(60, 80).astype(np.float32)
-    write = partial(write_geotiff, values=values, band={"units": "m"}, **_PLACE)
-    return [*_copied("bed.nc", *places)(folder, sources), _put(folder, "tiff", {"bed.tif": write})]
-
-
-def _currents(folder: Path, sources: Path) -> list[Seed]:
-    places = Path("example/current.nc"), *(SHARED / name for name in _CURRENTS)
-    return _copied("current.nc", *places)(folder, sources)
-
-
 def _read_currents(path: Path) -> object:
     """The summary and some values, and the box of the example where that is what the file is of."""
     with open_ocean([path]) as ocean:
         summary_of(ocean)
-    if path.parent.name == "0":
+    if path.parent.name == "example":
         lower, upper = (np.asarray(corner, float) for corner in _sea().box)
         return ap.read_current([path], _site(), lower=lower, upper=upper, times=(0.0, 7200.0))
     return None
 
 
-def _tides(folder: Path, sources: Path) -> list[Seed]:
-    tide = sources / "times" / "tide.yaml"
-    stated = yaml.safe_load(tide.read_text(encoding="utf-8"))
+def _write_places(path: Path) -> None:
+    """Write the constituents of the example of times at two places."""
+    stated = yaml.safe_load((DATA / "tide" / "tide.yaml").read_text(encoding="utf-8"))
     one = {name: stated.pop(name) for name in ("constituents", "mean") if name in stated}
-    places = [
-        {"longitude": longitude, "latitude": latitude, **one}
-        for longitude, latitude in ((148.95, -20.33), (148.97, -20.35))
-    ]
-    text = yaml.safe_dump(stated | {"places": json.loads(json.dumps(places))})
-    return [_put(folder, "0", {"tide.yaml": tide}), _put(folder, "places", {"tide.yaml": text})]
+    places = (148.95, -20.33), (148.97, -20.35)
+    stated["places"] = [json.loads(json.dumps({"longitude": x, "latitude": y} | one)) for x, y in places]
+    path.write_text(yaml.safe_dump(stated), encoding="utf-8")
 
 
 def _design() -> Design:
@@ -336,20 +296,14 @@ def _design() -> Design:
     return Design(ap.Scenario.model_validate({"chart": {"source": "none"}}), 2, 0, sweeps)
 
 
-def _studies(folder: Path, sources: Path) -> list[Seed]:
-    """A study that is finished, and one that is not."""
-    design, row = _design(), row_of(restore_run(sources / "sample"))
-    seeds = []
-    for name in ("finished", "unfinished"):
-        store = Store(folder / name, design)
-        for task in design.tasks:
-            store.add(*task, row)
-        if name == "finished":
-            dataset = table(design, store.rows(), None)
-            store.finish(dataset, summarise(dataset))
-        files = [path for path in sorted((folder / name).rglob("*")) if path.is_file()]
-        seeds.append(Seed(name, ".", tuple(str(path.relative_to(folder / name)) for path in files)))
-    return seeds
+def _write_study(folder: Path, run: Path, finished: bool) -> None:
+    design, row = _design(), row_of(restore_run(run))
+    store = Store(folder, design)
+    for task in design.tasks:
+        store.add(*task, row)
+    if finished:
+        dataset = table(design, store.rows(), None)
+        store.finish(dataset, summarise(dataset))
 
 
 def _read_study(folder: Path) -> object:
@@ -362,80 +316,82 @@ def _read_study(folder: Path) -> object:
     return study_data(dataset, None, [])
 
 
-def _in_folder(folder: Path, name: str, files: Mapping[str, Any], *more: str) -> Seed:
-    """A seed whose reader is given the folder."""
-    return Seed(_put(folder, name, files).name, ".", (*files, *more))
-
-
-def _runs(folder: Path, sources: Path) -> list[Seed]:
-    return [
-        _in_folder(folder, name, {file: sources / name / file for file in (SUMMARY, RUN)}, RUN, RUN)
-        for name in ("sample", "planned")
-        if (sources / name).is_dir()
-    ]
-
-
-def _departures(folder: Path, sources: Path) -> list[Seed]:
+def _write_departed(path: Path) -> None:
     stated = {"scenario": _sea().model_dump(mode="json"), "seed": 0, "notes": [], "files": [], "versions": {}}
-    return [_in_folder(folder, "table", {DEPARTURES: _DEPARTURES, DEPARTED: json.dumps(stated)})]
+    path.write_text(json.dumps(stated), encoding="utf-8")
 
 
-def _notices(folder: Path, sources: Path) -> list[Seed]:
-    text = "".join(json.dumps(line) + "\n" for line in _LINES)
-    return [_put(folder, "lines", {"notices.jsonl": text})]
+def _each(file: str, paths: Mapping[str, Path]) -> dict[str, Files]:
+    """Folders of one file each, under the same name."""
+    return {name: Files({file: path}) for name, path in paths.items()}
 
 
-def _plan() -> str:
-    """A mission of QGroundControl with waypoints and a survey."""
-    items: list[dict[str, Any]] = [
-        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [30, 0, 0, None, -20.33, 148.95, -5]},
-        {
-            "type": "ComplexItem",
-            "complexItemType": "survey",
-            "TransectStyleComplexItem": {"VisualTransectPoints": [[-20.33, 148.95], [-20.34, 148.95]]},
-        },
-    ]
-    mission = {"version": 2, "plannedHomePosition": [-20.33, 148.95, 0], "items": items}
-    return json.dumps({"fileType": "Plan", "version": 1, "mission": mission})
-
-
-def _read_jobs(path: Path) -> object:
-    slack = 0.1 + 0.5 * np.sin(np.arange(1000.0) / 60.0) ** 2
-    return geo.read_jobs(
-        path, _site(), until=10_800.0, speed=lambda place, times: slack[(times / 60.0).astype(int) % 1000]
-    )
-
-
-_JOBS = {"csv": (DATA / "tide" / "jobs.csv").read_text("utf-8"), "gpx": _GPX, "kml": _KML, "plan": _plan()}
+_SCENARIOS = *sorted((DATA / "scenarios").glob("*.yaml")), *sorted(DATA.glob("[et]*/scenario.yaml"))
+_EXAMPLE, _TIMES = DATA / "example", DATA / "tide"
+_PICTURES = {"made": _placed(Image.fromarray(_picture()).save), "real": _placed(_real_picture)}
+_BED = -np.linspace(0.0, 60.0, 60 * 80).reshape(60, 80).astype(np.float32)
+_RUNS = {name: Files({".": Path(name)}, changed=(RUN, RUN, SUMMARY)) for name in ("sample", "planned")}
 
 READERS: dict[str, Reader] = {
-    "scenario": Reader(_copied("scenario.yaml", *_SCENARIOS), read_scenario, names=True),
-    "scenario and its files": Reader(_folders, examine_scenario, names=True),
-    "jobs, GeoJSON": Reader(
-        _copied("jobs.geojson", DATA / "example" / "jobs.geojson", Path("exports/itinerary.geojson")),
-        _read_jobs,
+    "scenario": Reader(
+        read_scenario, _each("scenario.yaml", {f"{k}": path for k, path in enumerate(_SCENARIOS)}), names=True
     ),
-    **{f"jobs, {kind.upper()}": Reader(_stated(kind, text), _read_jobs) for kind, text in _JOBS.items()},
-    "jobs, KMZ": Reader(_kmz, _read_jobs),
+    "scenario and its files": Reader(
+        examine_scenario,
+        {name: Files({".": Path(name)}, "scenario.yaml", ("*.[!m]*",)) for name in ("example", "times")},
+        names=True,
+    ),
+    "jobs, GeoJSON": Reader(_read_jobs, _jobs("geojson", _EXAMPLE / "jobs.geojson")),
+    "jobs, CSV": Reader(_read_jobs, _jobs("csv", _TIMES / "jobs.csv")),
+    "jobs, GPX": Reader(_read_jobs, _jobs("gpx", _GPX)),
+    "jobs, KML": Reader(_read_jobs, _jobs("kml", _KML)),
+    "jobs, PLAN": Reader(_read_jobs, _jobs("plan", _PLAN)),
+    "jobs, KMZ": Reader(_read_jobs, {"zip": Files({"jobs.kmz": _zipped})}),
     "closed areas": Reader(
-        _copied("no_go.geojson", *(DATA / name / "no_go.geojson" for name in ("example", "tide"))),
-        _read_closed,
+        _read_closed, _each("no_go.geojson", {"0": _EXAMPLE / "no_go.geojson", "1": _TIMES / "no_go.geojson"})
     ),
     "obstacles": Reader(
-        _copied("obstacles.geojson", DATA / "example" / "obstacles.geojson"),
         lambda path: geo.read_obstacles(path, _site()),
+        _each("obstacles.geojson", {"0": _EXAMPLE / "obstacles.geojson"}),
     ),
-    "land": Reader(_land, lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0)),
-    "chart, S-57": Reader(_cells, lambda path: read_cells(path, _site(), **_box(), deepest=40.0)),
-    "chart, PNG": Reader(_pictures, lambda path: chart_from_raster(path, _site(), **_box())),
-    "chart, GeoTIFF": Reader(_tiffs, _read_tiff),
-    "picture": Reader(_pictures, classify_file),
-    "bathymetry": Reader(_beds, lambda path: geo.read_bathymetry(path, _site(), **_box())),
-    "currents": Reader(_currents, _read_currents),
-    "tides": Reader(_tides, lambda path: read_tide(path, _site(), 10_800.0)),
-    "study": Reader(_studies, _read_study),
-    "saved run": Reader(_runs, restore_run, names=True),
-    "saved run, checked": Reader(_runs, check_run, names=True),
-    "departures": Reader(_departures, lambda path: departures_data(*read_departures(path))),
-    "notices": Reader(_notices, lambda path: list(NoticeFile(path, _site()).read())),
-}
+    "land": Reader(lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0), {
+        "0": Files({"land.geojson": DATA / "whitsunday_coast.geojson"}),
+        "1": Files({"land.geojson": Path("elsewhere/natural_earth_110m_land.geojson")}),
+        **{kind: Files({f"land.{kind}": _write_vectors}, changed=("*",)) for kind in ("gpkg", "shp", "fgb")},
+    }),
+    "chart, S-57": Reader(
+        lambda path: read_cells(path, _site(), **_box(), deepest=40.0),
+        {"cell": Files(dict.fromkeys(("AU5WHIT1.000", "AU5WHIT1.001"), _write_cell), changed=("*",))},
+    ),
+    "chart, PNG": Reader(lambda path: chart_from_raster(path, _site(), **_box()), _PICTURES),
+    "chart, GeoTIFF": Reader(_read_tiff, {
+        "colour": Files({"chart.tif": _geotiff(_picture())}),
+        "classes": Files({"chart.tif": _geotiff((_picture()[..., 0] < 80).astype(np.uint8))}),
+    }),
+    "picture": Reader(classify_file, _PICTURES),
+    "bathymetry": Reader(
+        lambda path: geo.read_bathymetry(path, _site(), **_box()),
+        _each("bed.nc", {"0": Path("example/bathymetry.nc"), "1": Path("elsewhere/etopo60_rose.nc")})
+        | {"tiff": Files({"bed.tif": _geotiff(_BED, band={"units": "m"})})},
+    ),
+    "currents": Reader(
+        _read_currents,
+        _each("current.nc", {"example": Path("example/current.nc")}
+              | {f"{k}": Path(name) for k, name in enumerate(_CURRENTS)}),
+    ),
+    "tides": Reader(lambda path: read_tide(path, _site(), 10_800.0), {
+        "0": Files({"tide.yaml": _TIMES / "tide.yaml"}), "places": Files({"tide.yaml": _write_places}),
+    }),
+    "study": Reader(_read_study, {
+        name: Files({".": Path(name)}, changed=("**/*",)) for name in ("finished", "unfinished")
+    }),
+    "saved run": Reader(restore_run, _RUNS, names=True),
+    "saved run, checked": Reader(check_run, _RUNS, names=True),
+    "departures": Reader(
+        lambda path: departures_data(*read_departures(path)),
+        {"table": Files({DEPARTURES: _DEPARTURES, DEPARTED: _write_departed}, ".", ("*",))},
+    ),
+    "notices": Reader(
+        lambda path: list(NoticeFile(path, _site()).read()), {"lines": Files({"notices.jsonl": _LINES})}
+    ),
+}  # fmt: skip

@@ -1,9 +1,8 @@
 """What a gridded current costs a plan: a model's field against the vortices that it was sampled from.
 
-``python -m benchmarks.gridded`` plans one leg of 8 km past three obstacles with every preset in the default
-scenario's vortices, in one layer and in three, and in a field of 100 x 100 nodes, 10 depths and 24 hours
-sampled from the three layers, which a tide turns about. The currents take turns in one process, so that all
-see the same machine; the ratios are of medians and of the shortest times. Compilation counts apart.
+`python -m benchmarks.gridded` plans one leg of 8 km past three obstacles in the default scenario's vortices
+and in fields sampled from them, which a tide turns about. The currents take turns in one process; ratios are
+of medians and of the shortest times, compilation apart.
 """
 
 from functools import partial
@@ -12,13 +11,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.machine import arguments, bars, console, table, take_turns, write
+from benchmarks.machine import arguments, show, take_turns, write
 from benchmarks.path_problems import PRESETS
 
 ROUNDS = 15
@@ -70,14 +68,11 @@ def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
     return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=DEPART)
 
 
-def rows(presets: list[str], rounds: int, progress: Progress) -> list[dict[str, Any]]:
-    """All currents with each of the presets."""
+def rows(presets: list[str], rounds: int) -> list[dict[str, Any]]:
     known, found = currents(), []
     for preset in presets:
-        bar = progress.add_task(preset, total=len(known) * (rounds + 1))
         calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}
-        turns = take_turns(calls, dict.fromkeys(calls, rounds), 0, partial(progress.advance, bar))
-        progress.remove_task(bar)
+        turns = take_turns(calls, dict.fromkeys(calls, rounds), 0)
         for name, row in turns.items():
             row["feasible"] = float(np.mean([plan.feasible for plan in row.pop("results")]))
             for layers, other in (("one_layer", ONE_LAYER), ("three_layers", THREE_LAYERS)):
@@ -89,15 +84,12 @@ def rows(presets: list[str], rounds: int, progress: Progress) -> list[dict[str, 
 
 
 def main() -> None:
-    """Print the table and write the file."""
     parser = arguments("Plans in gridded currents against plans in vortices.")
     parser.add_argument("--preset", choices=PRESETS, action="append", help="this one alone; may be repeated")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every current takes")
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        found = rows(options.preset or list(PRESETS), options.rounds, progress)
-    screen.print(table(TITLE, found, COLUMNS, names=2, no_wrap=True))
+    found = rows(options.preset or list(PRESETS), options.rounds)
+    show(TITLE, found, COLUMNS, names=2, no_wrap=True)
     write(options.out, {"rounds": options.rounds, "rows": found})
 
 

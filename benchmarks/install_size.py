@@ -1,10 +1,6 @@
-"""What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib, with sizes on disk.
+"""What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib, with sizes on disk."""
 
-    python -m benchmarks.install_size
-
-Sizes are those of the files that the installed distributions record, compiled byte code left out.
-"""
-
+import argparse
 from importlib.metadata import PackageNotFoundError, distribution
 
 from packaging.markers import default_environment
@@ -38,7 +34,6 @@ def needed_by(name: str, extra: str = "") -> set[str]:
 
 
 def size(name: str) -> float:
-    """MB on disk."""
     files = distribution(name).files or []
     paths = [file.locate() for file in files if not str(file).endswith(".pyc")]
     return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
@@ -53,16 +48,14 @@ def table(title: str, names: set[str]) -> None:
 
 
 def main() -> None:
-    """Print the tables."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     known = set().union(*(needed_by(name) for name in KNOWN))
     print(f"{', '.join(KNOWN)} and what they need: {sum(map(size, known)):.0f} MB")
     lean = needed_by("auvplan") - {"auvplan"}
     table("pip install auvplan adds", lean - known)
     for extra in EXTRAS:
-        table(
-            f"pip install 'auvplan[{extra}]' adds to that",
-            needed_by("auvplan", extra) - lean - known - {"auvplan"},
-        )
+        more = needed_by("auvplan", extra) - lean - known - {"auvplan"}
+        table(f"pip install 'auvplan[{extra}]' adds to that", more)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,9 @@
 """Most total priority under time windows, proved by labels of dynamic programming (Righini and Salani 2009).
 
 A label is a waypoint, the set of waypoints visited and the earliest time at which the task there begins.
-What can still be gained from a waypoint on is bounded by routes that may repeat waypoints, though not turn
-straight back, each visit charged with a Lagrange multiplier of the rule that none is repeated. Labels whose
-bound does not beat the best route known are dropped; where none is left that route is the best.
-
-Times are whole seconds, and no leg with its task takes less than `GRID` seconds, but for those from the
-start.
+What can still be gained is bounded by routes that may repeat waypoints, though not turn straight back, each
+visit charged with a Lagrange multiplier. Times are whole seconds, and no leg with its task takes less than
+`GRID` of them, but for those from the start.
 """
 
 from dataclasses import dataclass
@@ -177,16 +174,8 @@ def _labels(windows: Windows, ways: _Ways, multipliers: Array, known: float) -> 
             fits = (seen[part, None] & bits[1:]) == 0
             most = max(most, np.where(fits & (begins < late), worth, -np.inf)[:, -1].max())
             row, column = np.nonzero(fits[:, :-1] & (bound[:, :-1] >= most + 1.0 - TOLERANCE))
-            rows.append(
-                (
-                    column + 1,
-                    seen[part][row] | bits[1:][column],
-                    begins[row, column],
-                    worth[row, column],
-                    left[row, column],
-                    bound[row, column],
-                )
-            )
+            kept = seen[part][row] | bits[1:][column], begins[row, column], worth[row, column]
+            rows.append((column + 1, *kept, left[row, column], bound[row, column]))
         here, seen, time, gained, spare, bound = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         # Of those that end at one waypoint and have visited the same the earliest goes on.
         kept = np.lexsort((time, seen, here))

@@ -1,14 +1,10 @@
 """Executes missions on other people's vehicle code over a link that loses packets.
 
 `python -m benchmarks.links`: twenty missions by MAVSDK's autopilot side and twenty by a peer of imcpy's
-messages, each behind a proxy that loses 5 % of the packets, doubles 5 % and delays 10 %. The vehicles are
-slower or faster than planned; in every third mission an obstacle is reported from outside, in every third a
-current. Counted are verdicts, uploads that are what was planned, item by item, and tasks by the vehicles' own
-books.
-
-`python -m benchmarks.links --link ADDRESS -n 5`: missions of three and more tasks on a running vehicle,
-one after another, each from where the one before ended; the end of each leg beside its plan. `--current`
-tells them the current that the vehicle's simulator has, m/s north and east.
+messages, each behind a proxy that loses, doubles and delays packets. Counted are verdicts, uploads that are
+what was planned, item by item, and tasks by the vehicles' own books. `--link ADDRESS -n 5`: missions on a
+running vehicle, one after another; `--current` gives them the current that the vehicle's simulator has, m/s
+north and east.
 """
 
 import argparse

@@ -1,10 +1,9 @@
 """Thousands of missions in one process: does memory stay flat, and is nothing compiled twice or left open?
 
-``python -m benchmarks.long_run [-n 2000] [--sea vortices] [--out FILE.json]`` simulates missions of one sea,
-saves every twentieth to disk and reads it again, and prints memory, programs and open files as the run goes
-on. The seas: drawn vortices, a tide in a file that is written for it, and the fjord of ../shared. The first
-tenth is warm-up. It ends with status 1 where a program was compiled twice, a file was left open, or memory
-grew by more than a tenth. The figures of other seas in the file are kept.
+`python -m benchmarks.long_run [-n 2000] [--sea vortices]` simulates missions of one sea, and saves every
+twentieth and reads it again. The first tenth is warm-up. It ends with status 1 where a program was compiled
+twice, a file was left open, or memory grew by more than a tenth. The figures of other seas in the file are
+kept.
 """
 
 import gc
@@ -22,7 +21,7 @@ import auvplan as ap
 from auvplan.executive import execute_missions
 from auvplan.runtime.compiled import compilations
 from benchmarks import clock, small_sea
-from benchmarks.machine import arguments, console, table, write
+from benchmarks.machine import arguments, screen, show, write
 
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
@@ -78,12 +77,11 @@ def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
                 # The file that this takes to look is left out.
                 row |= {"programs": compilations(), "files": len(os.listdir("/proc/self/fd")) - 1}
                 rows.append(row | {"failed": late})
-                console().print(", ".join(f"{key} {value:.0f}" for key, value in rows[-1].items()))
+                screen.print(", ".join(f"{key} {value:.0f}" for key, value in rows[-1].items()))
     return rows
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("Very many missions in one process.")
     parser.add_argument("-n", type=int, default=2000)
     parser.add_argument("--sea", choices=SEAS, default="vortices")
@@ -91,14 +89,14 @@ def main() -> None:
     compiled = Compiled()
     rows = watched(options.sea, options.n, compiled)
     later = [row for row in rows if row["missions"] >= options.n / 10]
-    warm, last, screen = later[0], rows[-1], console()
+    warm, last = later[0], rows[-1]
     words = {
         "missions": "missions", "memory": "memory, MiB", "programs": "programs compiled",
         "files": "files open", "failed": "missions failed",
     }  # fmt: skip
     shown = [{"what": words[name], "warm": warm[name], "last": last[name]} for name in words]
     columns = {"": "{what}", "after warm-up": "{warm:.0f}", "at the end": "{last:.0f}"}
-    screen.print(table(f"{last['missions']} missions, {SEAS[options.sea]}", shown, columns))
+    show(f"{last['missions']} missions, {SEAS[options.sea]}", shown, columns)
     slope = np.polyfit([row["missions"] for row in later], [row["memory"] for row in later], 1)[0]
     screen.print(f"memory grows by {1000.0 * slope:.1f} MiB per 1,000 missions after warm-up")
     for text in compiled.again:

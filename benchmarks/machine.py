@@ -10,11 +10,11 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
@@ -25,8 +25,13 @@ from rich.table import Table
 PACKAGES = (
     "auvplan", "jax", "jaxlib", "numpy", "scipy", "numba", "mealpy", "evosax", "cma", "ortools", "pyvrp",
 )  # fmt: skip
-WIDTH = 120
 COMPILERS = ("cc", "gcc", "clang")
+T = TypeVar("T")
+
+#: Where tables and lines are printed, wide enough where that is a file.
+screen = Console()
+if not screen.is_terminal:
+    screen = Console(width=120)
 
 #: Real data lies beside the repository.
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -40,7 +45,7 @@ def installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
-def available(name: str, packages: Iterable[str], screen: Console) -> bool:
+def available(name: str, packages: Iterable[str]) -> bool:
     """Whether a contender can take part; a line where one of its packages is missing."""
     missing = " and ".join(package for package in packages if not installed(package))
     if missing:
@@ -72,16 +77,11 @@ def machine() -> dict[str, Any]:
     }
 
 
-def console() -> Console:
-    """A console that is wide enough where the output goes to a file."""
-    found = Console()
-    return found if found.is_terminal else Console(width=WIDTH)
-
-
-def bars(console: Console) -> Progress:
-    """Progress bars that vanish when done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
+    """Yield items beside a bar that vanishes when all are done."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=screen, transient=True) as progress:
+        yield from progress.track(items, total, description=description)
 
 
 def clock(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -92,10 +92,7 @@ def clock(call: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def take_turns(
-    calls: Mapping[str, Callable[[int], Any]],
-    rounds: Mapping[str, int],
-    first: int,
-    bar: Callable[[], object],
+    calls: Mapping[str, Callable[[int], Any]], rounds: Mapping[str, int], first: int
 ) -> dict[str, dict[str, Any]]:
     """Time calls of seeds 0, 1, ... in turns, so that all see the same machine.
 
@@ -103,18 +100,14 @@ def take_turns(
         calls: by name.
         rounds: for each of them.
         first: seed of the calls that compile.
-        bar: called once for each turn of each call.
 
     Returns:
         By name: median and least time of a call, how much longer the first one took, s, and all results.
     """
-    compiling, times, results = {}, {name: [] for name in calls}, {name: [] for name in calls}
-    for name, call in calls.items():
-        compiling[name], _ = clock(partial(call, first))
-        bar()
-    for turn in range(max(rounds.values())):
+    times, results = {name: [] for name in calls}, {name: [] for name in calls}
+    compiling = {name: clock(partial(call, first))[0] for name, call in track(calls.items(), "compiling")}
+    for turn in track(range(max(rounds.values())), "turns"):
         for name, call in calls.items():
-            bar()
             if turn < rounds[name]:
                 # The first call of a turn finds the caches as another contender left them.
                 jax.block_until_ready(call(turn))
@@ -144,10 +137,10 @@ def seed_range(text: str) -> range:
     return range(int(first), int(end) if end else int(first) + 1)
 
 
-def table(
+def show(
     title: str, rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], names: int = 1, **options: Any
-) -> Table:
-    """Return a table of rows.
+) -> None:
+    """Print a table of rows.
 
     Args:
         title: above it.
@@ -155,21 +148,21 @@ def table(
         names: number of first columns that are names, to the left; repeats in the first are left blank.
         options: of all columns, as rich has them.
     """
+
+    def cell(form: str, row: Mapping[str, Any]) -> str:
+        try:
+            return form.format_map(row)
+        except TypeError:  # None has no format
+            return "-"
+
     made, last = Table(title=title), None
     for number, heading in enumerate(columns):
         made.add_column(heading, justify="left" if number < names else "right", **options)
     for row in rows:
-        first, *others = (_cell(form, row) for form in columns.values())
+        first, *others = (cell(form, row) for form in columns.values())
         made.add_row("" if first == last else first, *others)
         last = first
-    return made
-
-
-def _cell(form: str, row: Mapping[str, Any]) -> str:
-    try:
-        return form.format_map(row)
-    except TypeError:  # None has no format
-        return "-"
+    screen.print(made)
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -114,12 +114,8 @@ def mealpy_bbo(case: Case, seed: int, population: int = 150, iterations: int = 2
         nodes, time, priority = decode(keys, times, rho, togo, case.start, case.goal, budget)
         return second * time - priority if nodes[-1] == case.goal else size * rho.max()
 
-    problem = {
-        "obj_func": cost,
-        "bounds": [FloatVar(lb=0.0, ub=1.0) for _ in range(size)],
-        "minmax": "min",
-        "log_to": None,
-    }
+    bounds = [FloatVar(lb=0.0, ub=1.0) for _ in range(size)]
+    problem = {"obj_func": cost, "bounds": bounds, "minmax": "min", "log_to": None}
     best = BBO.OriginalBBO(epoch=iterations, pop_size=population).solve(problem, seed=seed)
     nodes, _, _ = decode(best.solution, times, rho, togo, case.start, case.goal, budget)
     return nodes.tolist() if nodes[-1] == case.goal else []

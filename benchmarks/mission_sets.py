@@ -118,12 +118,8 @@ def _orienteering() -> list[Case]:
             prizes, size = points[:, 2], len(points)
             priority = 0.5 * (prizes[:, None] + prizes[None, :])
             np.fill_diagonal(priority, 0.0)
-            graph = MissionGraph(
-                np.c_[points[:, :2], np.zeros(size)],
-                ~np.eye(size, dtype=bool),
-                priority,
-                np.zeros((size, size)),
-            )
+            places, others = np.c_[points[:, :2], np.zeros(size)], ~np.eye(size, dtype=bool)
+            graph = MissionGraph(places, others, priority, np.zeros((size, size)))
             optimum = float(optima[key][str(number)])
             name = f"{family} T={budget:g}"
             cases.append(Case(name, family, graph, 0, 1, budget, 1.0, optimum, prizes))

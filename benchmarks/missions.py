@@ -1,28 +1,25 @@
-"""Mission planning against proven optima and against other solvers.
+"""Mission planning against proven optima and against other solvers: ``python -m benchmarks.missions``.
 
-``python -m benchmarks.missions`` prints one table and, with ``--out FILE.json``, writes the same as JSON. The
-gap of a plan is 1 - priority / optimum; where no optimum is proved the least upper bound takes its place. A
-plan that was not found, or breaks a rule of section 3.3, counts as priority zero. PyVRP runs on the
-orienteering sets only, whose prizes sit on waypoints: it cannot express tasks on edges. The paper preset
-minimises Eq. 15, which is not the most total priority.
+The gap of a plan is 1 - priority / optimum, or to the least upper bound where no optimum is proved. A plan
+that was not found, or breaks a rule of section 3.3, counts as priority zero. PyVRP, which cannot express
+tasks on edges, runs on the orienteering sets only. The paper preset minimises Eq. 15, which is not the most
+total priority.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import jax
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.mission import MissionGraph, check_route, plan_mission, plan_missions, time_to_go
 from auvplan.mission.bound import upper_bound
 from benchmarks import mission_peers as peers
-from benchmarks.machine import SHARED, arguments, available, bars, clock, console, installed, table, write
+from benchmarks.machine import SHARED, arguments, available, clock, installed, screen, show, track, write
 from benchmarks.mission_sets import Case, generated_cases, shared_cases
 
 BATCH, LARGEST_BATCHED, LARGEST_MEALPY, PEER_SEEDS = 32, 100, 64, 2
@@ -53,7 +50,6 @@ class Solver:
 
 
 def preset(case: Case, seed: int, config: ap.MissionConfig) -> Any:
-    """Waypoints that `plan_mission` finds."""
     asked = case.graph, case.start, case.goal, case.time_available
     route = plan_mission(*asked, speed=case.speed, key=jax.random.key(seed), config=config)
     return route.nodes if route.feasible else []
@@ -73,7 +69,7 @@ def variants() -> dict[str, ap.MissionConfig]:
     }
 
 
-def solvers(with_variants: bool, with_peers: bool, limit: float, screen: Console) -> list[Solver]:
+def solvers(with_variants: bool, with_peers: bool, limit: float) -> list[Solver]:
     """The presets, and with them the peers that are installed; a line for each that is not."""
     found, seconds = [], min(limit, 2.0)
     presets = {"default": ap.MissionConfig(), "paper": ap.MissionConfig.paper()}
@@ -91,11 +87,11 @@ def solvers(with_variants: bool, with_peers: bool, limit: float, screen: Console
     )  # fmt: skip
     needs = (cp_sat, ["ortools"]), (pyvrp, ["pyvrp"]), (mealpy, ["mealpy", "numba"])
     if with_peers:
-        found += [solver for solver, packages in needs if available(solver.name, packages, screen)]
+        found += [solver for solver, packages in needs if available(solver.name, packages)]
     return found
 
 
-def families(quick: bool, screen: Console) -> Iterator[tuple[str, list[Case]]]:
+def families(quick: bool) -> Iterator[tuple[str, list[Case]]]:
     """Cases by family; quick: one or two of each, of 200 waypoints at most."""
     cases = shared_cases()
     if not cases:
@@ -120,9 +116,9 @@ class Bench:
         limit: s, to prove an optimum in.
     """
 
-    def __init__(self, seeds: int, limit: float, progress: Progress) -> None:
+    def __init__(self, seeds: int, limit: float) -> None:
         self.rows: list[dict[str, Any]] = []
-        self._seeds, self._limit, self._progress = seeds, limit, progress
+        self._seeds, self._limit = seeds, limit
         self._optima: dict[str, tuple[float, bool]] = {}
         self._compilation: dict[tuple[str, int], float] = {}
 
@@ -138,7 +134,7 @@ class Bench:
         for case in cases if solver.compiles is not None else ():
             self._clock_compilation(solver.name, case.graph.size, partial(solver.compiles, case))
         judged, times = [], []
-        for case, seed in self._watched(f"{family}, {solver.name}", cases, seeds):
+        for case, seed in track([*product(cases, range(seeds))], f"{family}, {solver.name}"):
             seconds, nodes = clock(partial(solver.plan, case, seed))
             times.append(seconds)
             judged.append(self._judge(case, nodes))
@@ -158,7 +154,7 @@ class Bench:
 
         self._clock_compilation(name, cases[0].graph.size, partial(call, 999))
         judged, times = [], []
-        for seed in self._progress.track(range(repeats), description=f"{family}, {name}"):
+        for seed in track(range(repeats), f"{family}, {name}"):
             seconds, routes = clock(partial(call, seed))
             times.append(seconds / BATCH)
             judged += [self._judge(case, route.nodes) for case, route in zip(batch, routes, strict=True)]
@@ -207,14 +203,14 @@ class Bench:
         """Eq. 15 as the aim: costs against the best and the bound that CP-SAT finds."""
         plan = partial(preset, config=ap.MissionConfig(objective="eq15", phi1=PHI1, phi2=PHI2))
         best, proved, peer_times = {}, [], []
-        for case in self._progress.track(cases, description=f"{family}, Eq. 15 by CP-SAT"):
+        for case in track(cases, f"{family}, Eq. 15 by CP-SAT"):
             self._clock_compilation("eq15", case.graph.size, partial(plan, case, 999))
             seconds, (nodes, bound) = clock(partial(peers.cp_sat_eq15, case, PHI1, PHI2, self._limit))
             peer_times.append(seconds)
             best[case.name] = peers.eq15_cost(case, nodes, PHI1, PHI2)
             proved.append(best[case.name] <= bound * (1.0 + 1e-3))
         gaps, kept, times = [], [], []
-        for case, seed in self._watched(f"{family}, Eq. 15", cases, self._seeds):
+        for case, seed in track([*product(cases, range(self._seeds))], f"{family}, Eq. 15"):
             seconds, nodes = clock(partial(plan, case, seed))
             times.append(seconds)
             kept.append(self._judge(case, nodes)[1])
@@ -222,10 +218,6 @@ class Bench:
         name, share = f"{family}, cost of Eq. 15", float(np.mean(proved))
         self._add(name, "eq15", cases, gaps, kept, times, proved=share)
         self._add(name, "CP-SAT", cases, [0.0] * len(cases), [True], peer_times, proved=share)
-
-    def _watched(self, what: str, cases: list[Case], seeds: int) -> Any:
-        pairs = [(case, seed) for case in cases for seed in range(seeds)]
-        return self._progress.track(pairs, description=what)
 
     def _clock_compilation(self, solver: str, size: int, call: Callable[[], Any]) -> None:
         """How much longer the first call takes than the second, the most of all graphs of one size."""
@@ -256,7 +248,6 @@ class Bench:
 
 
 def main() -> None:
-    """Print the table and write the file."""
     parser = arguments("Missions against proven optima and other solvers.")
     parser.add_argument("--seeds", type=int, default=10, help="plans of each case")
     parser.add_argument("--quick", action="store_true", help="two cases of each set, two seeds, short limits")
@@ -265,28 +256,26 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="families to run, such as knn40")
     options = parser.parse_args()
     seeds, limit = (min(options.seeds, 2), 10.0) if options.quick else (options.seeds, 60.0)
-    screen = console()
-    with bars(screen) as progress:
-        sets = dict(families(options.quick, screen))
-        sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
-        bench = Bench(seeds, limit, progress)
-        chosen = solvers(options.variants, options.peers, limit, screen)
-        for family, cases in progress.track(sets.items(), description="all"):
-            bench.compare_with_optima(cases)
-            bench.run_bound(family, cases)
-            for solver in chosen:
-                if all(solver.fits(case) for case in cases):
-                    bench.run(family, cases, solver)
-            if cases[0].graph.size <= LARGEST_BATCHED:
-                bench.run_batched(family, cases, repeats=1 if options.quick else 3)
-            if family == "knn40":
-                bench.run_replanning(family, cases)
-        if "knn40" in sets and installed("ortools"):
-            bench.run_eq15("knn40", sets["knn40"])
-        else:
-            screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
+    sets = dict(families(options.quick))
+    sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
+    bench = Bench(seeds, limit)
+    chosen = solvers(options.variants, options.peers, limit)
+    for family, cases in sets.items():
+        bench.compare_with_optima(cases)
+        bench.run_bound(family, cases)
+        for solver in chosen:
+            if all(solver.fits(case) for case in cases):
+                bench.run(family, cases, solver)
+        if cases[0].graph.size <= LARGEST_BATCHED:
+            bench.run_batched(family, cases, repeats=1 if options.quick else 3)
+        if family == "knn40":
+            bench.run_replanning(family, cases)
+    if "knn40" in sets and installed("ortools"):
+        bench.run_eq15("knn40", sets["knn40"])
+    else:
+        screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
     title = "Missions: gap to the proven optimum (* to a bound)"
-    screen.print(table(title, bench.rows, COLUMNS, names=2))
+    show(title, bench.rows, COLUMNS, names=2)
     write(options.out, {"seeds": seeds, "rows": bench.rows})
 
 

@@ -2,8 +2,8 @@
 
 Each copy must be refused by one line, within 30 s of processor time and 4 GB, or be read right: as the
 original where the change bears on nothing that is read or on bytes, else as the other libraries of
-`benchmarks.file_references` and `benchmarks.file_rasters` read the copy. A current is compared at 40 points,
-levels and times of the copy, a sea bed and a chart over their rectangle. All else is a failure and is listed.
+`benchmarks.file_references` and `benchmarks.file_rasters` read the copy. All else is a failure and is
+listed.
 """
 
 import argparse
@@ -15,7 +15,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ from auvplan.io.currents import open_ocean
 from benchmarks.apart import run_apart, within
 from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
-from benchmarks.file_references import Table, Unreadable
+from benchmarks.file_references import Table
+from benchmarks.files import largest, places
+from benchmarks.fuzz_changes import damage
 
 COPIES, POINTS = 500, 40
 SECONDS, BYTES = 30, 4 << 30
@@ -41,27 +43,6 @@ NEAR, _MEANS = 0.05, "means of their corners"
 #: libraries ("copy"), or as either ("either"); and new names of variables.
 Change = tuple[str, str, dict[str, str]]
 Rng = np.random.Generator
-
-
-def damage(path: Path, rng: Rng) -> Change:
-    """Change bytes of a file."""
-    whole = bytearray(path.read_bytes())
-    kind = rng.integers(4)
-    if kind == 0:
-        end = int(rng.integers(len(whole)))
-        path.write_bytes(whole[:end])
-        return "cut off", "either", {}
-    if kind == 1:
-        first = int(rng.integers(len(whole)))
-        size = int(rng.integers(1, 4096))
-        whole[first : first + size] = bytes(len(whole[first : first + size]))
-        path.write_bytes(whole)
-        return "bytes zeroed", "either", {}
-    end = len(whole) if kind == 2 else min(len(whole), 20_000)
-    for place in rng.integers(0, end, int(rng.integers(1, 6))):
-        whole[place] = int(rng.integers(256))
-    path.write_bytes(whole)
-    return "bytes changed" if kind == 2 else "bytes of the head changed", "either", {}
 
 
 #: Attributes of a mapping, which a file with longitudes and latitudes need not heed.
@@ -94,107 +75,100 @@ _VALUES: dict[str, tuple[Any, ...]] = {
 }  # fmt: skip
 
 
-def attribute(data: xr.Dataset, names: list[str], rng: Rng) -> tuple[xr.Dataset, Change]:
+def attribute(data: xr.Dataset, names: list[str], rng: Rng) -> Change:
     """Take an attribute away, change it, or add one."""
     name = str(rng.choice(names))
-    stated = data[name].attrs
+    stated, kind = data[name].attrs, data[name].dtype.kind
     likely = [key for key in _VALUES if key in stated]
-    if likely and rng.random() < 0.8:
-        key = str(rng.choice(likely))
-    else:
-        key = str(
-            rng.choice(["units", "standard_name", "positive", "calendar", "scale_factor", "_FillValue"])
-        )
+    common = ["units", "standard_name", "positive", "calendar", "scale_factor", "_FillValue"]
+    key = str(rng.choice(likely if likely and rng.random() < 0.8 else common))
+    expect = "either" if key in _MAPPING else "copy"
     if key in stated and rng.random() < 0.4:
         del stated[key]
-        return data, (f"{key} of {name} taken away", "either" if key in _MAPPING else "copy", {})
-    options = _VALUES[key]
-    value = options[int(rng.integers(len(options)))]
+        return f"{key} of {name} taken away", expect, {}
+    value = _VALUES[key][int(rng.integers(len(_VALUES[key])))]
     if key in ("_FillValue", "missing_value"):
-        if not np.isfinite(data[name].values.astype(data[name].dtype.type(0).dtype)).size:
-            return data, ("nothing", "same", {})
-        value = data[name].dtype.type(value) if abs(value) < 1e4 or data[name].dtype.kind == "f" else None
-        if value is None or data[name].dtype.kind not in "iuf":
-            return data, ("nothing", "same", {})
+        if kind not in "iuf" or (kind != "f" and abs(value) >= 1e4):
+            return "nothing", "same", {}
+        value = data[name].dtype.type(value)
     stated[key] = value
-    return data, (f"{key} of {name} = {value}", "either" if key in _MAPPING else "copy", {})
+    return f"{key} of {name} = {value}", expect, {}
 
 
-def structure(data: xr.Dataset, variables: tuple[str, ...], rng: Rng) -> tuple[xr.Dataset, Change]:
+def structure(
+    data: xr.Dataset, variables: tuple[str, ...], rng: Rng
+) -> tuple[xr.Dataset, str, dict[str, str]]:
     """Reverse, permute, rename, drop, blank or double parts of a file."""
     there = [name for name in variables if name and name in data.variables]
     kind = int(rng.integers(11))
     name = str(rng.choice(there))
     dims = [str(dim) for n in there for dim in data[n].dims if data.sizes[dim] > 1]
     dim = str(rng.choice(dims))
+    own, lon, lat = data[name], *variables[2:4]
+    time_dims = data[variables[5]].dims if len(variables) > 5 and variables[5] in data.variables else ()
     if kind == 0:
-        dim_of = [d for d in dims if not ({"xi", "eta"} & {d.split("_")[0]})] or dims
-        dim = str(rng.choice(dim_of))
-        return data.isel({dim: slice(None, None, -1)}), (f"{dim} reversed", "copy", {})
-    if kind == 1 and data[name].ndim:
-        turned = data[name].isel({data[name].dims[0]: slice(None, None, -1)})
-        data[name] = (data[name].dims, turned.values, data[name].attrs)
-        return data, (f"values of {name} reversed", "copy", {})
+        dim = str(rng.choice([d for d in dims if d.split("_")[0] not in ("xi", "eta")] or dims))
+        return data.isel({dim: slice(None, None, -1)}), f"{dim} reversed", {}
+    if kind == 1 and own.ndim:
+        data[name] = (own.dims, own.values[::-1], own.attrs)
+        return data, f"values of {name} reversed", {}
     if kind == 2:
-        route = [str(d) for d in rng.permutation(data[name].dims)]
-        data[name] = data[name].transpose(*route)
-        return data, (f"{name} transposed to {' '.join(route)}", "copy", {})
+        route = [str(d) for d in rng.permutation(own.dims)]
+        data[name] = own.transpose(*route)
+        return data, f"{name} transposed to {' '.join(route)}", {}
     if kind == 3:
         data = data.map(lambda part: part.transpose(*part.dims[::-1]), keep_attrs=True)
-        return data, ("all variables transposed", "copy", {})
+        return data, "all variables transposed", {}
     if kind == 4:
         other = str(rng.choice([f"{name}_2", "velocity", name.upper() + "X"]))
-        return data.rename({name: other}), (f"{name} renamed {other}", "copy", {name: other})
+        return data.rename({name: other}), f"{name} renamed {other}", {name: other}
     if kind == 5:
         lost = str(rng.choice([str(n) for n in data.variables]))
-        return data.drop_vars(lost), (f"{lost} dropped", "copy", {})
-    if kind == 6 and data[name].dtype.kind == "f" and data[name].ndim:
-        values = data[name].values.copy()
+        return data.drop_vars(lost), f"{lost} dropped", {}
+    if kind == 6 and own.dtype.kind == "f" and own.ndim:
+        values = own.values.copy()
         block = tuple(slice(int(a := rng.integers(n)), int(a + rng.integers(1, n + 1))) for n in values.shape)
         values[block] = np.nan
-        data[name] = (data[name].dims, values, data[name].attrs)
-        return data, (f"NaN in {name}", "copy", {})
-    time_dims = data[variables[5]].dims if len(variables) > 5 and variables[5] in data.variables else ()
+        data[name] = (own.dims, values, own.attrs)
+        return data, f"NaN in {name}", {}
     if kind == 7 and time_dims:
-        return xr.concat([data, data], time_dims[0], data_vars="minimal", coords="minimal", compat="override",
-                         join="override"), ("times doubled", "copy", {})  # fmt: skip
+        how = {"data_vars": "minimal", "coords": "minimal", "compat": "override", "join": "override"}
+        return xr.concat([data, data], time_dims[0], **how), "times doubled", {}
     if kind == 8 and time_dims and data.sizes[time_dims[0]] > 1:
         shuffled = np.argsort(rng.random(data.sizes[time_dims[0]]))
-        return data.isel({time_dims[0]: shuffled}), ("times shuffled", "copy", {})
-    if kind == 9:
-        lon = variables[2]
-        if lon in data.variables and data[lon].dtype.kind == "f" and "scale_factor" not in data[lon].attrs:
-            values = data[lon].values
-            values = values % 360.0 if rng.random() < 0.5 else (values + 180.0) % 360.0 - 180.0
-            if str(data[lon].attrs.get("units", "")).lower().startswith("deg"):
-                data = data.assign_coords({lon: (data[lon].dims, values, data[lon].attrs)})
-                return data, (f"{lon} in another turn", "copy", {})
-    if kind == 10 and variables[2] in data.variables and variables[3] in data.variables:
-        pair = {variables[2]: variables[3], variables[3]: variables[2]}
-        if data[variables[2]].ndim == 2 or data[variables[2]].dims == data[variables[3]].dims:
-            return data.rename({variables[2]: "swap_", variables[3]: variables[2]}).rename(
-                {"swap_": variables[3]}
-            ), ("longitude and latitude under each other's names", "swapped", pair)
-    return data.isel({dim: slice(0, max(data.sizes[dim] // 2, 2))}), (f"{dim} halved", "copy", {})
+        return data.isel({time_dims[0]: shuffled}), "times shuffled", {}
+    if kind == 9 and lon in data.variables:
+        axis = data[lon]
+        if axis.dtype.kind == "f" and "scale_factor" not in axis.attrs:
+            turned = axis.values % 360.0 if rng.random() < 0.5 else (axis.values + 180.0) % 360.0 - 180.0
+            if str(axis.attrs.get("units", "")).lower().startswith("deg"):
+                data = data.assign_coords({lon: (axis.dims, turned, axis.attrs)})
+                return data, f"{lon} in another turn", {}
+    both = kind == 10 and lon in data.variables and lat in data.variables
+    if both and (data[lon].ndim == 2 or data[lon].dims == data[lat].dims):
+        swapped = data.rename({lon: "swap_", lat: lon}).rename({"swap_": lat})
+        return swapped, "longitude and latitude under each other's names", {lon: lat, lat: lon}
+    return data.isel({dim: slice(0, max(data.sizes[dim] // 2, 2))}), f"{dim} halved", {}
 
 
 def netcdf(path: Path, variables: tuple[str, ...], rng: Rng) -> Change:
     """Change a NetCDF file."""
     if rng.random() < 0.35:
-        return damage(path, rng)
+        return damage(path, rng), "either", {}
     data = _loaded(path)
     there = [name for name in variables if name and name in data.variables]
     if not there:
-        return damage(path, rng)
+        return damage(path, rng), "either", {}
     try:
         if rng.random() < 0.6:
             mapping = {"grid_mapping_name", "cf_role"}
             more = [str(n) for n, v in data.variables.items() if mapping & set(v.attrs)]
             likely = ("angle", "h", "zeta", "mask_rho", "hc", "Cs_r", "ele", "nv")
             more += [name for name in likely if name in data.variables]
-            data, change = attribute(data, there * 3 + more, rng)
+            change = attribute(data, there * 3 + more, rng)
         else:
-            data, change = structure(data, variables, rng)
+            data, said, names = structure(data, variables, rng)
+            change = said, "copy", names
         _rewrite(path, data)
     except Exception as error:  # what no library writes
         return f"not written: {type(error).__name__}", "same", {}
@@ -218,13 +192,10 @@ def _rewrite(path: Path, data: xr.Dataset) -> None:
     fresh.replace(path)
 
 
-_GEO_KEYS = ("4326", "CRS84", "EPSG:32755")
-
-
 def text(path: Path, rng: Rng) -> Change:
     """Change a GeoJSON file."""
     if rng.random() < 0.5:
-        return damage(path, rng)
+        return damage(path, rng), "either", {}
     root = json.loads(path.read_text())
     features = root["features"]
     whole = [feature for feature in features if feature["geometry"]["coordinates"]]
@@ -233,16 +204,18 @@ def text(path: Path, rng: Rng) -> Change:
     ring = rings[0] if feature["geometry"]["type"] == "Polygon" else rings[0][0]
     kind = int(rng.integers(9))
     place = int(rng.integers(len(ring))) if kind == 1 else 0
-    crs = str(rng.choice(_GEO_KEYS)) if kind == 5 else ""
+    crs = str(rng.choice(("4326", "CRS84", "EPSG:32755"))) if kind == 5 else ""
+    turned = [[position[0] + 360.0, *position[1:]] for position in ring]
+    swapped = [[*position[1::-1], *position[2:]] for position in ring]
     said, expect, apply = (
         ("a feature dropped", "copy", lambda: features.remove(feature)),
         ("NaN in a ring", "copy", lambda: ring.__setitem__(place, [float("nan"), 0.0])),
-        ("a ring's longitude and latitude swapped", "copy", lambda: [_swap(position) for position in ring]),
+        ("a ring's longitude and latitude swapped", "copy", lambda: ring.__setitem__(slice(None), swapped)),
         ("a ring opened", "copy", ring.pop),
         ("a ring reversed", "same", ring.reverse),
         (f"crs {crs}", "same", lambda: root.update(crs={"type": "name", "properties": {"name": crs}})),
         ("a geometry taken away", "copy", lambda: feature.update(geometry=None)),
-        ("a ring one turn further east", "same", lambda: [_swap(position, 360.0) for position in ring]),
+        ("a ring one turn further east", "same", lambda: ring.__setitem__(slice(None), turned)),
         ("a feature doubled", "same", lambda: features.append(feature)),
     )[kind]
     apply()
@@ -250,15 +223,10 @@ def text(path: Path, rng: Rng) -> Change:
     return said, expect, {}
 
 
-def _swap(position: list[float], east: float = 0.0) -> None:
-    """Swap the axes of a position, or move it by some degrees to the east."""
-    position[:2] = position[1::-1] if not east else [position[0] + east, position[1]]
-
-
 def tiff(path: Path, rng: Rng) -> Change:
     """Change a GeoTIFF."""
     if rng.random() < 0.6:
-        return damage(path, rng)
+        return damage(path, rng), "either", {}
     import rasterio
 
     with rasterio.open(path) as source:
@@ -309,18 +277,9 @@ def thin(path: Path, variables: tuple[str, ...]) -> None:
 _BEARING = ("zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid")
 
 
-def difference(found: np.ndarray, expected: np.ndarray | None) -> float:
-    """Largest difference; infinite where only one of the two has a value, or there is nothing expected."""
-    if expected is None or found.shape != expected.shape:
-        return np.inf
-    odd = np.isnan(found) != np.isnan(expected)
-    return np.inf if odd.any() else float(np.nanmax(np.abs(found - expected), initial=0.0))
-
-
 def sampled(table: Table) -> tuple[np.ndarray, ...]:
     """Longitudes, latitudes, depths and moments [M] of points, levels and times that have a current."""
-    wet = np.argwhere(np.isfinite(table.east) & np.isfinite(table.depth))
-    t, k, p = wet[np.random.default_rng(1).choice(len(wet), min(POINTS, len(wet)), replace=False)].T
+    t, k, p = places(table, np.random.default_rng(1), POINTS).T
     depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
     return table.longitude[p], table.latitude[p], depth, table.times[t]
 
@@ -346,10 +305,7 @@ def current(
             if expect != "same":
                 table = case.reading(paths, renamed=names)
         except Exception as error:
-            table, why = (
-                None,
-                str(error) if isinstance(error, Unreadable) else f"{type(error).__name__}: {error}",
-            )
+            table, why = None, f"{type(error).__name__}: {error}"
         base = original if table is None else table
         if nothing := not (np.isfinite(base.east) & np.isfinite(base.depth)).any():
             table, base, why = None, original, "no current anywhere"
@@ -361,12 +317,12 @@ def current(
         if wanted is not None and np.isnan(wanted).any():
             known = np.isfinite(wanted).all(axis=0)
             found, wanted = found[:, known], wanted[:, known]
-        off, plain = difference(found, wanted), np.inf
+        off, plain = np.inf if wanted is None else largest(found, wanted), np.inf
         if off <= SAME:
             return "right"
         if expect == "either" or wanted is None:
             sample = sampled(original)
-            plain = difference(np.stack(ocean.at(*sample)[:2]), expected(original, sample))
+            plain = largest(ocean.at(*sample), expected(original, sample))
             if plain <= SAME:
                 return "right: as the original"
         if min(off, plain) <= NEAR and any(_MEANS in note for note in ocean.notes):
@@ -377,20 +333,16 @@ def current(
 
 def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> str:
     """What became of a copy of a sea bed or a chart."""
-    found = np.asarray(case.read(path), float)
-    wanted: np.ndarray | None = None
-    why = ""
-    if change[1] != "same":
-        try:
-            wanted = np.asarray(case.expect(path), float)
-        except Exception as error:
-            why = f" ({type(error).__name__}: {error})"
+    found, wanted, why = np.asarray(case.read(path), float), None, ""
+    try:
+        wanted = None if change[1] == "same" else np.asarray(case.expect(path), float)
+    except Exception as error:
+        why = f" ({type(error).__name__}: {error})"
 
     def far(expected: np.ndarray | None) -> float:
         if expected is None or expected.shape != found.shape:
             return np.inf
-        equal = (np.abs(found - expected) <= case.exact) | (np.isnan(found) & np.isnan(expected))
-        return float(1.0 - equal.mean())
+        return 1.0 - case.equal(found, expected)
 
     off, plain = far(wanted), far(original)
     if off <= SAME:
@@ -413,7 +365,7 @@ def outcome(work: Callable[[], str]) -> str:
         return f"raised {type(error).__name__}: {str(error)[:200]}"
 
 
-def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> None:
+def copies_of(case: Currents | Rasters, pipe: Any) -> None:
     """Make copies and report what became of each; runs in a process of its own."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
@@ -428,7 +380,7 @@ def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> No
         else:
             whole, options = [case.prepare(kept)], {}
             original = np.asarray(case.expect(whole[0]), float)
-        for number in numbers:
+        for number in iter(pipe.recv, None):
             shutil.rmtree(folder, ignore_errors=True)
             shutil.copytree(kept, folder)
             paths = [folder / path.name for path in whole]
@@ -438,13 +390,12 @@ def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> No
                 variables = case.variables if isinstance(case, Currents) else BED_VARIABLES[case.name]
                 change = netcdf(path, variables, rng)
             else:
-                change = {".geojson": text, ".tif": tiff}.get(path.suffix, damage)(path, rng)
-            pipe.send((number, change[0]))
+                change = {".geojson": text, ".tif": tiff}[path.suffix](path, rng)
+            pipe.send(change[0])
             work = partial(raster, case, paths[0], change, original)
             if isinstance(case, Currents):
                 work = partial(current, case, paths, options, change, original)
-            pipe.send((number, change[0], outcome(work)))
-    pipe.send(None)
+            pipe.send((outcome(work),))
 
 
 #: As `Currents.variables` of sea beds.
@@ -457,7 +408,6 @@ BED_VARIABLES = {
 
 
 def main() -> None:
-    """Print failures as they come, then counts by file."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutated_files", description=__doc__)
     parser.add_argument("--copies", type=int, default=COPIES, help="of each file")
     parser.add_argument("--only", help="part of the names of files")

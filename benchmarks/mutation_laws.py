@@ -8,6 +8,7 @@ function, under three laws of mutation by rank.
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig, minimize, rates
-from benchmarks.machine import console, table
+from benchmarks.machine import show
 from benchmarks.mission_sets import generated_cases
 
 #: SIVs of the small function, each within +-5.12.
@@ -55,19 +56,14 @@ def search_costs(bbo: BBOConfig, seeds: int) -> NDArray[np.float64]:
 def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cost of Eq. 15 and total priority of the routes found, [graphs x seeds] each."""
     config = replace(ap.MissionConfig.paper(), bbo=bbo)
-    routes = [
-        ap.plan_mission(
-            case.graph, start=case.start, goal=case.goal, time_available=case.time_available,
-            speed=case.speed, key=jax.random.key(seed), config=config,
-        )
-        for case in generated_cases(sizes=(40,))
-        for seed in range(seeds)
-    ]  # fmt: skip
+    routes = []
+    for case, seed in product(generated_cases(sizes=(40,)), range(seeds)):
+        asked = case.graph, case.start, case.goal, case.time_available
+        routes.append(ap.plan_mission(*asked, speed=case.speed, key=jax.random.key(seed), config=config))
     return np.asarray([route.cost for route in routes]), np.asarray([route.priority for route in routes])
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="Laws of mutation.")
     parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
     options = parser.parse_args()
@@ -83,7 +79,7 @@ def main() -> None:
         "mutation by rank": "{name}", "Eq. 15, 3 graphs": "{cost}", "total priority": "{priority}",
         f"Rastrigin, {DIM} SIVs": "{found}",
     }  # fmt: skip
-    console().print(table(title, rows, columns))
+    show(title, rows, columns)
 
 
 if __name__ == "__main__":

@@ -19,22 +19,16 @@ from auvplan.study import Design
 from auvplan.study.statistics import leg_times
 from benchmarks.ablations import study
 
+_WHOLE = {"task_time": "whole"}
+
 #: Settings of each reading under the paper's preset: what delta_ij counts in besides t_ij, then the rest.
 READINGS: dict[str, dict[str, Any]] = {
-    "T_path + delta, 10 control points": {"task_time": "whole", "control_points": 10},
-    "T_path + delta, 6": {"task_time": "whole", "control_points": 6},
-    "T_path + delta, 4": {"task_time": "whole", "control_points": 4},
-    "T_path + delta, 4, most total priority": {
-        "task_time": "whole",
-        "control_points": 4,
-        "objective": "priority",
-    },
-    "T_path + delta, 10, t_ij learnt": {
-        "task_time": "whole",
-        "control_points": 10,
-        "travel_times": "learnt",
-    },
-    "T_path + delta, 10, Phi_2 = 1000": {"task_time": "whole", "control_points": 10, "phi": (1.0, 1000.0)},
+    "T_path + delta, 10 control points": _WHOLE | {"control_points": 10},
+    "T_path + delta, 6": _WHOLE | {"control_points": 6},
+    "T_path + delta, 4": _WHOLE | {"control_points": 4},
+    "T_path + delta, 4, most total priority": _WHOLE | {"control_points": 4, "objective": "priority"},
+    "T_path + delta, 10, t_ij learnt": _WHOLE | {"control_points": 10, "travel_times": "learnt"},
+    "T_path + delta, 10, Phi_2 = 1000": _WHOLE | {"control_points": 10, "phi": (1.0, 1000.0)},
     "delta charged, T_path compared, 10": {"task_time": "clock", "control_points": 10},
     "T_path alone, 10": {"control_points": 10},
     "T_path alone, 6": {"control_points": 6},
@@ -73,7 +67,6 @@ def row(name: str, missions: xr.Dataset) -> str:
 
 
 def main() -> None:
-    """Print the figures of each reading."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=7000)

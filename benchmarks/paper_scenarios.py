@@ -79,7 +79,6 @@ def first_legs(name: str, seeds: int) -> tuple[SimulationContext, list[Mission]]
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=10)
     options = parser.parse_args()

@@ -1,8 +1,8 @@
 """When a path meets a changing current: its segments executed one after the other, or all in sweeps.
 
-``python -m benchmarks.path_arrivals`` plans the problems of the literature whose current changes, and finds
-each plan's travel time by both methods. It prints how far each is off the ruler, in double precision, and
-what travel times and gradients of eight paths take by it, as a polish asks for them.
+`python -m benchmarks.path_arrivals` plans the problems of the literature whose current changes, and finds
+each plan's travel time by both methods: how far it is off the ruler, and what eight paths and gradients
+take.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ import auvplan as ap
 from auvplan.ocean.currents import is_steady
 from auvplan.path import kinematics
 from auvplan.path.cost import Track, curves
-from benchmarks.machine import arguments, clock, console, table, timed, write
+from benchmarks.machine import arguments, clock, show, timed, write
 from benchmarks.path_problems import PathProblem, literature
 from benchmarks.path_ruler import evaluate
 
@@ -79,10 +79,9 @@ def rows() -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the table and write the file."""
     options = arguments("Arrival times in changing currents.").parse_args()
     found = rows()
-    console().print(table(TITLE, found, COLUMNS, names=2))
+    show(TITLE, found, COLUMNS, names=2)
     write(options.out, {"rows": found})
 
 

@@ -1,11 +1,10 @@
 """Quickest paths on a grid, label by label in the order of arrival, and the best one of every passage.
 
-A plane has nodes all over the box, with 80 moves in different directions. A problem in depth has them in a
-corridor along its straight line, turned with it, with 135 moves. A move takes the time that the current makes
-it take when it is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier.
-Moves keep the vehicle's limits on surge, sway and pitch, and off obstacles that move at the time of arrival;
-turns are free. The best path through every node follows from a second search from the goal: `passages` are
-those that pass things as no other does, `ways` those that are the best about where they pass.
+A plane has nodes all over the box, with 80 moves; a problem in depth has them in a corridor along its
+straight line, with 135. A move takes the time that the current makes it take when it is begun, so fields may
+change with time. Moves keep the vehicle's limits on surge, sway and pitch, and off obstacles that move at
+the time of arrival; turns are free. The best path through every node follows from a second search from the
+goal.
 """
 
 from collections.abc import Iterator
@@ -373,7 +372,6 @@ def _too_near(x, y, z, centres, reach, coast, margin, bed):
 
 @njit(cache=True)
 def _bilinear(raster, x, y):
-    """As `path_ruler.Raster.at`."""
     v = raster.values
     north, east = v.shape
     i = min(max((x - raster.origin[0]) / raster.pixel - 0.5, 0.0), north - 1.0)
@@ -382,6 +380,18 @@ def _bilinear(raster, x, y):
     a, b = i - i0, j - j0
     south = (1.0 - b) * v[i0, j0] + b * v[i0, j0 + 1]
     return (1.0 - a) * south + a * ((1.0 - b) * v[i0 + 1, j0] + b * v[i0 + 1, j0 + 1])
+
+
+@njit(cache=True)
+def motion(water, way, speed):
+    """Ground speed, current across, and speed up or down through the water, m/s; the first is 0 if beaten."""
+    along = water[0] * way[0] + water[1] * way[1] + water[2] * way[2]
+    square = water[0] * water[0] + water[1] * water[1] + water[2] * water[2] - along * along
+    across = np.sqrt(max(square, 0.0))
+    if across >= speed:
+        return 0.0, across, np.inf
+    ground = along + np.sqrt(speed * speed - across * across)
+    return ground, across, abs(ground * way[2] - water[2])
 
 
 @njit(cache=True)
@@ -490,24 +500,13 @@ def _move_time(i, j, k, a, b, c, level_x, level_y, down, along, depart, sea):
             weight = (p if ci else 1.0 - p) * (q if cj else 1.0 - q) * (r if ck else 1.0 - r)
             if weight == 0.0:
                 continue
-            weight *= strength
-            now = weight * (1.0 - later)
-            cu += now * water[table, i0 + ci, j0 + cj, k0 + ck, 0]
-            cv += now * water[table, i0 + ci, j0 + cj, k0 + ck, 1]
-            cw += now * water[table, i0 + ci, j0 + cj, k0 + ck, 2]
-            if later > 0.0:
-                then = weight * later
-                cu += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 0]
-                cv += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 1]
-                cw += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 2]
-        ahead = cu * north + cv * east + cw * sink
-        across = np.sqrt(max(cu * cu + cv * cv + cw * cw - ahead * ahead, 0.0))
-        if across >= speed or across > sway_max:
-            return np.inf
-        ground = ahead + np.sqrt(speed * speed - across * across)
-        if ground <= SPEED_FLOOR * speed or ground > surge_max:
-            return np.inf
-        if abs(ground * sink - cw) > upright_max:
+            for after in range(2 if later > 0.0 else 1):
+                part = weight * strength * (later if after else 1.0 - later)
+                cu += part * water[table + after, i0 + ci, j0 + cj, k0 + ck, 0]
+                cv += part * water[table + after, i0 + ci, j0 + cj, k0 + ck, 1]
+                cw += part * water[table + after, i0 + ci, j0 + cj, k0 + ck, 2]
+        ground, across, upright = motion((cu, cv, cw), (north, east, sink), speed)
+        if across > sway_max or ground <= SPEED_FLOOR * speed or ground > surge_max or upright > upright_max:
             return np.inf
         elapsed += length / parts / ground
     return elapsed

@@ -1,9 +1,8 @@
 """Continuous descent of a path in float64: a fine polyline shifted along its normals until nothing is gained.
 
 The shifts are a sum of sines, each scaled by its wave length, in which a taut string is equally stiff in all
-directions: L-BFGS settles in few steps however fine the polyline is. Limits are penalties that grow from
-stage to stage; what they still miss is made good by asking for more, until none is missing. Lengths and times
-count in units of the problem's own, so that area of all sizes are descended alike.
+directions. Limits are penalties that grow from stage to stage; what they still miss is made good by asking
+for more. Lengths and times count in units of the problem's own.
 """
 
 from dataclasses import dataclass

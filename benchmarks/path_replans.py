@@ -1,10 +1,9 @@
 """Re-planning on the way: what the kept population is worth (Fig. 5).
 
-``python -m benchmarks.path_replans`` disturbs plans under way: the current takes a step of Eq. 2, obstacles
-turn out to lie elsewhere, and in half of the cases one lies across the rest of the path. It re-plans from
-where the vehicle is: warm from the kept population, cold, and cold with ten times the budget of a window. It
-prints a row for each way to plan: by how much the travel time exceeds that of the largest budget, how many
-plans are feasible, and the time of one.
+`python -m benchmarks.path_replans` disturbs plans under way: the current takes a step of Eq. 2, obstacles
+turn out to lie elsewhere, and in half of the cases one lies across the rest of the path. It re-plans warm
+from the kept population, cold, and cold with ten times the budget of a window, which the others are compared
+with.
 """
 
 from collections.abc import Callable
@@ -15,11 +14,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from benchmarks.machine import arguments, bars, clock, console, table, write
+from benchmarks.machine import arguments, clock, show, track, write
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
@@ -54,10 +52,10 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def situations(count: int, progress: Progress) -> list[Situation]:
+def situations(count: int) -> list[Situation]:
     """Disturbed plans of the random problems, several of each."""
     problems, found = random_problems(), []
-    for number in progress.track(range(count), description="situations"):
+    for number in track(range(count), "situations"):
         problem, rng = problems[number % len(problems)], np.random.default_rng(number)
         plan = problem.plan(jax.random.key(number), ap.PathConfig())
         reached = int(rng.uniform(0.1, 0.5) * len(plan.positions))
@@ -87,7 +85,6 @@ def _disturbed(
 
 
 def warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPlan:
-    """Plan from the kept population."""
     problem = situation.problem
     config = ap.PathConfig(**problem.changes).replace(**changes)
     now = situation.position, situation.now, situation.env, problem.vehicle
@@ -118,12 +115,12 @@ WAYS: dict[str, Callable[..., ap.PathPlan]] = {
 }
 
 
-def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
+def rows(count: int) -> list[dict[str, Any]]:
     """All ways on all situations; the first call for each family of problems compiles and counts apart."""
-    all_ = situations(count, progress)
+    all_ = situations(count)
     times, seconds = np.full((2, len(WAYS), len(all_)), np.nan)
     first, compiled = np.zeros(len(WAYS)), set()
-    for k, situation in enumerate(progress.track(all_, description="re-plans")):
+    for k, situation in enumerate(track(all_, "re-plans")):
         for way, (name, replan) in enumerate(WAYS.items()):
             call = partial(replan, situation, jax.random.key(1000 + k))
             if (name, situation.problem.family) not in compiled:
@@ -141,14 +138,11 @@ def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the table and write the file."""
     parser = arguments("Warm re-plans against cold plans.")
     parser.add_argument("--situations", type=int, default=SITUATIONS)
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        found = rows(options.situations, progress)
-    screen.print(table(TITLE, found, COLUMNS))
+    found = rows(options.situations)
+    show(TITLE, found, COLUMNS)
     write(options.out, {"rows": found})
 
 

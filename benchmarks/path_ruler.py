@@ -94,8 +94,7 @@ class Spheres:
         )
         carried = np.zeros((len(radius), 3))
         if drift.any():
-            x, y, z = position.T
-            water = velocity_at(problem.environment.current, x, y, z, observed_at)
+            water = velocity_at(problem.environment.current, *position.T, observed_at)
             carried = drift[:, None] * np.stack(water, axis=1)
         reach = radius + CONFIDENCE * np.hypot(position_std, radius_std) + config.obstacle_margin
         return cls(position, own + carried, reach, growth, growth_max, observed_at)
@@ -109,17 +108,12 @@ class Spheres:
         return (np.abs(self.velocity).sum(axis=1) > 0.0) | ((self.growth > 0.0) & (self.growth_max > 0.0))
 
     def chosen(self, which: NDArray[np.bool_]) -> "Spheres":
-        """Return some of them."""
-        return Spheres(*(field[which] for field in self._fields))
-
-    @property
-    def _fields(self) -> tuple[Array, ...]:
-        return self.centres, self.velocity, self.reach, self.growth, self.growth_max, self.observed_at
+        return Spheres(*(field[which] for field in vars(self).values()))
 
     def clearance(self, x: Array, y: Array, z: ArrayLike, t: ArrayLike) -> Array:
         """Return m to the nearest, at the times t [s]; `_FAR` without any."""
         clear = np.full(np.shape(x), _FAR)
-        for (a, b, c), (u, v, w), reach, growth, most, seen in zip(*self._fields, strict=True):
+        for (a, b, c), (u, v, w), reach, growth, most, seen in zip(*vars(self).values(), strict=True):
             since = np.asarray(t) - seen
             grown = np.minimum(growth * np.maximum(since, 0.0), most)
             level = np.hypot(x - a - u * since, y - b - v * since)
@@ -142,7 +136,6 @@ class Raster(NamedTuple):
 
     @classmethod
     def of(cls, placed: Any, values: ArrayLike) -> "Raster":
-        """Return values that lie as a chart or a sea bed does."""
         return cls(np.asarray(values, float), np.asarray(placed.origin, float), float(placed.pixel_size))
 
     def at(self, x: Array, y: Array) -> Array:
@@ -177,7 +170,6 @@ class World:
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":
-        """Return the world of a problem, with the margins of the planner's settings."""
         env, config = problem.environment, PathConfig(**problem.changes)
         coast = bed = Raster(np.full((2, 2), _FAR), np.zeros(2), 1.0)
         if env.chart is not None:

@@ -1,9 +1,9 @@
 """Tightening of a path: the quickest one on a narrow lattice about it, again and again on finer ones.
 
-Stations lie along the path, and at each of them nodes to both sides, and above and below where the box has
-depth. Dynamic programming finds the quickest way from station to station with the times of arrival as they
-come, and keeps limits and clearances without any penalty; turns are free. The lattice is then laid about what
-was found, half as wide where that gains nothing.
+Stations lie along the path, with nodes to both sides, and above and below where the box has depth. Dynamic
+programming finds the quickest way from station to station, and keeps limits and clearances without any
+penalty; turns are free. The lattice is then laid about what was found, half as wide where that gains
+nothing.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_grid import Grid, limits_of, packed, strikes, tabulated
+from benchmarks.path_grid import Grid, limits_of, motion, packed, strikes, tabulated
 from benchmarks.path_polish import Polished, spread
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, evaluate, velocity_at
@@ -62,13 +62,9 @@ class _Lattices:
 
 
 def tighten(
-    problem: PathProblem,
-    world: World,
-    grid: Grid,
-    positions: Array,
-    segments: int = SEGMENTS,
+    problem: PathProblem, world: World, grid: Grid, positions: Array, segments: int = SEGMENTS,
     width: float | tuple[float, float] | None = None,
-) -> Polished | None:
+) -> Polished | None:  # fmt: skip
     """Tighten a path; None where no path nearby is feasible.
 
     Args:
@@ -187,18 +183,6 @@ def _mixed(u, v, w, table, share, n, k):
 
 
 @njit(cache=True)
-def _motion(water, way, speed):
-    """Ground speed, current across, and speed up or down through the water, m/s; the first is 0 if beaten."""
-    along = water[0] * way[0] + water[1] * way[1] + water[2] * way[2]
-    square = water[0] * water[0] + water[1] * water[1] + water[2] * water[2] - along * along
-    across = np.sqrt(max(square, 0.0))
-    if across >= speed:
-        return 0.0, across, np.inf
-    ground = along + np.sqrt(speed * speed - across * across)
-    return ground, across, abs(ground * way[2] - water[2])
-
-
-@njit(cache=True)
 def _lattice(nodes, u, v, w, moment, clear, limits, fastest, tide, tidal_moment, step, things):
     """Chosen node of each of N stations, [N], and the travel time, s; infinite where no way is found."""
     speed, surge_max, sway_max, upright_max = limits
@@ -233,14 +217,14 @@ def _lattice(nodes, u, v, w, moment, clear, limits, fastest, tide, tidal_moment,
                 u1, v1, w1 = _mixed(u, v, w, a, share, n, k)
                 way = way_x / length, way_y / length, way_z / length
                 water = strength * (u0 + u1), strength * (v0 + v1), strength * (w0 + w1)
-                ground, across, upright = _motion(water, way, speed)
+                ground, across, upright = motion(water, way, speed)
                 if across > sway_max or ground <= SPEED_FLOOR * speed or ground > surge_max:
                     continue
                 if upright_max < np.inf:
                     # Where the current changes along the move, one of its ends is the worse.
                     for end in ((u0, v0, w0), (u1, v1, w1)):
                         there = 2.0 * strength * end[0], 2.0 * strength * end[1], 2.0 * strength * end[2]
-                        upright = max(upright, _motion(there, way, speed)[2])
+                        upright = max(upright, motion(there, way, speed)[2])
                     if upright > upright_max:
                         continue
                 lasts = length / ground

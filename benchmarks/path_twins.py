@@ -12,16 +12,13 @@ from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.machine import compiler
-
-if TYPE_CHECKING:
-    from benchmarks.scoring import Problem
 
 Array = np.ndarray[Any, Any]
 Scores = tuple[Array, Array]
@@ -46,8 +43,6 @@ ARRAYS = "first basis first_step step ends vortex obstacle chart"
 
 
 class Packed(ctypes.Structure):
-    """`Problem` of score.c."""
-
     _fields_ = (
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
         *((name, ctypes.c_float) for name in REALS.split()),
@@ -75,12 +70,15 @@ def library() -> ctypes.CDLL | None:
     return None
 
 
-def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
-    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in C; None without a compiler."""
+def in_c(values: dict[str, Any]) -> Callable[[Array], Scores] | None:
+    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in C; None without a compiler.
+
+    Args:
+        values: of the problem, as `scoring.Problem.numbers` has them.
+    """
     compiled = library()
     if compiled is None:
         return None
-    values = problem.numbers()
     packed = Packed()
     for name in (*INTEGERS.split(), *REALS.split()):
         setattr(packed, name, values[name])
@@ -90,35 +88,28 @@ def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
     packed.weights[:] = values["weights"].tolist()
 
     def call(paths: Array, keep: dict[str, Any] = values) -> Scores:
-        cost, violation = np.empty(len(paths), np.float32), np.empty(len(paths), np.float32)
-        if compiled.score(
-            ctypes.byref(packed), paths.ctypes.data, len(paths), cost.ctypes.data, violation.ctypes.data
-        ):
+        cost, violation = np.empty((2, len(paths)), np.float32)
+        given = ctypes.byref(packed), paths.ctypes.data, len(paths), cost.ctypes.data, violation.ctypes.data
+        if compiled.score(*given):
             raise MemoryError("score.c: out of memory")
         return cost, violation
 
     return call
 
 
-def in_numba(problem: "Problem") -> Callable[[Array], Scores] | None:
-    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in Numba; None where it is missing."""
+def in_numba(values: dict[str, Any]) -> Callable[[Array], Scores]:
+    """The same in Numba."""
     kernel = numba_kernel()
-    if kernel is None:
-        return None
-    values = problem.numbers()
     single = {name: np.float32(v) if isinstance(v, float) else v for name, v in values.items()}
-    order = namedtuple("Numbers", single)
-    packed = order(**single)
+    packed = namedtuple("Numbers", single)(**single)
     return lambda paths: kernel(paths, packed)
 
 
 @cache
-def numba_kernel() -> Callable[[Array, Any], Scores] | None:
+def numba_kernel() -> Callable[[Array, Any], Scores]:
     """``score(habitats, numbers)`` compiled by Numba, one path after another, planes [samples] of each."""
-    try:
-        import numba
-    except ImportError:
-        return None
+    import numba
+
     # Plain Python numbers would turn the arithmetic into double precision.
     one, half, two, zero, tiny, far = (np.float32(v) for v in (1.0, 0.5, 2.0, 0.0, 1e-8, 1e6))
     lowest, c6, c24, c120 = (np.float32(v) for v in (-126.0, 1 / 6, 1 / 24, 1 / 120))

@@ -1,24 +1,21 @@
 """Random paths that the planner calls clear, walked in steps of a metre by the checker of saved runs.
 
-``python -m benchmarks.path_walks`` draws smooth random paths past islands and obstacles that drift, takes
-those that the planner's kernel holds free of any violation with no margin at all, and walks every one. It
-prints how many were walked, how many of them touch coast or a collision boundary, and how near they come.
+`python -m benchmarks.path_walks` draws smooth paths past islands and drifting obstacles, and walks those that
+the planner's kernel holds free of any violation with no margin at all.
 """
 
 import argparse
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.check.track import Coast, Walk
 from auvplan.path.cost import Trajectory, curves, evaluate, violations
-from benchmarks.machine import bars, console
+from benchmarks.machine import screen
 from benchmarks.scoring import Problem, problem
 
 COUNT = 10_000
@@ -45,7 +42,7 @@ class Walked:
     nearest: float
 
 
-def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda done: None) -> Walked:
+def walks(count: int, seed: int = 0) -> Walked:
     """Walk at least `count` paths that the planner calls clear."""
     drawn = found = hit = 0
     metres, nearest = 0.0, np.inf
@@ -62,7 +59,6 @@ def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda d
             touched, length, near = _walk(leg.env.obstacles, coast, path, when)
             hit, metres, nearest = hit + touched, metres + length, min(nearest, near)
         found += min(len(positions), count - found)
-        advance(found)
     return Walked(drawn, found, hit, metres, nearest)
 
 
@@ -96,29 +92,17 @@ def _walk(
 
 
 def said(found: Walked) -> str:
-    """One line."""
     return (
         f"{found.paths:,} of {found.drawn:,} random paths called clear, {found.metres / 1000.0:,.0f} km "
         f"walked: {found.collisions} collisions, nearest {found.nearest:.3f} m to a collision boundary"
     )
 
 
-def watched(count: int, progress: Progress) -> Walked:
-    """`walks` with a bar."""
-    bar = progress.add_task("walking", total=count)
-    found = walks(count, advance=lambda done: progress.update(bar, completed=done))
-    progress.remove_task(bar)
-    return found
-
-
 def main() -> None:
-    """Print what was found."""
     parser = argparse.ArgumentParser(description="Paths that the planner calls clear, walked.")
     parser.add_argument("--count", type=int, default=COUNT, help="paths to walk")
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        screen.print(said(watched(options.count, progress)))
+    screen.print(said(walks(options.count)))
 
 
 if __name__ == "__main__":

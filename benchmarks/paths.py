@@ -1,9 +1,7 @@
-"""Path planning against global references.
+"""Path planning against global references: ``python -m benchmarks.paths [--each]``.
 
-``python -m benchmarks.paths`` plans every problem of `path_problems` with `ap.plan_path` and prints a row for
-each family and preset; ``--each`` prints one for each problem, ``--out FILE.json`` writes both. The gap of a
-plan is travel time / reference - 1, both measured by `path_ruler`. A plan that breaks a limit has no gap and
-lowers the feasible share. Times are of one plan, the compilation apart.
+The gap of a plan is travel time / reference - 1, both measured by `path_ruler`. A plan that breaks a limit
+has no gap and lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -12,11 +10,9 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import arguments, bars, clock, console, table, write
+from benchmarks.machine import arguments, clock, screen, show, track, write
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, path_problems
 from benchmarks.path_ruler import World, evaluate
 from benchmarks.references import stored_times
@@ -39,6 +35,8 @@ VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
     "no passages, 64 polished": partial(_plainer, 0, passages=0, refine_count=64),
     "evolution only": partial(_plainer, passages=0, refine_steps=0),
 }
+
+COMPILING = {"compiling": "{compile_seconds:.1f} s"}
 
 #: One plan beside its reference [s], None where that is not known. `travel_time` is the ruler's, s, None
 #: where the current beats the vehicle; `claimed` says whether the planner holds it feasible, `feasible`
@@ -90,7 +88,6 @@ def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def figure(of: Callable[..., Any], values: Sequence[float]) -> float | None:
-    """Return a figure of some values; None of none."""
     return float(of(values)) if values else None
 
 
@@ -102,36 +99,27 @@ def rows(runs: Iterable[Run], by: str) -> list[dict[str, Any]]:
     return [summed(name, members) for (name, _), members in groups.items()]
 
 
-def gaps_table(title: str, found: Sequence[dict[str, Any]], **more: str) -> Table:
-    """Return sums as a table, with more columns."""
+def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
+    """Print sums, with more columns."""
     columns = {
         "set": "{name}", "preset": "{preset}", "mean gap": "{mean:.2%}", "median": "{median:.2%}",
         "95 %": "{high:.2%}", "99 %": "{highest:.2%}", "worst": "{worst:.2%}",
         "feasible": "{feasible:.1%}{wrong}", "ms a plan": "{milliseconds:.0f}",
     }  # fmt: skip
-    return table(title, found, columns | more | {"plans": "{plans}{unknown}"}, names=2)
+    show(title, found, columns | more | {"plans": "{plans}{unknown}"}, names=2)
 
 
-def plan_all(
-    problems: Sequence[PathProblem], presets: Sequence[str], seeds: int, progress: Progress
-) -> list[Run]:
-    """Plan problems with every preset, family by family."""
+def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int) -> list[Run]:
     references, runs = stored_times(), []
     sorted_ = sorted(problems, key=lambda problem: problem.family)
-    for problem in progress.track(sorted_, description="plans"):
+    for problem in track(sorted_, "plans"):
         world = World.of(problem)
         for preset in presets:
             runs += plan_one(problem, preset, references.get(problem.name), world, range(seeds))
     return runs
 
 
-def shown(title: str, found: Sequence[dict[str, Any]]) -> Table:
-    """Return rows as a table, with the time of the compilation."""
-    return gaps_table(title, found, compiling="{compile_seconds:.1f} s")
-
-
 def main() -> None:
-    """Print the tables and write the file."""
     parser = arguments("Paths against global references.")
     parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
     parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
@@ -139,20 +127,15 @@ def main() -> None:
     parser.add_argument("--preset", nargs="+", choices=presets, default=["default", "paper"])
     parser.add_argument("--each", action="store_true", help="a row for each problem too")
     options = parser.parse_args()
-    screen = console()
     if not have_charts():
         screen.print("problems on real coast: left out, the shared maps were not found")
-    chosen = [
-        problem
-        for problem in path_problems()
-        if not options.only or {problem.family, problem.name} & set(options.only)
-    ]
-    with bars(screen) as progress:
-        runs = plan_all(chosen, options.preset, options.seeds, progress)
+    only = set(options.only or ())
+    chosen = [one for one in path_problems() if not only or {one.family, one.name} & only]
+    runs = plan_all(chosen, options.preset, options.seeds)
     families, problems = rows(runs, "family"), rows(runs, "problem")
     if options.each:
-        screen.print(shown("Each problem: gap to the reference", problems))
-    screen.print(shown("Paths: gap to the reference", families))
+        show_gaps("Each problem: gap to the reference", problems, **COMPILING)
+    show_gaps("Paths: gap to the reference", families, **COMPILING)
     content = {"seeds": options.seeds, "families": families, "problems": problems, "runs": runs}
     write(options.out, content)
 

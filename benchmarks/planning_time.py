@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from benchmarks.machine import arguments, clock, console, write
+from benchmarks.machine import arguments, clock, screen, write
 
 #: m; between the obstacles, which lie around the straight line from one to the other.
 START, GOAL = np.array([200.0, 300.0, 10.0]), np.array([3200.0, 3000.0, 50.0])
@@ -44,7 +44,6 @@ def row(preset: str, config: ap.PathConfig, count: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print a line for each preset and write the file."""
     parser = arguments("Many starts in one call of plan_paths.")
     parser.add_argument("--starts", type=int, default=1000, help="number of starts")
     options = parser.parse_args()
@@ -52,7 +51,7 @@ def main() -> None:
     for preset, config in (("default", ap.PathConfig()), ("quick", ap.PathConfig.quick())):
         rows.append(row(preset, config, options.starts))
         took = "{preset}: {seconds:.1f} s, {first:.1f} s with compilation; {feasible:.1%} feasible"
-        console().print(f"{options.starts:,} starts, {took.format(**rows[-1])}")
+        screen.print(f"{options.starts:,} starts, {took.format(**rows[-1])}")
     write(options.out, {"starts": options.starts, "rows": rows})
 
 

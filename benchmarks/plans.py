@@ -1,12 +1,9 @@
 """Whole path plans: the presets against other people's searches on the same problem.
 
-``python -m benchmarks.plans`` plans one leg past 12 vortices, 12 obstacles and a charted coast, each seed by
-every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations each; the default preset adds
-its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
-
-Peers, each optional, are mealpy's BBO, evosax's DE and CMA-ES, and pycma. All search the same box with the
-same number of evaluations, in coordinates from 0 to 1 across it; what leaves the box is clipped to it. The
-CMA-ES begin at the straight line, the others with uniform draws.
+`python -m benchmarks.plans` plans one leg past 12 vortices, 12 obstacles and a charted coast, each seed by
+every contender in turn, in 10,100 evaluations each; the default adds its gradient steps. Every plan is
+judged by the package's kernel. Peers, each optional, search the same box in coordinates from 0 to 1 across
+it, clipped to it. CMA-ES begins at the straight line, the others with uniform draws.
 """
 
 from collections.abc import Callable
@@ -17,13 +14,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.path import habitats
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, available, bars, console, table, take_turns, write
+from benchmarks.machine import arguments, available, show, take_turns, write
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -65,8 +60,7 @@ def mealpy_bbo(problem: Problem, population: int, iterations: int) -> Search:
     """`OriginalBBO` as mealpy runs it: one path at a time, here with the cost compiled by Numba."""
     from mealpy import BBO, FloatVar
 
-    score = twins.in_numba(problem)
-    assert score is not None
+    score = twins.in_numba(problem.numbers())
     paths = problem.paths(100)
     costs = np.asarray(problem.cost(paths)[0])
     if np.median(np.abs(score(np.asarray(paths))[0] / costs - 1.0)) > 1e-4:
@@ -85,47 +79,33 @@ def mealpy_bbo(problem: Problem, population: int, iterations: int) -> Search:
     return search
 
 
-def evosax_de(problem: Problem, population: int, iterations: int) -> Search:
-    """Differential evolution of evosax, as published there, in one compiled scan."""
-    from evosax.algorithms import DifferentialEvolution
+def evosax(problem: Problem, population: int, iterations: int, name: str) -> Search:
+    """A search of evosax in one compiled scan."""
+    from evosax import algorithms
 
-    box = jnp.zeros(problem.bounds()[0].shape)
-    method = DifferentialEvolution(population, box)
+    box, is_cma = jnp.zeros(problem.bounds()[0].shape), name == "CMA_ES"
+    method = getattr(algorithms, name)(population, box)
+    params = method.default_params
+    params = params.replace(std_init=jnp.asarray(STEP)) if is_cma else params
 
-    def first(key: jax.Array, params: Any) -> Any:
-        first_key, key = jax.random.split(key)
-        shares = jax.random.uniform(first_key, (population, box.size))
-        return method.init(key, shares, problem.cost(from_unit(problem, shares))[0], params)
-
-    return _scanned(problem, method, method.default_params, first, iterations)
-
-
-def evosax_cma(problem: Problem, population: int, iterations: int) -> Search:
-    """CMA-ES of evosax in one compiled scan."""
-    from evosax.algorithms import CMA_ES
-
-    method = CMA_ES(population, jnp.zeros(problem.bounds()[0].shape))
-    params = method.default_params.replace(std_init=jnp.asarray(STEP))
-
-    def first(key: jax.Array, params: Any) -> Any:
-        return method.init(key, straight(problem), params)
-
-    return _scanned(problem, method, params, first, iterations + 1)
-
-
-def _scanned(problem: Problem, method: Any, params: Any, first: Callable[..., Any], rounds: int) -> Search:
-    """Ask, score and tell `rounds` times in one compiled scan."""
+    def cost(shares: jax.Array) -> jax.Array:
+        return problem.cost(from_unit(problem, shares))[0]
 
     @jax.jit
     def run(key: jax.Array, params: Any) -> jax.Array:
         def generation(state: Any, key: jax.Array) -> tuple[Any, None]:
             ask_key, tell_key = jax.random.split(key)
             shares, state = method.ask(ask_key, state, params)
-            cost = problem.cost(from_unit(problem, shares))[0]
-            return method.tell(tell_key, shares, cost, state, params)[0], None
+            return method.tell(tell_key, shares, cost(shares), state, params)[0], None
 
         first_key, key = jax.random.split(key)
-        state, _ = jax.lax.scan(generation, first(first_key, params), jax.random.split(key, rounds))
+        if is_cma:
+            state = method.init(first_key, straight(problem), params)
+        else:
+            draw_key, first_key = jax.random.split(first_key)
+            shares = jax.random.uniform(draw_key, (population, box.size))
+            state = method.init(first_key, shares, cost(shares), params)
+        state, _ = jax.lax.scan(generation, state, jax.random.split(key, iterations + is_cma))
         return from_unit(problem, state.best_solution[None])
 
     return lambda seed: run(jax.random.key(seed), params)
@@ -140,13 +120,8 @@ def pycma(problem: Problem, population: int, iterations: int) -> Search:
     start = np.asarray(straight(problem), float)
 
     def search(seed: int) -> Any:
-        options = {
-            "bounds": [0.0, 1.0],
-            "popsize": population,
-            "maxiter": iterations + 1,
-            "seed": seed + 1,
-            "verbose": -9,
-        }
+        options = {"bounds": [0.0, 1.0], "popsize": population, "maxiter": iterations + 1}
+        options |= {"seed": seed + 1, "verbose": -9}
         strategy = cma.CMAEvolutionStrategy(start, STEP, options)
         for _ in range(iterations + 1):
             shares = strategy.ask()
@@ -159,8 +134,8 @@ def pycma(problem: Problem, population: int, iterations: int) -> Search:
 #: Name, packages needed and maker of every peer.
 PEERS: tuple[tuple[str, tuple[str, ...], Callable[[Problem, int, int], Search]], ...] = (
     ("mealpy OriginalBBO", ("mealpy", "numba"), mealpy_bbo),
-    ("evosax DE", ("evosax",), evosax_de),
-    ("evosax CMA-ES", ("evosax",), evosax_cma),
+    ("evosax DE", ("evosax",), partial(evosax, name="DifferentialEvolution")),
+    ("evosax CMA-ES", ("evosax",), partial(evosax, name="CMA_ES")),
     ("cma CMA-ES", ("cma",), pycma),
 )
 
@@ -169,7 +144,7 @@ PEERS: tuple[tuple[str, tuple[str, ...], Callable[[Problem, int, int], Search]],
 _PAPER = ap.PathConfig.paper(control_points=10)
 
 
-def contenders(leg: Problem, screen: Console) -> dict[str, tuple[Search, int]]:
+def contenders(leg: Problem) -> dict[str, tuple[Search, int]]:
     """The presets and the peers that are installed, with plans a call; a line for each that is not.
 
     Each is ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
@@ -180,7 +155,7 @@ def contenders(leg: Problem, screen: Console) -> dict[str, tuple[Search, int]]:
         found[name] = partial(_plan, leg, sized, 1), 1
         found[f"{name}, {BATCH} in one call"] = partial(_plan, leg, sized, BATCH), BATCH
     for name, packages, make in PEERS:
-        if available(name, packages, screen):
+        if available(name, packages):
             found[name] = make(leg, POPULATION, ITERATIONS), 1
     return found
 
@@ -199,16 +174,13 @@ def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
     return np.stack(jax.jit(replace(leg, config=config).cost)(habitats))
 
 
-def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[dict[str, Any]]:
-    """All contenders with all seeds."""
+def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
     # The peers search the space of the paper's planner; the default's splines have more control points.
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
-    known, found = contenders(leg, screen), []
-    bar = progress.add_task("plans", total=len(known) * (seeds + 1))
+    known, found = contenders(leg), []
     calls = {name: search for name, (search, _) in known.items()}
     rounds = {name: min(seeds, BATCHED_SEEDS) if plans > 1 else seeds for name, (_, plans) in known.items()}
-    turns = take_turns(calls, rounds, 999, partial(progress.advance, bar))
-    progress.remove_task(bar)
+    turns = take_turns(calls, rounds, 999)
     for name, (_, plans) in known.items():
         scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns[name].pop("results")]
         cost, violation = np.concatenate(scores, axis=1)
@@ -221,14 +193,11 @@ def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[dict[s
 
 
 def main() -> None:
-    """Print the table and write the file."""
     parser = arguments("Whole path plans against other searches.")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="plans of each contender")
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        found = rows(screen, progress, options.seeds)
-    screen.print(table(TITLE, found, COLUMNS))
+    found = rows(options.seeds)
+    show(TITLE, found, COLUMNS)
     write(options.out, {"seeds": options.seeds, "rows": found})
 
 

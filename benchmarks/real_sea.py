@@ -1,10 +1,7 @@
-"""Real data in, vehicle files out, and how well it goes.
+"""Real data in, vehicle files out: ``python -m benchmarks.real_sea``, with the data of ../shared.
 
-    python -m benchmarks.real_sea
-
-Plans a leg through a fjord for each of its 24 hours; simulates a mission on a real chart between the
-Whitsunday Islands in a synthetic tide over a synthetic sea bed, checks it and writes every export. Needs
-../shared; what is read of files of currents is compared by `benchmarks.files`.
+Plans a leg through a fjord for each of its 24 hours; simulates missions on a real chart between the
+Whitsunday Islands, checks them and writes every export.
 """
 
 import argparse
@@ -51,7 +48,6 @@ def fjord() -> str:
 
 
 def islands(folder: Path) -> Iterator[str]:
-    """A mission on the real chart."""
     write_example(folder)
     settings = yaml.safe_load((folder / "scenario.yaml").read_text())
     chart = (DATA / "maps" / "whitsunday_hamilton_dent_rgb.tif").resolve()
@@ -88,7 +84,6 @@ def _southernmost(job: dict) -> float:
 
 
 def main() -> None:
-    """Print all lines."""
     argparse.ArgumentParser(description="Real data in, vehicle files out.").parse_args()
     if not DATA.is_dir():
         raise SystemExit(f"{DATA}: no such folder")

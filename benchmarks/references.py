@@ -1,10 +1,8 @@
 """The quickest paths known of the problems, and their files, so that they are computed once.
 
-``python -m benchmarks.references`` computes those of `path_problems` on a fine grid, whose best passages are
-followed by a descent each, and stores them. `water_reference` tightens the best passages of two grids of
-their own spacing, `depth_reference` the best ways of two corridors; the relative difference of both is the
-error of the quickest path of all. Where nothing leads a path out of the vertical plane through both ends,
-dynamic programming in that plane is another search. Nothing of the planner takes part.
+`python -m benchmarks.references` computes those of `path_problems` on a fine grid, whose best passages are
+followed by a descent each, and stores them. Those of random waters are tightened from the best paths of two
+grids; their relative difference is the error. Nothing of the planner takes part.
 """
 
 import json
@@ -18,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import arguments, console, table
+from benchmarks.machine import arguments, screen, show
 from benchmarks.path_grid import Grid, passages, ways
 from benchmarks.path_polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
@@ -71,10 +69,21 @@ class Reference:
 
     @classmethod
     def of(
-        cls, found: Sequence[Polished], error: float | None, begin: float, plane: float | None = None
+        cls,
+        found: Sequence[Polished],
+        begin: float,
+        grids: Sequence[Polished] = (),
+        plane: float | None = None,
     ) -> "Reference":
-        """Return what the quickest of some paths is a reference of; `begin` is when the search began."""
+        """Return what the quickest of some paths is a reference of.
+
+        Args:
+            begin: when the search began.
+            grids: the best path that each grid leads to.
+        """
         best, seconds = _quickest(found), time.perf_counter() - begin
+        times = sorted(path.score.travel_time for path in grids)
+        error = times[1] / times[0] - 1.0 if len(times) == 2 else None
         if best is None:
             return cls(None, error, np.zeros((0, 2)), seconds, plane)
         return cls(best.score.travel_time, error, best.positions, seconds, plane)
@@ -87,14 +96,14 @@ def path_reference(problem: PathProblem) -> Reference:
     paths = [polish(problem, world, path) for _, path in found]
     paths.sort(key=lambda path: (not path.score.feasible, path.score.travel_time))
     paths += [polish(problem, world, path.positions, FINE_STAGES) for path in paths[:_FINE]]
-    return Reference.of([path for path in paths if path.score.feasible], None, begin)
+    return Reference.of([path for path in paths if path.score.feasible], begin)
 
 
 def water_reference(problem: PathProblem) -> Reference:
     """Find the quickest path of a planar problem on both grids."""
     begin, world = time.perf_counter(), World.of(problem)
     found = [best for nodes in _PLANES if (best := _best_in_plane(problem, world, nodes)) is not None]
-    return Reference.of(found, _difference(found), begin)
+    return Reference.of(found, begin, found)
 
 
 def depth_reference(problem: PathProblem) -> Reference:
@@ -108,24 +117,17 @@ def depth_reference(problem: PathProblem) -> Reference:
         found += _tightened(
             problem, world, grid, candidates, _DEEP_SLOWER, lambda score: score.feasible, *how
         )[:1]
-    error = _difference(found)
+    grids, upright = list(found), vertical(problem, world)
+    more = [upright]
     if best := _quickest(found):
         narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
-        finest = tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow)
-        found += [finest] if finest is not None and finest.score.feasible else []
-    upright = vertical(problem, world)
-    found += [upright] if upright is not None and upright.score.feasible else []
-    return Reference.of(found, error, begin, None if upright is None else upright.score.travel_time)
+        more.append(tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow))
+    found += [path for path in more if path is not None and path.score.feasible]
+    return Reference.of(found, begin, grids, None if upright is None else upright.score.travel_time)
 
 
 def _quickest(paths: Sequence[Polished]) -> Polished | None:
     return min(paths, key=lambda path: path.score.travel_time, default=None)
-
-
-def _difference(paths: Sequence[Polished]) -> float | None:
-    """Return the relative difference of two paths' travel times; None where there are not two."""
-    times = sorted(path.score.travel_time for path in paths)
-    return times[1] / times[0] - 1.0 if len(times) == 2 else None
 
 
 def _tightened(
@@ -181,7 +183,6 @@ def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tupl
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
-    """Return all stored entries by name; none where there is no file."""
     return json.loads(path.read_text()) if path.exists() else {}
 
 
@@ -227,12 +228,11 @@ def store(problem: PathProblem, reference: Reference, path: Path) -> None:
 
 
 def main() -> None:
-    """Compute the references of the path problems, store them and print a table."""
     parser = arguments("References of the path problems.")
     parser.set_defaults(out=STORED_PATHS)
     parser.add_argument("--only", nargs="+", help="names of problems")
     options = parser.parse_args()
-    screen, rows = console(), []
+    rows = []
     if not have_charts():
         screen.print("problems on real coast: left out, the shared maps were not found")
     for problem in path_problems():
@@ -247,7 +247,7 @@ def main() -> None:
         "problem": "{problem}", "reference": "{found:.2f} s", "best known": "{known:.2f} s",
         "apart by": "{apart:+.4%}", "time": "{seconds:.1f} s",
     }  # fmt: skip
-    screen.print(table("References", rows, columns))
+    show("References", rows, columns)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,10 @@
 """Runs that are broken off: studies killed and resumed, or robbed of a Dask worker; results half replaced.
 
-``python -m benchmarks.resilience [-n 30] [--kills 10]`` runs a study of the shipped Whitsunday scenario
-unbroken, then again with the command killed by SIGKILL at random moments and resumed, then on two Dask
-workers of which one is killed. It prints whether the datasets are the same to the last bit, wall-clock times
-apart.
-
-``python -m benchmarks.resilience --outputs [--kills 10]`` fills a folder with the results of ``auvplan
-plan``, begins a run of a later departure into it and kills that by SIGKILL: so many times spread over the
-run, and as often while it writes its files, half of these just as the first old file is gone. It does so for
-``auvplan mission`` with another seed, and prints how often the folder then held which files.
+`python -m benchmarks.resilience [-n 30] [--kills 10]` runs a study of the shipped Whitsunday scenario
+unbroken, then killed by SIGKILL at random moments and resumed, then on two Dask workers of which one is
+killed, and prints whether the datasets are the same to the last bit, wall-clock times apart. `--outputs`
+kills runs of `plan` and `mission` that replace the results of an earlier one: at moments spread over the
+run, and while it writes its files.
 """
 
 import argparse
@@ -32,7 +28,7 @@ import auvplan as ap
 from auvplan.runtime.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
-from benchmarks.machine import AUVPLAN, console, table
+from benchmarks.machine import AUVPLAN, clock, screen, show
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
@@ -95,7 +91,6 @@ def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
 
 
 def same(one: xr.Dataset, other: xr.Dataset) -> str:
-    """Words for whether two datasets agree."""
     return "identical" if without_clocks(one).identical(without_clocks(other)) else "DIFFERENT"
 
 
@@ -184,47 +179,32 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
     return counts
 
 
-def print_outputs(kills: int, folder: Path) -> None:
-    """Print the table of `outputs_killed` for all commands."""
-    scenario = folder / "example" / "scenario.yaml"
-    subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
-    rows = [
-        {"command": name, "killed": f"{kills} times {kind}"} | counts
-        for name in OUTPUTS
-        for kind, counts in outputs_killed(name, kills, scenario, folder).items()
-    ]
-    columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
-    console().print(table("results of an earlier run, after a kill of a new one", rows, columns, names=2))
-
-
-def print_studies(count: int, kills: int, folder: Path) -> None:
-    """Print whether studies that were broken off have the data of one that was not."""
-    begin, screen = time.perf_counter(), console()
-    unbroken = run_study(Design(ap.load_scenario("whitsunday"), count), folder / "unbroken")
-    seconds = time.perf_counter() - begin
-    on_disk, studies = killed_and_resumed(count, kills, seconds, folder / "killed")
-    said = ", ".join(sorted({same(unbroken, load_study(study)) for study in studies}))
-    screen.print(
-        f"{len(studies)} studies killed {len(on_disk)} times, missions on disk then {on_disk}: {said}"
-    )
-    said = same(unbroken, on_a_cluster(count, folder / "dask"))
-    screen.print(f"Dask, one of two workers killed: {said}")
-
-
 def main() -> None:
-    """Print what was compared."""
     parser = argparse.ArgumentParser(description="Runs that are broken off.")
     parser.add_argument("-n", type=int, default=30, help="missions of a study")
     parser.add_argument("--kills", type=int, default=10)
-    parser.add_argument(
-        "--outputs", action="store_true", help="kill runs that replace earlier results instead"
-    )
+    parser.add_argument("--outputs", action="store_true", help="kill runs that replace earlier results")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
         if options.outputs:
-            print_outputs(options.kills, Path(name))
-        else:
-            print_studies(options.n, options.kills, Path(name))
+            scenario = folder / "example" / "scenario.yaml"
+            subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
+            rows = []
+            for command in OUTPUTS:
+                for kind, counts in outputs_killed(command, options.kills, scenario, folder).items():
+                    rows.append({"command": command, "killed": f"{options.kills} times {kind}"} | counts)
+            columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
+            show("results of an earlier run, after a kill of a new one", rows, columns, names=2)
+            return
+        design = Design(ap.load_scenario("whitsunday"), options.n)
+        seconds, unbroken = clock(lambda: run_study(design, folder / "unbroken"))
+        on_disk, studies = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
+        said = ", ".join(sorted({same(unbroken, load_study(study)) for study in studies}))
+        deaths = f"{len(studies)} studies killed {len(on_disk)} times"
+        screen.print(f"{deaths}, missions on disk then {on_disk}: {said}")
+        said = same(unbroken, on_a_cluster(options.n, folder / "dask"))
+        screen.print(f"Dask, one of two workers killed: {said}")
 
 
 if __name__ == "__main__":

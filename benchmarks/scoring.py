@@ -1,9 +1,8 @@
 """Scoring a population of paths: the package's kernel against C and Numba, and the price of gradients.
 
-``python -m benchmarks.scoring`` times 100 and 10,000 paths of 128 samples with 16 free control points, past
-12 vortices, 12 obstacles and a chart of 350 x 350 pixels. The contenders take turns, so that all see the same
-machine; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all must agree,
-cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4.
+`python -m benchmarks.scoring` times 100 and 10,000 paths of 128 samples with 16 free control points. The
+contenders take turns; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all
+must agree, cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4.
 """
 
 from collections.abc import Callable
@@ -14,8 +13,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
@@ -26,7 +23,7 @@ from auvplan.path.cost import score
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, bars, clock, console, table, timed, write
+from benchmarks.machine import arguments, available, clock, screen, show, timed, track, write
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -156,7 +153,7 @@ COLUMNS = {
 Contender = Callable[[jax.Array, twins.Array], Any]
 
 
-def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, float]]:
+def contenders(problem: Problem) -> dict[str, tuple[Contender, float]]:
     """Ways to score and the s that making them took; a line for each that is missing.
 
     Each takes the same habitats [P, 3 n] twice, on the device and on the host, and returns the costs first.
@@ -169,35 +166,24 @@ def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, 
 
     gradient = compiled(jax.value_and_grad(summed, has_aux=True))
 
-    def costs_with_gradient(device: jax.Array, _: twins.Array) -> tuple[jax.Array, jax.Array]:
-        (_, cost), slope = gradient(device)
-        return cost, slope
-
     found: dict[str, tuple[Contender, float]] = {
         "JAX": (lambda device, _: value(device), 0.0),
-        "JAX, cost and gradient": (costs_with_gradient, 0.0),
+        "JAX, cost and gradient": (lambda device, _: gradient(device)[0][1:], 0.0),
     }
-    seconds, in_c = clock(partial(twins.in_c, problem))
+    seconds, in_c = clock(lambda: twins.in_c(problem.numbers()))
     if in_c is None:
         screen.print("C: left out, no C compiler that works was found")
     else:
         found["C, 1 thread"] = (lambda _, host: in_c(host), seconds)
-    with_numba = twins.in_numba(problem)
-    if with_numba is None:
-        screen.print("Numba: left out, not installed: pip install 'auvplan[bench]'")
-    else:
+    if available("Numba", ["numba"]):
+        with_numba = twins.in_numba(problem.numbers())
         found["Numba, 1 thread"] = (lambda _, host: with_numba(host), 0.0)
     return found
 
 
-def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[dict[str, Any]]:
-    """All contenders at all sizes.
-
-    Raises:
-        RuntimeError: two contenders disagree on the costs.
-    """
+def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
     leg, result = problem(), []
-    known = contenders(leg, screen)
+    known = contenders(leg)
     for count in COUNTS:
         device = leg.paths(count)
         host = np.ascontiguousarray(device, np.float32)
@@ -211,7 +197,7 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[dict
             if gap.max() > APART or (gap < AGREEMENT).mean() < AGREEING:
                 raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
         shuffle = np.random.default_rng(0)
-        for _ in progress.track(range(rounds), description=f"{count:,} paths"):
+        for _ in track(range(rounds), f"{count:,} paths"):
             for name in shuffle.permutation(list(known)):
                 # The first call finds the caches as another contender left them.
                 call = known[name][0]
@@ -230,14 +216,11 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[dict
 
 
 def main() -> None:
-    """Print the table and write the file."""
     parser = arguments("Scoring paths: JAX against C and Numba.")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every contender takes")
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        found = rows(screen, progress, options.rounds)
-    screen.print(table(TITLE, found, COLUMNS, names=2))
+    found = rows(options.rounds)
+    show(TITLE, found, COLUMNS, names=2)
     write(options.out, {"rows": found})
 
 

@@ -23,7 +23,6 @@ def scenario() -> ap.Scenario:
 
 
 def write(folder: Path) -> Path:
-    """The same as a file."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "scenario.yaml"
     path.write_text(yaml.safe_dump(SETTINGS), encoding="utf-8")

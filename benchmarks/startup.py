@@ -1,9 +1,8 @@
 """How long a person waits for a command: the first time, with an empty cache, and later.
 
-``python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100] [--out FILE.json]`` times whole
-processes, from the call to their end, each with a cache that begins empty, and plans in currents that are
-given as functions. *Beyond its own work* is what a command takes longer than the same call made a second time
-in one process: start, imports, loading of programs, the end. Nothing else should run meanwhile.
+`python -m benchmarks.startup [--runs 3] [--study 100] [--functions 100]` times whole processes, and plans in
+currents that are given as functions. *Beyond its own work* is what a command takes longer than the same call
+made a second time in one process. Nothing else should run meanwhile.
 """
 
 import os
@@ -16,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import AUVPLAN, arguments, clock, console, machine, table, write
+from benchmarks.machine import AUVPLAN, arguments, clock, machine, screen, show, write
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -75,12 +74,8 @@ def other_counts(folder: Path) -> Path:
     """The shipped scenario with other numbers of vortices, obstacles, waypoints and links."""
     import auvplan as ap
 
-    changes = {
-        "current.vortices": 9,
-        "simulation.obstacles": {"static": 1, "afloat": 3},
-        "mission.waypoints": 23,
-        "mission.neighbours": 5,
-    }
+    changes = {"current.vortices": 9, "simulation.obstacles": {"static": 1, "afloat": 3}}
+    changes |= {"mission.waypoints": 23, "mission.neighbours": 5}
     scenario = ap.load_scenario("whitsunday").with_(changes)
     file = folder / "other.yaml"
     file.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
@@ -103,7 +98,7 @@ def own_currents(count: int, folder: Path) -> list[dict[str, Any]]:
     (warm, second, _), *others = seen(count)
     first = statistics.mean(row[0] for row in others)
     half, end = others[count // 2][2], others[-1][2]
-    console().print(
+    screen.print(
         f"a plan in a function, empty cache {empty:.1f} s, another process {warm:.1f} s, "
         f"a second one {second:.2f} s; "
         f"each of {len(others)} other functions {first:.2f} s; "
@@ -123,7 +118,7 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
             _, said = call([sys.executable, "-c", TWICE, *words[len(AUVPLAN) :]], folder)
             row["beyond"] = row["later"] - float(said.splitlines()[-1])
         rows.append(row)
-        console().print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
+        screen.print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
 
     take("mission, all pictures", [*AUVPLAN, "mission", "--out", "run"])
     take("mission, no pictures", [*AUVPLAN, "mission", "--pictures", "none", "--out", "none"])
@@ -143,14 +138,8 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the table."""
     parser = arguments("How long a person waits for a command.")
-    parser.add_argument(
-        "--runs",
-        type=int,
-        default=3,
-        help="later runs of each, of which the median counts; 0 for no commands",
-    )
+    parser.add_argument("--runs", type=int, default=3, help="later runs of each command; 0 for no commands")
     parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
     parser.add_argument("--functions", type=int, default=100, help="currents as functions; 0 for none")
     options = parser.parse_args()
@@ -160,7 +149,7 @@ def main() -> None:
     stated = machine()
     title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
     times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
-    console().print(table(title, rows, {"command": "{what}"} | times))
+    show(title, rows, {"command": "{what}"} | times)
     write(options.out, {"startup": [*own, *rows]})
 
 

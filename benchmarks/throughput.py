@@ -17,7 +17,7 @@ import jax
 import auvplan as ap
 from auvplan.executive import seed_keys
 from auvplan.study import Design, run_study
-from benchmarks.machine import console, table
+from benchmarks.machine import screen, show
 
 #: Missions that are executed one after the other, and seconds between two looks at the memory.
 SINGLES, PERIOD = 20, 3.0
@@ -51,13 +51,11 @@ class Watch(threading.Thread):
         self.most, self.over = 0, threading.Event()
 
     def run(self) -> None:
-        """Look until it is over."""
         while not self.over.wait(PERIOD):
             self.most = max(self.most, memory(os.getpid()))
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="Missions one by one and as a study.")
     parser.add_argument("-n", type=int, default=100, help="missions of the study")
     options = parser.parse_args()
@@ -73,19 +71,18 @@ def main() -> None:
     single, compiled = one_after_the_other(SINGLES)
     study = whole - clock["compile_s"]
     each, workers = study / options.n, clock["workers"]
-    names = "how", "count", "compiled", "then", "each", "ratio"
-    rows = [
+    ways = (
         ("one after the other", SINGLES, compiled, single * SINGLES, single, "1"),
         (f"a study, {workers} processes", options.n, clock["compile_s"], study, each, f"{single / each:.2f}"),
-    ]
+    )
+    names = "how", "count", "compiled", "then", "each", "ratio"
     columns = {
         "how": "{how}", "missions": "{count}", "compilation": "{compiled:.0f} s", "then": "{then:.1f} s",
         "a mission": "{each:.2f} s", "throughput": "{ratio}",
     }  # fmt: skip
     title = f"{os.cpu_count()} cores, {jax.default_backend()}"
-    shown = table(title, [dict(zip(names, row, strict=True)) for row in rows], columns)
-    shown.caption = f"most memory of the study's processes together {watch.most / 1e9:.2f} GB"
-    console().print(shown)
+    show(title, [dict(zip(names, way, strict=True)) for way in ways], columns)
+    screen.print(f"most memory of the study's processes together {watch.most / 1e9:.2f} GB")
 
 
 if __name__ == "__main__":

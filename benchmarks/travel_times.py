@@ -1,9 +1,8 @@
-"""How well travel times of edges foretell the paths that are planned for them, by effort.
+"""How well travel times of edges foretell planned paths, by effort: ``python -m benchmarks.travel_times``.
 
-``python -m benchmarks.travel_times [MISSIONS]`` simulates missions of the shipped Whitsunday scenario (16 by
-default, some 300 legs) and prints, for d / |v| of Eq. 13 and for each level of effort, the error
-|T - t_ij| / t_ij against the path planned at the leg's start (T_path) and against the time executed, both
-without the task. Estimates are made as in a mission: from the forecast as the leg is planned.
+Missions of the shipped Whitsunday scenario: for d / |v| of Eq. 13 and each level of effort, the error |T -
+t_ij| / t_ij against the path planned at the leg's start and against the time executed, both without the
+task.
 """
 
 import argparse
@@ -66,7 +65,6 @@ def executed_legs(count: int) -> list[Planned]:
 
 
 def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarray, cost: float) -> None:
-    """Print one row."""
     cells = []
     for actual in (planned, executed):
         error = np.abs(actual - expected) / expected
@@ -76,7 +74,6 @@ def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="Travel times of edges against paths.")
     parser.add_argument("missions", nargs="?", type=int, default=16)
     scenario, count = ap.load_scenario("whitsunday"), parser.parse_args().missions

@@ -1,7 +1,7 @@
 """The quickest path in the vertical plane through start and goal: a search apart from those on grids.
 
-It counts where nothing leads a path out of that plane: no obstacles, no current across, a bed that is alike
-on both sides. Dynamic programming over distance and depth alone shares no code with the other searches.
+It counts where nothing leads a path out of that plane. Dynamic programming over distance and depth alone
+shares no code with the other searches.
 """
 
 import numpy as np

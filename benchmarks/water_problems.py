@@ -1,20 +1,15 @@
 """Path problems by seed in six kinds of waters, and waters without a way, for a planner that never saw them.
 
-`water_problem(family, seed)` makes the same problem for the same arguments. Sides are log-uniform from 500 m
-to 50 km; every chart has `PIXELS` pixels to each side, every current `VORTICES` vortices and every world
-`OBSTACLES` obstacles, padded, so that problems share compiled programs. Half of the vehicles are held back by
-nothing but their speed, the others have the limits of `ap.Vehicle()`. The fastest water moves at 0.2 to 1.2
-of the vehicle's speed, and in some waters a tide turns it.
-
-Every problem has a way, found on a grid of pixels with margins and walked against the moving obstacles.
-Problems are planar.
+`water_problem(family, seed)` makes the same problem for the same arguments: planar, with sides log-uniform
+from 500 m to 50 km. Charts, currents and worlds are padded to one shape, so that problems share compiled
+programs. Half of the vehicles are held back by nothing but their speed, the others have the limits of
+`ap.Vehicle()`. Every problem has a way, found on a grid of pixels with margins and walked against the moving
+obstacles.
 """
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 import jax
@@ -23,8 +18,6 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
@@ -37,6 +30,7 @@ from benchmarks.path_problems import (
     PathProblem,
     drawn_obstacles,
     drawn_vortices,
+    quickest,
     unlimited_vehicle,
 )
 
@@ -82,27 +76,21 @@ class Kind:
 
 
 #: The families of the benchmark.
-KINDS: Mapping[str, Kind] = MappingProxyType(
-    {
-        "open": Kind(land.open_water, obstacles=(4, 15), radii=(0.004, 0.048)),
-        "coast": Kind(land.coast, obstacles=(0, 10)),
-        "island": Kind(land.island, obstacles=(0, 8)),
-        "sounds": Kind(land.sounds, narrow=True, obstacles=(0, 6), radii=(0.003, 0.015)),
-        "fjords": Kind(land.fjords, narrow=True, obstacles=(0, 3), radii=(0.003, 0.01)),
-        "moving": Kind(land.gates, obstacles=(0, 4), radii=(0.004, 0.02), moving=True),
-        "no-way": Kind(land.closed, obstacles=(0, 4), way=False),
-    }
-)
+KINDS = {
+    "open": Kind(land.open_water, obstacles=(4, 15), radii=(0.004, 0.048)),
+    "coast": Kind(land.coast, obstacles=(0, 10)),
+    "island": Kind(land.island, obstacles=(0, 8)),
+    "sounds": Kind(land.sounds, narrow=True, obstacles=(0, 6), radii=(0.003, 0.015)),
+    "fjords": Kind(land.fjords, narrow=True, obstacles=(0, 3), radii=(0.003, 0.01)),
+    "moving": Kind(land.gates, obstacles=(0, 4), radii=(0.004, 0.02), moving=True),
+    "no-way": Kind(land.closed, obstacles=(0, 4), way=False),
+}
 
 #: Families whose problems have a way.
 FAMILIES = tuple(name for name, kind in KINDS.items() if kind.way)
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("current", "mean", "swing", "period", "phase"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class TidalCurrent:
     """A steady current times mean + swing cos(2 pi t / period + phase).
@@ -156,21 +144,14 @@ def without_tide(current: Current) -> Current:
 
 
 def water_problem(family: str, seed: int) -> PathProblem:
-    """Make a problem; the same one for the same family and seed.
-
-    Raises:
-        ValueError: there is no such family.
-    """
-    if family not in KINDS:
-        raise ValueError(f"family must be one of {', '.join(KINDS)}, got {family!r}")
+    """Make a problem; the same one for the same family and seed."""
     rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
-    while True:
-        problem = _drawn(rng, KINDS[family], family, f"{family}-{seed}")
-        if problem is not None:
-            return problem
+    while (problem := _drawn(rng, KINDS[family], family, f"{family}-{seed}")) is None:
+        pass
+    return problem
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ScaledCurrent:
     """A current of the same speeds in a world whose lengths and times are `factor` times as great."""
@@ -278,7 +259,7 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     if (route is not None) != kind.way or (not kind.way and pools[start] == pools[goal]):
         return None
     if route is not None and kind.moving:
-        moving = _movers(rng, grid, route, coast, steady, side, vehicle)
+        moving = _movers(rng, pixel, route, coast, steady, float(vehicle.speed))
         if not grid.has_way_past(moving.resolved(current), start, goal):
             return None
         obstacles = fixed + moving
@@ -330,27 +311,20 @@ def tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tupl
 
 
 def _movers(
-    rng: Rng,
-    grid: "_Grid",
-    route: tuple[Array, Array],
-    coast: Array,
-    current: Current,
-    side: float,
-    vehicle: ap.Vehicle,
+    rng: Rng, pixel: float, route: tuple[Array, Array], coast: Array, current: Current, speed: float
 ) -> ap.Obstacles:
     """Return 2 to 5 obstacles that cross the quickest way as the vehicle does, one where it is narrowest.
 
     Args:
+        pixel: m.
         route: positions [n, 2] m and times [n] s of the quickest way.
         coast: m beyond the margin, at the pixels.
         current: that carries some of them.
-        side: m.
-        vehicle: whose speed theirs is a share of.
+        speed: m/s, of the vehicle, which theirs are shares of.
     """
-    places, times = route
+    (places, times), side = route, PIXELS * pixel
     inner = (times > 0.25 * times[-1]) & (times < 0.8 * times[-1])
-    room = np.array([coast[_pixel_of(place, grid.pixel)] for place in places])
-    speed = float(vehicle.speed)
+    room = np.array([coast[_pixel_of(place, pixel)] for place in places])
     positions, velocities, radii = [], [], []
     for k in range(rng.integers(2, 6)):
         candidates = np.flatnonzero(inner)
@@ -393,23 +367,16 @@ class _Grid:
 
     clear: Array
     pixel: float
-    seconds: tuple[Array, ...]
+    seconds: Mapping[tuple[int, int], Array]
 
     @classmethod
     def of(
         cls, coast: Array, pixel: float, current: Current, factors: tuple[float, ...], vehicle: ap.Vehicle
     ) -> "_Grid":
-        """Time all moves.
-
-        Args:
-            coast: m beyond the margin, at the pixels.
-            pixel: m.
-            current: steady.
-            factors: by which the current may be multiplied: the least and the greatest, or 1.
-        """
+        """Time all moves in a steady current that may be multiplied by each of some factors."""
         u, v = _at_pixels(current, pixel)
         speed, surge, sway = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
-        seconds = []
+        seconds = {}
         for a, b in _MOVES:
             steps = float(np.hypot(a, b))
             along, across = (u * a + v * b) / steps, (v * a - u * b) / steps
@@ -420,8 +387,8 @@ class _Grid:
                 forbidden |= np.abs(factor * across) > _RESERVE * min(speed, sway)
                 forbidden |= (ground < _PROGRESS * speed) | (ground > _RESERVE * surge)
             # The last factor is the strongest: what is timed is the current as `current` has it.
-            seconds.append(np.where(forbidden, np.inf, steps * pixel / np.maximum(ground, 1e-3 * speed)))
-        return cls(coast, pixel, tuple(seconds))
+            seconds[a, b] = np.where(forbidden, np.inf, steps * pixel / np.maximum(ground, 1e-3 * speed))
+        return cls(coast, pixel, seconds)
 
     def without(self, centres: Array, reach: Array) -> "_Grid":
         """Return the grid without discs of centres [M, 2] m and radii [M] m, the margin added."""
@@ -435,34 +402,8 @@ class _Grid:
     def route(self, start: tuple[int, int], goal: tuple[int, int]) -> tuple[Array, Array] | None:
         """Return positions [n, 2] m and times [n] s of the quickest way; None without any."""
         # Both ends of a move are so clear that what lies between them is.
-        free = self.clear > 0.8 * self.pixel
-        labels, _ = ndimage.label(free, np.ones((3, 3)))
-        if not free[start] or labels[start] != labels[goal]:
-            return None
-        free &= labels == labels[start]
-        index = np.full(free.shape, -1)
-        index[free] = np.arange(free.sum())
-        tails, heads, times = [], [], []
-        for (a, b), seconds in zip(_MOVES, self.seconds, strict=True):
-            ends, between = _shifted(free, a, b), free
-            for part in ((a - np.sign(a), b), (a, b - np.sign(b)), (np.sign(a), np.sign(b))):
-                if max(abs(a), abs(b)) == 2:
-                    between = between & _shifted(free, *(int(p) for p in part))
-            joined = ends & between & np.isfinite(seconds) & np.isfinite(_shifted(seconds, a, b, np.inf))
-            tails.append(index[joined])
-            heads.append(_shifted(index, a, b, -1)[joined])
-            times.append(0.5 * (seconds + _shifted(seconds, a, b, np.inf))[joined])
-        count = int(free.sum())
-        ends = np.concatenate(tails), np.concatenate(heads)
-        edges = coo_array((np.concatenate(times), ends), (count, count))
-        found, before = dijkstra(edges.tocsr(), indices=index[start], return_predecessors=True)
-        if not np.isfinite(found[index[goal]]):
-            return None
-        chain = [int(index[goal])]
-        while before[chain[-1]] >= 0:
-            chain.append(int(before[chain[-1]]))
-        nodes = np.array(chain[::-1])
-        return (np.argwhere(free)[nodes] + 0.5) * self.pixel, found[nodes]
+        found = quickest(self.clear > 0.8 * self.pixel, self.seconds, start, goal)
+        return None if found is None else ((found[0] + 0.5) * self.pixel, found[1])
 
     def has_way_past(
         self, movers: ap.Obstacles, start: tuple[int, int], goal: tuple[int, int], tries: int = 6
@@ -491,12 +432,3 @@ class _Grid:
             when = [int(np.argmin(away[:, k])) for k in whom]
             grid = grid.without(met[when, whom], reach[when, whom] + slack[when, whom])
         return False
-
-
-def _shifted(plane: Any, a: int, b: int, fill: Any = False) -> Any:
-    """Return the plane's value (a, b) pixels on; `fill` beyond its edge."""
-    found = np.full_like(plane, fill)
-    here = np.s_[max(0, -a) : PIXELS - max(0, a), max(0, -b) : PIXELS - max(0, b)]
-    there = np.s_[max(0, a) : PIXELS - max(0, -a), max(0, b) : PIXELS - max(0, -b)]
-    found[here] = plane[there]
-    return found

@@ -1,46 +1,27 @@
 """Path planning in waters that no planner was tuned on: problems by seed, references and the planner's gaps.
 
-``python -m benchmarks.waters --seeds 0:4`` plans the problems of these seeds in every family and prints a row
-for each family and preset. The gap of a plan is travel time / reference - 1, both measured by `path_ruler`; a
-plan that breaks a limit has no gap and lowers the feasible share. Where a feasible plan is quicker than the
-reference, it takes its place for all presets. Times are of one plan, the compilation apart.
-
-The families shear, ekman, ridge, spheres and file have depth, see `depth_problems`; the last one needs the
-shared files of currents. Where they are among the families, there is a row of the vehicles that may pitch as
-they like, and one of those that may not.
-
-Seeds below 100 are for development. What is reported comes from seeds of 1000 and more. References that are
-not stored are computed first; ``--references`` does nothing else. ``--scales`` poses problems with sides from
-2 m to 200 km instead, and compares their plans.
+`python -m benchmarks.waters --seeds 0:4` prints a row for each family and preset; gaps are as in `paths`.
+Where a feasible plan is quicker than the reference, it takes its place for all presets. Seeds below 100 are
+for development. References that are not stored are computed first.
 """
 
 import argparse
 import gc
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import Any
 
 import jax
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 from auvplan.runtime.compiled import drop_programs
+from benchmarks import references
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
-from benchmarks.machine import arguments, bars, console, machine, seed_range, table, write
+from benchmarks.machine import arguments, machine, screen, seed_range, show, track, write
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, literature
 from benchmarks.path_ruler import World, evaluate
-from benchmarks.paths import Run, beside, figure, gaps_table, plan_one, summed
-from benchmarks.references import (
-    STORED,
-    STORED_DEEP,
-    Reference,
-    depth_reference,
-    load,
-    store,
-    stored_reference,
-    water_reference,
-)
-from benchmarks.water_problems import KINDS, scaled, water_problem
+from benchmarks.paths import Run, beside, figure, plan_one, show_gaps, summed
+from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
 
 #: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
 SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0
@@ -51,41 +32,36 @@ _TOGETHER = 8
 #: Families whose first problem is posed at all sides, beside the problems of the literature.
 SCALED_FAMILIES = "open", "coast", "sounds"
 
-Cases = Sequence[tuple[PathProblem, Reference | None]]
+#: Families whose problems have a way.
+WITH_WAY = *FAMILIES, *DEPTH_FAMILIES
+
+Cases = Sequence[tuple[PathProblem, references.Reference | None]]
 
 
 def posed(family: str, seed: int) -> PathProblem:
-    """Make a problem of any family."""
     return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
 
 
-def has_way(family: str) -> bool:
-    """Whether problems of a family have a way."""
-    return family in DEPTH_FAMILIES or KINDS[family].way
-
-
-def references(
-    families: Sequence[str], seeds: Iterable[int], progress: Progress, most: int | None = None
-) -> Cases:
+def referenced(families: Sequence[str], seeds: Iterable[int], most: int | None = None) -> Cases:
     """Return problems, seed by seed, and their references, computed and stored where that was not done.
 
     Problems without a way have none. The first `most` are returned.
     """
     chosen, found = [(family, seed) for seed in seeds for family in families][:most], []
-    for family, seed in progress.track(chosen, description="references"):
+    for family, seed in track(chosen, "references"):
         problem, reference = posed(family, seed), None
-        if has_way(family):
+        if family in WITH_WAY:
             deep = family in DEPTH_FAMILIES
-            path = STORED_DEEP if deep else STORED
-            reference = stored_reference(problem, load(path))
+            path = references.STORED_DEEP if deep else references.STORED
+            reference = references.stored_reference(problem, references.load(path))
             if reference is None:
-                reference = (depth_reference if deep else water_reference)(problem)
-                store(problem, reference, path)
+                reference = (references.depth_reference if deep else references.water_reference)(problem)
+                references.store(problem, reference, path)
         found.append((problem, reference))
     return found
 
 
-def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[list[Run], set[str]]:
+def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]:
     """Plan all problems with every preset.
 
     Returns:
@@ -93,7 +69,7 @@ def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[
         of the problem; these are named.
     """
     runs, replaced = [], set()
-    for number, (problem, reference) in enumerate(progress.track(cases, description="plans"), 1):
+    for number, (problem, reference) in enumerate(track(cases, "plans"), 1):
         world, own = World.of(problem), []
         known = None if reference is None else reference.travel_time
         deep = problem.family in DEPTH_FAMILIES
@@ -104,7 +80,7 @@ def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[
         for preset in presets:
             own += [run | more for run in plan_one(problem, preset, known, world)]
         quickest = min((run["travel_time"] for run in own if run["feasible"]), default=np.inf)
-        if has_way(problem.family) and quickest < (np.inf if known is None else known):
+        if problem.family in WITH_WAY and quickest < (np.inf if known is None else known):
             replaced.add(problem.name)
             own = [beside(run, quickest) for run in own]
         runs += own
@@ -132,49 +108,37 @@ def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
     return sorted(found, key=lambda row: (last.index(row["name"]) if row["name"] in last else 0, row["name"]))
 
 
-def closed_line(runs: Sequence[Run]) -> str:
-    """Say how many plans of problems without a way are reported infeasible, and by which status."""
-    statuses = sorted({run["status"] for run in runs if not run["claimed"]})
-    refused = sum(not run["claimed"] for run in runs)
-    return f"no way: {refused} of {len(runs)} plans reported infeasible ({', '.join(statuses) or 'none'})"
-
-
-def scales(presets: Sequence[str], screen: Console, progress: Progress) -> dict[str, Any]:
+def scales(presets: Sequence[str]) -> dict[str, Any]:
     """Plan problems posed at all `SIDES`; print travel times per unit of length next to the first's."""
     problems = [*literature(), *(water_problem(family, 0) for family in SCALED_FAMILIES)]
     found, shown = [], []
-    for problem in progress.track(problems, description="scales"):
+    for problem, preset in track([*product(problems, presets)], "scales"):
         side = float(np.max(np.asarray(problem.environment.upper) - np.asarray(problem.environment.lower)))
-        for preset in presets:
-            first, row = None, {"problem": problem.name, "preset": preset}
-            for wanted in SIDES:
-                factor = wanted / side
-                posed = scaled(problem, factor)
-                plan = posed.plan(jax.random.key(0), PRESETS[preset]())
-                score = evaluate(posed, plan.positions)
-                per_unit = score.travel_time / factor
-                first = per_unit if first is None else first
-                apart = per_unit / first - 1.0 if np.isfinite(per_unit) else None
-                row[f"at {wanted:g}"] = ("-" if apart is None else f"{apart:+.3%}") + "!" * (
-                    not score.feasible
-                )
-                one = {"problem": problem.name, "preset": preset, "side": wanted, "difference": apart}
-                found.append(one | {"claimed": plan.feasible, "feasible": score.feasible})
-            shown.append(row)
+        first, row = None, {"problem": problem.name, "preset": preset}
+        for wanted in SIDES:
+            posed = scaled(problem, factor := wanted / side)
+            plan = posed.plan(jax.random.key(0), PRESETS[preset]())
+            score = evaluate(posed, plan.positions)
+            per_unit = score.travel_time / factor
+            first = per_unit if first is None else first
+            apart = per_unit / first - 1.0 if np.isfinite(per_unit) else None
+            row[f"{wanted:g} m"] = ("-" if apart is None else f"{apart:+.3%}") + "!" * (not score.feasible)
+            one = {"problem": problem.name, "preset": preset, "side": wanted, "difference": apart}
+            found.append(one | {"claimed": plan.feasible, "feasible": score.feasible})
+        shown.append(row)
     title = f"Travel time per unit of length, next to sides of {SIDES[0]:g} m (! breaks a limit)"
-    columns = {"problem": "{problem}", "preset": "{preset}"}
-    screen.print(table(title, shown, columns | {f"{s:g} m": f"{{at {s:g}}}" for s in SIDES}, names=2))
+    show(title, shown, {heading: f"{{{heading}}}" for heading in shown[0]}, names=2)
     return {"scales": found}
 
 
-def gaps(options: argparse.Namespace, screen: Console, progress: Progress) -> dict[str, Any] | None:
+def gaps(options: argparse.Namespace) -> dict[str, Any] | None:
     """Compute references, and plan and print the gaps unless they alone are wanted."""
     families = options.families
     if "file" in families and not have_levels():
         screen.print("file: left out, the shared currents with levels were not found")
         families = [name for name in families if name != "file"]
-    open_, shut = ([name for name in families if has_way(name) is way] for way in (True, False))
-    cases = references(open_, options.seeds, progress, options.most)
+    open_, shut = ([name for name in families if (name in WITH_WAY) is way] for way in (True, False))
+    cases = referenced(open_, options.seeds, options.most)
     known = [reference for _, reference in cases if reference is not None]
     unknown, spent = sum(one.travel_time is None for one in known), sum(one.seconds for one in known)
     screen.print(f"{len(cases)} references, {unknown} without a path, {spent:.0f} s to compute")
@@ -186,20 +150,21 @@ def gaps(options: argparse.Namespace, screen: Console, progress: Progress) -> di
         )
     if options.references:
         return None
-    runs, replaced = plan_all(cases, options.preset, progress)
+    runs, replaced = plan_all(cases, options.preset)
     found = rows(runs, replaced)
     if found:
         errors = {"error, mean": "{error:.3%}", "error, worst": "{worst_error:.2%}"}
-        screen.print(gaps_table("Random waters: gap to the reference", found, **errors))
+        show_gaps("Random waters: gap to the reference", found, **errors)
         screen.print(f"references that a feasible plan was quicker than, and replaced: {len(replaced)}")
-    closed, _ = plan_all(references(shut, options.seeds, progress), options.preset, progress)
+    closed, _ = plan_all(referenced(shut, options.seeds), options.preset)
     for preset in options.preset if closed else ():
-        screen.print(f"{preset}: {closed_line([run for run in closed if run['preset'] == preset])}")
+        statuses = [run["status"] for run in closed if run["preset"] == preset and not run["claimed"]]
+        plans = f"{len(statuses)} of {len(closed) // len(options.preset)} plans reported infeasible"
+        screen.print(f"{preset}: no way: {plans} ({', '.join(sorted(set(statuses))) or 'none'})")
     return {"rows": found, "replaced": sorted(replaced), "runs": [*runs, *closed]}
 
 
 def main() -> None:
-    """Compute what references are missing, plan, print the tables and write the file."""
     parser = arguments("Paths in random waters against references.")
     parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
     parser.add_argument("--families", nargs="+", choices=[*KINDS, *DEPTH_FAMILIES], default=list(KINDS))
@@ -208,16 +173,10 @@ def main() -> None:
     parser.add_argument("--references", action="store_true", help="compute references and end")
     parser.add_argument("--scales", action="store_true", help="pose problems in units of all sizes instead")
     options = parser.parse_args()
-    screen = console()
     screen.print(f"processor: {machine()['processor']}")
     if not have_charts():
         screen.print("real coast: the shipped chart stands in, the shared maps were not found")
-    with bars(screen) as progress:
-        if options.scales:
-            content = scales(options.preset, screen, progress)
-        else:
-            content = gaps(options, screen, progress)
-    if content:
+    if content := scales(options.preset) if options.scales else gaps(options):
         write(options.out, content)
 
 

@@ -1,16 +1,10 @@
 """Routes by the clock against proven optima, and what they cost in time: ``python -m benchmarks.windows``.
 
-Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours. A task of
-priority 1-9 at each waypoint may begin in one window or in one of two, tight or wide; the vehicle may wait.
-Travel times and durations are whole seconds, windows close and the time ends half a second after one, so
-that the planner, in single precision, and OR-Tools CP-SAT, in whole seconds, have the same routes to choose
-from. CP-SAT begins at the best route planned, and so do the labels of `benchmarks.labels`, which prove the
-complete graphs too. The gap of a plan is 1 - priority / optimum, with the bound where no optimum is proved;
-a plan that was not found counts as priority zero.
-
-Timings are medians after compilation, wall time and user time of all threads; the latter says what a plan
-takes where other work has the cores. The graphs there lie in a tidal stream, a table of travel times every
-15 min.
+Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours, with a task at
+each waypoint in one window or one of two. Travel times and durations are whole seconds, windows close and
+the time ends half a second after one, so that the planner, in single precision, and OR-Tools CP-SAT have the
+same routes to choose from. CP-SAT and the labels of `benchmarks.labels` begin at the best route planned. The
+gap of a plan is 1 - priority / bound; one that was not found counts as priority zero.
 """
 
 import os
@@ -32,7 +26,7 @@ from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.labels import Windows, most_priority
-from benchmarks.machine import arguments, bars, console, installed, machine, table, write
+from benchmarks.machine import arguments, installed, machine, screen, show, track, write
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -66,11 +60,7 @@ class Case:
     graph: MissionGraph
     time_available: float
     seed: int
-
-    @property
-    def family(self) -> str:
-        """Complete or not."""
-        return FAMILIES[self.seed % 2]
+    family: str = ""
 
 
 @dataclass(frozen=True)
@@ -110,7 +100,8 @@ def case(seed: int) -> Case:
     tight = TIGHT_SHARES[seed % len(TIGHT_SHARES)]
     graph, opens, closes = _tasks(rng, positions, adjacency, available, tight)
     travel = np.where(adjacency, np.maximum(np.round(cdist(positions, positions) / SPEED), 1.0), np.inf)
-    return Case(graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes)), available, seed)
+    graph = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
+    return Case(graph, available, seed, FAMILIES[seed % 2])
 
 
 def _tasks(
@@ -184,25 +175,18 @@ def prove(case: Case, route: Any, time_limit: float, workers: int) -> Proof:
     solver.parameters.linearization_level = 2
     status = solver.status_name(solver.solve(model))
     found = status in ("OPTIMAL", "FEASIBLE")
-    return Proof(
-        solver.objective_value if found else 0.0,
-        float(np.floor(solver.best_objective_bound + 1e-6)),
-        status in ("OPTIMAL", "INFEASIBLE"),
-        solver.wall_time,
-    )
+    best, bound = solver.objective_value if found else 0.0, np.floor(solver.best_objective_bound + 1e-6)
+    return Proof(best, float(bound), status in ("OPTIMAL", "INFEASIBLE"), solver.wall_time)
 
 
 def exact(case: Case, route: Any) -> Proof:
     """Most total priority by labels; `route` is a known one."""
     table, known = case.graph.timetable, float(case.graph.priority[0, route[1:]].sum())
     assert table is not None
-    lasts = case.graph.duration[0][:, None] + table.travel_time[0]
-    windows = Windows.of(
-        lasts, table.opens[0], table.closes[0], case.graph.priority[0], int(case.time_available)
-    )
-    begin = time.perf_counter()
-    priority, bound = most_priority(windows, known)
-    return Proof(float(priority), float(bound), bool(priority == bound), time.perf_counter() - begin)
+    lasts, end = case.graph.duration[0][:, None] + table.travel_time[0], int(case.time_available)
+    windows = Windows.of(lasts, table.opens[0], table.closes[0], case.graph.priority[0], end)
+    seconds, _, (priority, bound) = clock(lambda: most_priority(windows, known))
+    return Proof(float(priority), float(bound), bool(priority == bound), seconds)
 
 
 #: The configurations that are compared.
@@ -210,7 +194,6 @@ PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
 def plan(case: Case, config: MissionConfig, key: int) -> MissionRoute:
-    """Plan from the first waypoint to the last one."""
     asked = case.graph, 0, case.graph.size - 1, case.time_available
     return plan_mission(*asked, speed=SPEED, key=jax.random.key(key), config=config)
 
@@ -222,14 +205,14 @@ def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
     return time.perf_counter() - wall, os.times().user - user, result
 
 
-def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[dict], list[dict[str, Any]]]:
+def compare(count: int, first: int, limit: float) -> tuple[list[dict], list[dict[str, Any]]]:
     """Rows of all planners, and what the exact searches found of each graph from a seed on."""
     cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
         for config in PLANNERS.values():
             plan(one, config, PLANS)
     plans, found, rows = {}, [], []
-    for one in progress.track(cases, description="graphs"):
+    for one in track(cases, "graphs"):
         for name, config in PLANNERS.items():
             plans[one.seed, name] = [clock(partial(plan, one, config, key)) for key in range(PLANS)]
         routes = [route for name in PLANNERS for *_, route in plans[one.seed, name]]
@@ -258,7 +241,6 @@ def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[d
 
 
 def proof_rows(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """How each exact search fared."""
     rows = []
     for family in FAMILIES:
         members = [each for each in found if each["family"] == family]
@@ -275,7 +257,7 @@ def proof_rows(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
-def timings(repeats: int, progress: Any) -> list[dict[str, Any]]:
+def timings(repeats: int) -> list[dict[str, Any]]:
     """Travel times by departure in a tidal stream, and plans by them; medians but for the first calls."""
     departures, rows = INTERVAL * np.arange(DEPARTURES), []
     times = np.arange(-3600.0, DEPARTURES * INTERVAL + 7200.0, 300.0)
@@ -283,7 +265,6 @@ def timings(repeats: int, progress: Any) -> list[dict[str, Any]]:
     u, v = (np.broadcast_to(strength * swing, (len(times), 1, 2, 2)) for strength in STREAM)
     tide = GriddedCurrent.from_arrays(u, v, origin=(-5e4, -5e4), spacing=1e5, times=times)
     sea = ap.Environment(tide, lower=np.zeros(3), upper=np.array([EXTENT, EXTENT, 100.0]))
-    bar = progress.add_task("timings", total=4)
 
     def travel(graph: MissionGraph) -> Any:
         return graph.times_at(sea, ap.Vehicle(speed=SPEED), departures, bends=BENDS)
@@ -294,7 +275,6 @@ def timings(repeats: int, progress: Any) -> list[dict[str, Any]]:
         wall, user = (statistics.median(run[k] for run in runs) for k in range(2))
         row = {"what": what, "asked": asked, "first_seconds": first}
         rows.append(row | {"wall_seconds": wall, "user_seconds": user})
-        progress.advance(bar)
         return result
 
     for size, seconds in ((SIZE, 0.2), (5 * SIZE, 2.0)):
@@ -317,22 +297,16 @@ def timings(repeats: int, progress: Any) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the tables and write the file."""
     parser = arguments("Routes by the clock against proven optima.")
-    parser.add_argument(
-        "--graphs", type=int, default=CASES, help="how many of the thirty; 0 for the timings alone"
-    )
+    parser.add_argument("--graphs", type=int, default=CASES, help="how many; 0 for the timings alone")
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first graph")
     parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
     options = parser.parse_args()
-    screen = console()
-    with bars(screen) as progress:
-        asked = options.graphs, options.first, options.limit, progress
-        rows, found = compare(*asked) if options.graphs else ([], [])
-        timed = timings(options.repeats, progress) if options.repeats else []
-    facts = machine()
-    load = os.getloadavg()[0]
+    asked = options.graphs, options.first, options.limit
+    rows, found = compare(*asked) if options.graphs else ([], [])
+    timed = timings(options.repeats) if options.repeats else []
+    facts, load = machine(), os.getloadavg()[0]
     screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
     titled = (
         ("Routes by the clock: gap to the best", rows, GAPS, 2),
@@ -341,7 +315,7 @@ def main() -> None:
     )
     for title, shown, columns, names in titled:
         if shown:
-            screen.print(table(title, shown, columns, names))
+            show(title, shown, columns, names)
     content = {"limit": options.limit, "load": load, "graphs": found}
     write(options.out, content | {"rows": rows, "timings": timed})
 

@@ -89,7 +89,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     "Time-dependent routing": {
         "tests": ("tests/mission/test_timetable.py", "tests/executive/test_clock.py"),
         "independent": ("benchmarks.clock", "benchmarks.windows", "tests/check/test_windows.py"),
-        "peer": ("benchmarks.clock_peers", "benchmarks.solomon"),
+        "peer": ("benchmarks.clock_peers",),
     },
     "The executive": {
         "tests": (

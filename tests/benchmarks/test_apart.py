@@ -7,15 +7,14 @@ import pytest
 from benchmarks.apart import Late, run_apart, within
 
 
-def work(folder, numbers, pipe):
-    for number in numbers:
-        pipe.send((number, "changed"))
+def work(folder, pipe):
+    for number in iter(pipe.recv, None):
+        pipe.send("changed")
         begun = folder / f"{number}"
         if number == 3 or (number == 1 and not begun.exists()):
             begun.touch()
             os._exit(7)
-        pipe.send((number, "changed", "right"))
-    pipe.send(None)
+        pipe.send(("right",))
 
 
 def test_a_case_that_kills_its_process_is_begun_once_more(tmp_path):

@@ -6,7 +6,7 @@ import jax
 import pytest
 
 from auvplan.mission import plan_mission
-from benchmarks.solomon import FILE, posed, profit_of
+from benchmarks.clock_peers import FILE, posed, profit_of
 
 SETS = json.loads(FILE.read_text(encoding="utf-8"))["sets"]
 
