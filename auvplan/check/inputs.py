@@ -21,24 +21,15 @@ Spans = list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Job:
-    """A task at a place, or along the straight lines between several.
+    """A task at a place, or along the straight lines between several."""
 
-    Attributes:
-        name: of the job.
-        places: [n, 3] m; one of a point, two or more of a line.
-        priority: before it falls.
-        duration: s.
-        windows: in which a task at a point begins and a part of a line lies as a whole, s since the
-            departure; empty for any time.
-        falls: moments, s since the departure, and the priority after each.
-    """
-
-    name: str
-    places: Array
-    priority: float
-    duration: float
+    name: str  # of the job
+    places: Array  # [n, 3] m; one of a point, two or more of a line
+    priority: float  # before it falls
+    duration: float  # s
+    #: In which a task at a point begins and a part of a line lies whole, s since the departure; empty: any.
     windows: Spans
-    falls: Spans
+    falls: Spans  # moments, s since the departure, and the priority after each
 
     @property
     def is_line(self) -> bool:
@@ -72,17 +63,11 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class ClosedArea:
-    """Water that is closed to the vehicle.
+    """Water that is closed to the vehicle."""
 
-    Attributes:
-        name: of the area.
-        shape: polygons in (north, east) m.
-        spans: when it is closed, s since the departure; None for always.
-    """
-
-    name: str
-    shape: Any
-    spans: Spans | None
+    name: str  # of the area
+    shape: Any  # polygons in (north, east) m
+    spans: Spans | None  # when it is closed, s since the departure; None for always
 
     def holds(self, places: Array) -> np.ndarray:
         """Return which of n places [n, 3] m lie in it."""
@@ -111,19 +96,16 @@ def read_jobs(dataset: xr.Dataset) -> list[Job] | None:
     stated = _saved(dataset, "jobs")
     if stated is None:
         return None
-    rows = [(job, [job["position"]]) for job in stated["points"]]
-    rows += [(job, job["positions"]) for job in stated["lines"]]
-    return [
-        Job(
-            job["name"],
-            np.asarray(places, float),
-            float(job["priority"]),
-            float(job["duration"]),
+    found = []
+    for job in (*stated["points"], *stated["lines"]):
+        places = job["positions"] if "positions" in job else [job["position"]]
+        priority, duration = float(job["priority"]), float(job["duration"])
+        windows, falls = (
             _spans(job["windows"]),
             [(float(moment), float(after)) for moment, after in job["falls"]],
         )
-        for job, places in rows
-    ]
+        found.append(Job(job["name"], np.asarray(places, float), priority, duration, windows, falls))
+    return found
 
 
 def read_obstacles(dataset: xr.Dataset, notes: list[str]) -> list[Cylinder]:
@@ -202,9 +184,8 @@ def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
             given = [sum(float(task[i, j]) for i, j in pairwise(chain)) for task in tasks]
         else:
             given = [float(worth[chain[0]]), float(lasts[chain[0]])]
-        for name, own, value in zip(
-            ("priority", "duration"), given, (job.priority, job.duration), strict=True
-        ):
+        wanted_of = zip(("priority", "duration"), given, (job.priority, job.duration), strict=True)
+        for name, own, value in wanted_of:
             if not np.isclose(own, value, rtol=1e-5, atol=TIME_TOLERANCE / 10.0):
                 yield f"job {job.name!r}: its {name} is {value:g}, {own:g} in the graph"
         if not job.is_line and "window_opens" in dataset:

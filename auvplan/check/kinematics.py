@@ -35,17 +35,11 @@ _MOMENTS = 200
 
 @dataclass(frozen=True)
 class Velocities:
-    """Velocities of n moments, or of n segments of each plan.
+    """Velocities of n moments, or of n segments of each plan."""
 
-    Attributes:
-        ground: [..., n, 3] m/s over ground north, east, down, from body velocities and attitude (Eq. 7).
-        heading: [..., n, 3] unit vectors of the hull.
-        course: [..., n] degrees, as stored.
-    """
-
-    ground: Array
-    heading: Array
-    course: Array
+    ground: Array  # [..., n, 3] m/s over ground north, east, down, from body velocities and attitude (Eq. 7)
+    heading: Array  # [..., n, 3] unit vectors of the hull
+    course: Array  # [..., n] degrees, as stored
 
     @classmethod
     def of(cls, dataset: xr.Dataset, prefix: str = "") -> "Velocities":
@@ -69,16 +63,13 @@ def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
     """Yield where positions, times, velocities, attitude and the current of a track contradict each other.
 
     Args:
-        dataset: `mission.nc`.
-        legs: of the run.
         notes: what could not be looked at is added.
     """
-    velocities, first = Velocities.of(dataset), 0
+    velocities = Velocities.of(dataset)
     simulated = bool(dataset.attrs.get("simulated", 1))
     made_at = dataset["plan_made_at"].values if "plan_made_at" in dataset else ()
     for leg in legs:
-        own = velocities[first : first + len(leg.times)]
-        first += len(leg.times)
+        own = velocities[leg.rows]
         if len(leg.times) < 2:
             continue
         if not np.isfinite(own.ground).all():
@@ -110,7 +101,6 @@ def _step_faults(
     """Yield the first of n - 1 steps that its velocity does not lead along.
 
     Args:
-        name: of the leg or plan.
         times: [n] s.
         positions: [n, 3] m.
         velocity: [n or n - 1, 3] m/s over ground, from each moment on.
@@ -126,9 +116,8 @@ def _step_faults(
         # between those beside it, all of it may.
         change = np.diff(velocity, axis=0) * elapsed
         around = np.diff(velocity[[0, *range(len(elapsed))]], axis=0) * elapsed + change
-        aside = np.linalg.norm(change - 0.5 * around, axis=1) / np.maximum(
-            np.linalg.norm(around, axis=1), 1e-9
-        )
+        aside = np.linalg.norm(change - 0.5 * around, axis=1)
+        aside = aside / np.maximum(np.linalg.norm(around, axis=1), 1e-9)
         turned = np.linalg.norm(change, axis=1)
         share = ((moved - begin) * change).sum(axis=1) / np.maximum(turned, 1e-9) ** 2
         share = np.clip(share, 0.0, np.where(aside < _CORNER, 1.0, 0.5))
@@ -183,11 +172,10 @@ def _vertical_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
             count = int(np.isfinite(times[number]).sum())
             own = times[number, :count], depths[number, :count], pitch[number, : max(count - 1, 0)]
             yield from _steep(f"plan {number}", *own, speed, limits, False)
-    pitch, first = np.radians(dataset["pitch"].values.astype(float)), 0
+    pitch = np.radians(dataset["pitch"].values.astype(float))
     for leg in legs:
-        own = pitch[first : first + len(leg.times)]
-        first += len(leg.times)
-        yield from _steep(str(leg), leg.times, leg.positions[:, 2], own[:-1], speed, limits, simulated)
+        own = leg.times, leg.positions[:, 2], pitch[leg.rows][:-1]
+        yield from _steep(str(leg), *own, speed, limits, simulated)
 
 
 def _steep(
@@ -202,9 +190,7 @@ def _steep(
     """Yield the first of n - 1 steps of n moments that breaks each of the limits in the vertical.
 
     Args:
-        name: of the leg or plan.
-        times: [n] s.
-        depths: [n] m.
+        times, depths: [n] s and m.
         pitch: [n - 1] rad, nose up.
         speed: through the water, m/s.
         limits: rad or m/s, of those there are.
@@ -234,7 +220,7 @@ def _speed_faults(
     dataset: xr.Dataset, legs: list[Leg], velocities: Velocities, notes: list[str]
 ) -> Iterator[str]:
     """Yield legs on which the vehicle's speed through the known current is not its own."""
-    speed, first = float(dataset.attrs["vehicle_speed"]), 0
+    speed = float(dataset.attrs["vehicle_speed"])
     # A plan's velocity is that of its segment, in the current in the middle of it.
     half = 0.0 if dataset.attrs.get("simulated", 1) else 0.5
     saved, settings = None, scenario_of(dataset)
@@ -249,15 +235,14 @@ def _speed_faults(
         notes.append("the current was not looked at again: the run holds no vortices")
         return
     for leg in legs:
-        part = slice(first, first + len(leg.times))
-        own, first = velocities[part], part.stop
+        own = velocities[leg.rows]
         moments = np.arange(max(len(leg.times) - 1, 0))
         moving = moments[np.linalg.norm(own.ground[:-1], axis=1) > 0.0] if len(moments) else moments
         chosen = moving[:: max(len(moving) // _MOMENTS, 1)]
         if not len(chosen) or not np.isfinite(leg.positions).all() or not np.isfinite(leg.times).all():
             continue  # what is not a number is a fault of its own
         if saved is not None:
-            known = saved[part][chosen]
+            known = saved[leg.rows][chosen]
         else:
             places, times = (
                 part[chosen] + half * (part[chosen + 1] - part[chosen]) for part in (leg.positions, leg.times)
@@ -276,8 +261,6 @@ def _in_vortices(dataset: xr.Dataset, settings: dict[str, Any], places: Array, m
     """Return the current [n, 2] m/s in the Lamb vortices of every plan, NaN where they had changed (Eqs 1-2).
 
     Args:
-        dataset: `mission.nc`.
-        settings: of its scenario.
         places: [n, 3] m.
         moments: [n] s since the departure.
     """

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -32,10 +32,12 @@ _VARIABLES = {
     "task_priority": ("waypoint", "waypoint_to"), "task_duration": ("waypoint", "waypoint_to"),
     "waypoint_priority": ("waypoint",), "waypoint_duration": ("waypoint",),
 } | dict.fromkeys(("course", "yaw", "pitch", "surge", "sway", "heave"), ("obs",))  # fmt: skip
-_OPTIONAL = {
-    "obstacle_position": ("obs", "obstacle", "axis"), "obstacle_radius": ("leg", "obstacle"),
-    "passability": ("chart_x", "chart_y"), "chart_origin": ("horizontal",), "chart_pixel_size": (),
-}  # fmt: skip
+#: Variables of which a run has all or none.
+_TOGETHER: tuple[dict[str, tuple[str, ...]], ...] = (
+    {"obstacle_position": ("obs", "obstacle", "axis"), "obstacle_radius": ("leg", "obstacle")},
+    {"passability": ("chart_x", "chart_y"), "chart_origin": ("horizontal",), "chart_pixel_size": ()},
+    {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()},
+)
 _ATTRIBUTES = (
     "vehicle_speed", "t_available", "t_mission", "start", "goal", "arrived", "charged_compute", "scenario",
     "scenario_folder",
@@ -61,6 +63,7 @@ class Leg:
     t_wait: float = 0.0
     missed: bool = False
     t_expected: float = np.nan
+    rows: slice = field(default_factory=lambda: slice(0))  # of the observations in the file
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
@@ -98,12 +101,9 @@ def require(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> None:
             elif not isinstance(table[name], int | float):
                 raise ResultError(f"{summary_file}: {prefix}{name} is not a number")
     needed = dict(_VARIABLES)
-    for group in (
-        ("obstacle_position", "obstacle_radius"),
-        ("passability", "chart_origin", "chart_pixel_size"),
-    ):
+    for group in _TOGETHER:
         if any(name in dataset for name in group):
-            needed |= {name: _OPTIONAL[name] for name in group}
+            needed |= group
     for name, dims in needed.items():
         if name not in dataset:
             raise ResultError(f"{mission_file}: variable {name} is missing")
@@ -111,7 +111,7 @@ def require(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> None:
             raise ResultError(
                 f"{mission_file}: variable {name} has dimensions {dataset[name].dims}, not {dims}"
             )
-    for name in _ATTRIBUTES:
+    for name in (*_ATTRIBUTES, *(("seabed_clearance",) if "seabed_depth" in dataset else ())):
         if name not in dataset.attrs:
             raise ResultError(f"{mission_file}: attribute {name} is missing")
     if (dataset["row_size"] < 0).any() or dataset["row_size"].sum() != dataset.sizes["obs"]:
@@ -135,7 +135,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
             obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]),
-            bool(missed[k]), float(expected[k]),
+            bool(missed[k]), float(expected[k]), part,
         )  # fmt: skip
 
 
@@ -179,11 +179,8 @@ def graph_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
     used: dict[Any, Leg] = {}
     for leg in legs:
         edge = (leg.start, leg.goal)
-        if (
-            not all(0 <= node < len(adjacency) for node in edge)
-            or leg.start == leg.goal
-            or not adjacency[edge]
-        ):
+        known = leg.start != leg.goal and all(0 <= node < len(adjacency) for node in edge)
+        if not (known and adjacency[edge]):
             yield f"{leg}: no such edge in the graph"
             continue
         if leg.executed:
@@ -259,7 +256,14 @@ def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg])
     for name, value in _totals(summary, dataset, legs, booked).items():
         if not _agrees(summary.get(name, value), value):
             yield f"{name} is {summary[name]} in {SUMMARY}, {value:g} by {MISSION}"
-    for name, value in _computing(summary, dataset, booked).items():
+    made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
+    computing = {
+        "charged_s": float(dataset.attrs["charged_compute"]),
+        "path_s": sum(figures["cpu_s"] for figures in booked),
+        "mission_s": made.sum(),
+        "mission_replans_s": made[1:].sum(),
+    }
+    for name, value in computing.items():
         if not _agrees(summary["cpu"].get(name, value), value):
             yield f"cpu.{name} is {summary['cpu'][name]} in {SUMMARY}, {value:g} by {MISSION}"
     if summary.get("priority_bound", np.inf) < summary["total_priority"] - 1e-6:
@@ -311,19 +315,6 @@ def _totals(
     if "cost_mission" in summary:
         found["cost_total"] = summary["cost_mission"] + made[1:].sum()
     return found
-
-
-def _computing(
-    summary: dict[str, Any], dataset: xr.Dataset, booked: list[dict[str, float]]
-) -> dict[str, float]:
-    """Return s of wall-clock time that the summary says were computed, from the file."""
-    made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
-    return {
-        "charged_s": float(dataset.attrs["charged_compute"]),
-        "path_s": sum(figures["cpu_s"] for figures in booked),
-        "mission_s": made.sum(),
-        "mission_replans_s": made[1:].sum(),
-    }
 
 
 def route_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:

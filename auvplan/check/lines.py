@@ -72,7 +72,6 @@ def line_faults(
     """Yield what is said of survey lines that the track does not bear out.
 
     Args:
-        summary, dataset, legs: of the run.
         asked: the scenario's tolerance, m.
     """
     for leg, row in zip(legs, summary["legs"], strict=False):

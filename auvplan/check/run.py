@@ -46,8 +46,6 @@ CURRENT_MAX = 5.0
 #: Metres by which an altitude may fall short of the clearance that was asked for: far above rounding.
 ALTITUDE_TOLERANCE = 0.1
 
-_BED = {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()}
-
 
 @dataclass
 class CheckReport:
@@ -119,14 +117,13 @@ def check_run(folder: str | Path, sources: bool = False) -> CheckReport:
             its own over pyogrio, rasterio and xarray.
 
     Returns:
-        What was found; `CheckReport.ok` tells whether it is free of faults.
+        What was found; `CheckReport.ok` is whether it is free of faults.
 
     Raises:
         ResultError: a file is missing, damaged or incomplete; one line that names it.
     """
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
-    _require_bed(dataset, Path(folder) / MISSION)
     try:
         return check_dataset(summary, dataset, sources)
     except AuvplanError:
@@ -172,23 +169,6 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     if summary.get("collisions", 0) and not report.collisions:
         report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
-
-
-def _require_bed(dataset: xr.Dataset, file: Path) -> None:
-    """Raise where only parts of a sea bed are there.
-
-    Raises:
-        ResultError: one line that names the variable or attribute.
-    """
-    if not any(name in dataset for name in _BED):
-        return
-    for name, dims in _BED.items():
-        if name not in dataset:
-            raise ResultError(f"{file}: variable {name} is missing")
-        if dataset[name].dims != dims:
-            raise ResultError(f"{file}: variable {name} has dimensions {dataset[name].dims}, not {dims}")
-    if "seabed_clearance" not in dataset.attrs:
-        raise ResultError(f"{file}: attribute seabed_clearance is missing")
 
 
 def _met(dataset: xr.Dataset, leg: Leg) -> Mask:

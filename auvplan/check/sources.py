@@ -47,7 +47,6 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
     """Return land and sea bed of the files that a saved run's scenario names.
 
     Args:
-        dataset: of the run.
         notes: get a line for each file that cannot be looked at, and why.
     """
     if "site_longitude" not in dataset.attrs:
@@ -104,10 +103,9 @@ def _inside(path: str, always: bool = False) -> Blocked:
     flat = ("Point", "Line", "None")
     layers = [str(name) for name, kind in list_layers(path) if not any(word in str(kind) for word in flat)]
     meta, _, geometries, columns = raw.read(path, layer=layers[0], force_2d=True)
-    names, shapes = [str(name).strip().lower() for name in meta["fields"]], shapely.from_wkb(geometries)
-    stated = [
-        column for name, column in zip(names, columns, strict=True) if name in ("from", "to", "windows")
-    ]
+    fields = zip((str(name).strip().lower() for name in meta["fields"]), columns, strict=True)
+    stated = [column for name, column in fields if name in ("from", "to", "windows")]
+    shapes = shapely.from_wkb(geometries)
     hours = [any(column[row] not in (None, "") for column in stated) for row in range(len(shapes))]
     kept = [one for one, timed in zip(shapes, hours, strict=True) if one and not (always and timed)]
     parts = [shapely.make_valid(part) for one in kept for part in shapely.get_parts(one)]

@@ -55,11 +55,11 @@ def tally_faults(
     """Waypoints that are visited twice, and tasks that are counted twice, not at all or wrongly.
 
     Args:
-        summary, dataset, legs: of the run.
         notes: what could not be looked at is added.
     """
     settings, jobs = scenario_of(dataset), read_jobs(dataset)
-    once = _visits(settings) == "once"
+    planning = settings.get("planning", {})
+    once = (planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")) == "once"
     if jobs is not None:
         yield from job_faults(dataset, jobs)
     elif settings.get("mission", {}).get("jobs") is not None:
@@ -153,12 +153,6 @@ def _expected_legs(dataset: xr.Dataset, number: int, leg: Leg) -> list[Leg]:
     ]  # fmt: skip
 
 
-def _visits(settings: dict[str, Any]) -> str:
-    """Return the rule of the scenario for visits."""
-    planning = settings.get("planning", {})
-    return planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")
-
-
 def _under_way(settings: dict[str, Any]) -> bool:
     """Return whether tasks are done along the paths, in no time of their own."""
     planning = settings.get("planning", {})
@@ -186,21 +180,14 @@ def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tup
 
 @dataclass
 class _GraphBook:
-    """Tasks on the edges of a graph and at its waypoints.
+    """Tasks on the edges of a graph and at its waypoints."""
 
-    Attributes:
-        priority, duration: [N, N], of the edges alone; s.
-        at_priority, at_duration: [N], of the waypoints; s.
-        once: whether a waypoint that is visited again is passed without a task.
-        taken: edges whose tasks are done, either way.
-    """
-
-    priority: Array
+    priority: Array  # [N, N], of the edges alone; s
     duration: Array
-    at_priority: Array
+    at_priority: Array  # [N], of the waypoints; s
     at_duration: Array
-    once: bool
-    taken: set[frozenset[int]] = field(default_factory=set)
+    once: bool  # whether a waypoint that is visited again is passed without a task
+    taken: set[frozenset[int]] = field(default_factory=set)  # edges whose tasks are done, either way
 
     @classmethod
     def of(cls, dataset: xr.Dataset, once: bool) -> "_GraphBook":
@@ -242,17 +229,11 @@ class _Task:
 
 @dataclass
 class _JobBook:
-    """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex.
+    """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex."""
 
-    Attributes:
-        left: tasks still to be done.
-        names: of the waypoints, empty where they have none.
-        start: [3] m, where a mission begins: what has no name there is never arrived at.
-    """
-
-    left: list[_Task]
-    names: list[str]
-    start: Array
+    left: list[_Task]  # tasks still to be done
+    names: list[str]  # of the waypoints, empty where they have none
+    start: Array  # [3] m, where a mission begins: what has no name there is never arrived at
 
     @classmethod
     def of(cls, jobs: list[Job], dataset: xr.Dataset) -> "_JobBook":

@@ -23,19 +23,12 @@ _EDGE = 0.01
 
 @dataclass(frozen=True)
 class Walk:
-    """A leg in steps of at most a metre, straight and at even speed between observations.
+    """A leg in steps of at most a metre, straight and at even speed between observations."""
 
-    Attributes:
-        times: [n] s.
-        positions: [n, 3] m.
-        obstacles: [n, M, 3] m.
-        metres: [n] m, the step that leads to each point; zero for the first.
-    """
-
-    times: Array
-    positions: Array
-    obstacles: Array
-    metres: Array
+    times: Array  # [n] s
+    positions: Array  # [n, 3] m
+    obstacles: Array  # [n, M, 3] m
+    metres: Array  # [n] m, the step that leads to each point; zero for the first
 
     @classmethod
     def of(cls, times: Array, positions: Array, obstacles: Array) -> Self:
@@ -73,19 +66,12 @@ class Walk:
 
 @dataclass(frozen=True)
 class Coast:
-    """Land pixels of a chart; pixel (i, j) begins at corner + (i, j) * size.
+    """Land pixels of a chart; pixel (i, j) begins at corner + (i, j) * size."""
 
-    Attributes:
-        land: [nx, ny] bool, indexed [north, east].
-        corner: [2] m.
-        size: m.
-        reach: m, greatest distance that is told: farther away land is not looked for.
-    """
-
-    land: Mask
-    corner: Array
-    size: float
-    reach: float = np.inf
+    land: Mask  # [nx, ny] bool, indexed [north, east]
+    corner: Array  # [2] m
+    size: float  # m
+    reach: float = np.inf  # m, greatest distance: farther away land is not looked for
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> Self:
@@ -142,19 +128,12 @@ _DRY = 0.0
 
 @dataclass(frozen=True)
 class Bed:
-    """Depth of the sea bed at pixels' centres; pixel (i, j) begins at corner + (i, j) * size.
+    """Depth of the sea bed at pixels' centres; pixel (i, j) begins at corner + (i, j) * size."""
 
-    Attributes:
-        depth: [nx, ny] m, indexed [north, east].
-        corner: [2] m.
-        size: m.
-        clearance: m, least altitude that was asked for.
-    """
-
-    depth: Array
-    corner: Array
-    size: float
-    clearance: float
+    depth: Array  # [nx, ny] m, indexed [north, east]
+    corner: Array  # [2] m
+    size: float  # m
+    clearance: float  # m, least altitude that was asked for
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> Self:

@@ -13,12 +13,7 @@ _EDGE = 1.0
 
 
 def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
-    """Yield tasks that were begun or ended outside their windows, and waiting for none.
-
-    Args:
-        dataset: `mission.nc`.
-        legs: of the run.
-    """
+    """Yield tasks that were begun or ended outside their windows, and waiting for none."""
     settings, jobs = scenario_of(dataset), read_jobs(dataset)
     if jobs is None and settings.get("mission", {}).get("jobs"):
         return  # that they were not saved is noted with the tasks
@@ -54,9 +49,8 @@ def _point_faults(dataset: xr.Dataset, leg: Leg, job: Job) -> Iterator[str]:
         if open_:
             yield f"{leg}: misses the task at {job.name!r}, in whose window it arrives"
     begins = arrival + leg.t_wait
-    if leg.priority > 0.0 and not _within(
-        begins, begins, job.windows
-    ):  # otherwise it was done before, or missed
+    # Without a priority it was done before, or missed.
+    if leg.priority > 0.0 and not _within(begins, begins, job.windows):
         said = f"the task at {job.name!r} from {begins:.0f} to {begins + leg.t_task:.0f} s"
         yield f"{leg}: {said} is in none of its windows"
 

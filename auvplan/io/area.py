@@ -12,7 +12,7 @@ import numpy as np
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, blaming
 from auvplan.io import currents, geo
 from auvplan.io.cross_checks import check_jobs, warn_of_contradictions, warn_of_idle_obstacles
-from auvplan.io.land import Corners, Land, beyond, cropped, in_folder, on_land, pixels_of, read_land
+from auvplan.io.land import Land, beyond, cropped, in_folder, on_land, pixels_of, read_land
 from auvplan.io.tides import read_tide
 from auvplan.mission.jobs import Jobs, Position
 from auvplan.ocean import whitsunday
@@ -218,13 +218,16 @@ class AreaFiles:
         Args:
             scenario, folder, until: as for `load_area`.
             site: where and when local coordinates begin; as the scenario has it if absent.
-            unread: parts that are not to be read.
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
         self.until = scenario.mission.time_available if until is None else until
         self.unread = unread
         self.outcomes: dict[str, tuple[Any, AuvplanError | None]] = {}
         self._given = _site(scenario) if site is None else site
+        self._place = self._given and replace(self._given, epoch=None)  # charts do not depend on the epoch
+        self._box = scenario.box
+        #: Corners of the area, (north, east) m, by the names that readers give them.
+        self._sides: dict[str, Any] = {"lower": self._box[0][:2], "upper": self._box[1][:2]}
 
     def area(self) -> OperatingArea:
         """Return all of it; raises and warns as `load_area`."""
@@ -232,7 +235,7 @@ class AreaFiles:
             getattr(self, part)
         truth, land = self.truth, self.land
         return OperatingArea(
-            self._closed(),
+            self.chart if self.scenario.chart.no_go is None else self._closed_on(land.chart),
             self.seabed[0],
             self.site,
             self.forecast,
@@ -311,7 +314,7 @@ class AreaFiles:
         if settings.no_go is None:
             return ()
         with blaming("chart", "no_go"):
-            zones = geo.read_zones(self._path(settings.no_go), self._on_earth, **self._sides)
+            zones = geo.read_zones(in_folder(self.home, settings.no_go), self._on_earth, **self._sides)
         if settings.no_go_windows is None:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
@@ -352,7 +355,7 @@ class AreaFiles:
         if constituents is None:
             return None
         with blaming("current", "constituents"):
-            return read_tide(self._path(constituents), self._on_earth, self.until)
+            return read_tide(in_folder(self.home, constituents), self._on_earth, self.until)
 
     @_Part
     def jobs(self) -> Jobs | None:
@@ -371,7 +374,7 @@ class AreaFiles:
         if file is None:
             return ()
         with blaming("obstacles", "file"):
-            named = geo.read_obstacles(self._path(file), self._on_earth)
+            named = geo.read_obstacles(in_folder(self.home, file), self._on_earth)
             warn_of_idle_obstacles(named, self.scenario, self.dry_land)
         return named
 
@@ -403,7 +406,7 @@ class AreaFiles:
             depth = cells.depth + np.float32(low)
         else:
             assert settings.file is not None
-            path = self._path(settings.file)
+            path = in_folder(self.home, settings.file)
             names = "pixel_size", "variable", "positive", "crs"
             given = {name: getattr(settings, name) for name in names}
             with blaming("bathymetry", "file"):
@@ -427,27 +430,10 @@ class AreaFiles:
             warn_of_contradictions(self.scenario, self.dry_land, seabed, files)
 
     @property
-    def _box(self) -> Corners:
-        return self.scenario.box
-
-    @property
-    def _sides(self) -> dict[str, Any]:
-        """Corners of the area, (north, east) m, by the names that readers give them."""
-        return {"lower": self._box[0][:2], "upper": self._box[1][:2]}
-
-    @property
     def _on_earth(self) -> Site:
         """The site, which scenarios with files of places have."""
         assert self._given is not None
         return self._given
-
-    @property
-    def _place(self) -> Site | None:
-        """The site without its epoch, which charts do not depend on."""
-        return self._given and replace(self._given, epoch=None)
-
-    def _path(self, name: str) -> str:
-        return in_folder(self.home, name)
 
     def _current_of(self, files: str | tuple[str, ...], site: Site) -> "CurrentFile":
         """Read files of a current on the box, clear of the coast."""
@@ -458,7 +444,7 @@ class AreaFiles:
             land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
         names = (files,) if isinstance(files, str) else files
-        paths = [self._path(name) for name in names]
+        paths = [in_folder(self.home, name) for name in names]
         times = None if site.epoch is None else (0.0, self.until)
 
         def read() -> "CurrentFile":
@@ -480,10 +466,6 @@ class AreaFiles:
         if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
             return self._current_of(files, replace(site, epoch=found.epoch))
         return found
-
-    def _closed(self) -> Chart | None:
-        """Return the chart of the area on which areas that are always closed are coast."""
-        return self.chart if self.scenario.chart.no_go is None else self._closed_on(self.land.chart)
 
     @_Part
     def closed_water(self) -> Chart | None:

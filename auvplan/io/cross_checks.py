@@ -37,23 +37,14 @@ _AREAS = 10.0
 
 @dataclass(frozen=True)
 class _Land:
-    """Where one source has land.
+    """Where one source has land."""
 
-    Attributes:
-        name: as messages call it.
-        dry: [nx, ny] land.
-        unsure: [nx, ny] neither land nor open water.
-        corner: [2] m, south-west.
-        size: [2] m, of a pixel.
-        cell: m, of the source.
-    """
-
-    name: str
-    dry: Mask
-    unsure: Mask
-    corner: NDArray
-    size: NDArray
-    cell: float
+    name: str  # as messages call it
+    dry: Mask  # [nx, ny] land
+    unsure: Mask  # [nx, ny] neither land nor open water
+    corner: NDArray  # [2] m, south-west
+    size: NDArray  # [2] m, of a pixel
+    cell: float  # m, of the source
 
     def at(self, north: NDArray, east: NDArray, turned: slice | tuple[slice, slice] = slice(None)) -> Mask:
         """[2, n, m] land, and neither land nor water; of the raster turned over if so asked."""
@@ -72,19 +63,14 @@ _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
 
 
 def warn_of_contradictions(
-    scenario: Scenario,
-    chart: Chart | None,
-    seabed: Seabed | None,
-    currents: "Sequence[CurrentFile | None]",
+    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, currents: "Sequence[CurrentFile | None]"
 ) -> None:
     """Compare where chart, sea bed and current have land.
 
     Places nearer to a coast than coarse files resolve are left out.
 
     Args:
-        scenario: that names them.
         chart: without closed areas; None for open water.
-        seabed: None where there is none.
         currents: the forecast and the true one; None where they are of no file.
 
     Warns:
@@ -117,10 +103,7 @@ def warn_of_contradictions(
 
 
 def _sources(
-    scenario: Scenario,
-    chart: Chart | None,
-    seabed: Seabed | None,
-    currents: "Sequence[CurrentFile | None]",
+    scenario: Scenario, chart: Chart | None, seabed: Seabed | None, currents: "Sequence[CurrentFile | None]"
 ) -> list[_Land]:
     """Return the sources that show land, each file once; the chart first, then the sea bed."""
     found, source = [], scenario.chart.source
@@ -132,12 +115,9 @@ def _sources(
     same = scenario.bathymetry.source == "chart" or scenario.bathymetry.source == source == "current"
     if seabed is not None and not same:
         depth, size = np.asarray(seabed.depth), float(seabed.pixel_size)
-        name, corner = (
-            f"the sea bed ({scenario.bathymetry.file or 'of the current'})",
-            np.asarray(seabed.lower),
-        )
-        dry = depth <= 0.0
-        found.append(_Land(name, dry, np.zeros_like(dry), corner.astype(float), np.full(2, size), 2.0 * size))
+        name, dry = f"the sea bed ({scenario.bathymetry.file or 'of the current'})", depth <= 0.0
+        corner = np.asarray(seabed.lower, float)
+        found.append(_Land(name, dry, np.zeros_like(dry), corner, np.full(2, size), 2.0 * size))
     if not found:
         dry = np.zeros((1, 1), bool)
         name = "open water (chart.source 'none')"
@@ -180,9 +160,7 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
     """Refuse jobs all of which are of another place, and warn of implausible ones.
 
     Args:
-        jobs: as read.
         site: where local coordinates count from, if anywhere.
-        scenario: that names them.
 
     Raises:
         ScenarioError: none lies in the area, and they are far off or their coordinates seem swapped.
@@ -223,8 +201,6 @@ def warn_of_idle_obstacles(
     """Warn where no obstacle of a file comes near the area, or one stands where no vehicle goes.
 
     Args:
-        obstacles: of the scenario's file.
-        scenario: that names it.
         chart: without closed areas; None for open water.
 
     Warns:

@@ -3,7 +3,7 @@
 The coast is real; the tide and the sea bed are made up, and say so in their files.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 
@@ -29,7 +29,6 @@ _COPIES = {
     "example/no_go.geojson": "no_go.geojson",
     "example/obstacles.geojson": "obstacles.geojson",
     _COAST: _COAST,
-    "NOTICE.md": "NOTICE.md",
 }
 #: The corners that the two grids cover, degrees east and north.
 _WEST, _SOUTH, _EAST, _NORTH = 148.90, -20.40, 149.02, -20.28
@@ -55,20 +54,23 @@ _TIMES = ("scenario.yaml", "jobs.csv", "no_go.geojson", "tide.yaml")
 
 def write_example_of_times(folder: str | Path, force: bool = False) -> list[Path]:
     """Write a scenario with tides, time windows and an area that closes; as `write_example`."""
-    home, data = Path(folder), files("auvplan") / "data" / "tide"
-    _refuse_existing(home, _TIMES, force)
-    output_folder(home)
-    written = []
-    for name in _TIMES:
-        content = (data / name).read_bytes()
-        written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
-    return written
+    data = files("auvplan") / "data" / "tide"
+    return write_files(folder, {name: (data / name).read_bytes() for name in _TIMES}, force)
 
 
-def _refuse_existing(home: Path, names: Iterable[str], force: bool) -> None:
-    there = [name for name in names if (home / name).exists()]
+def write_files(folder: str | Path, content: Mapping[str, bytes | xr.Dataset], force: bool) -> list[Path]:
+    """Write files, by name, to a folder that is made where it is missing; none where one is there already."""
+    home = Path(folder)
+    there = [name for name in content if (home / name).exists()]
     if there and not force:
         raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
+    output_folder(home)
+    return [
+        write_dataset(of, home / name)
+        if isinstance(of, xr.Dataset)
+        else write_atomically(home / name, lambda part, of=of: part.write_bytes(of))
+        for name, of in content.items()
+    ]
 
 
 def write_example(folder: str | Path, force: bool = False) -> list[Path]:
@@ -84,17 +86,10 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     Raises:
         OutputError: a file is there already, or cannot be written; one line that names it.
     """
-    home, data = Path(folder), files("auvplan") / "data"
-    made: dict[str, Callable[[], xr.Dataset]] = {"current.nc": tide, "bathymetry.nc": sea_bed}
-    names = [*_COPIES.values(), *made]
-    _refuse_existing(home, names, force)
-    output_folder(home)
-    written = []
-    for source, name in _COPIES.items():
-        is_notice = source == "NOTICE.md"
-        content = notice(_COAST).encode() if is_notice else data.joinpath(*source.split("/")).read_bytes()
-        written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
-    return written + [write_dataset(make(), home / name) for name, make in made.items()]
+    data = files("auvplan") / "data"
+    copies = {name: data.joinpath(*source.split("/")).read_bytes() for source, name in _COPIES.items()}
+    made = {"NOTICE.md": notice(_COAST).encode(), "current.nc": tide(), "bathymetry.nc": sea_bed()}
+    return write_files(folder, copies | made, force)
 
 
 def notice(name: str) -> str:
@@ -125,13 +120,10 @@ def tide() -> xr.Dataset:
         profile = np.where((offing > 0.0) & (share > 0.0), share ** (1.0 / 7.0), np.nan)
     speed = _FASTEST * np.tanh(np.maximum(offing, 0.0) / _SLOWED) * profile
     dims = ("time", "depth", "latitude", "longitude")
-    components = {
-        f"{letter}o": (dims, (share_of[:, None, None, None] * speed).astype(np.float32), attributes)
-        for letter, share_of, attributes in (
-            ("u", east, {"standard_name": "eastward_sea_water_velocity", "units": "m s-1"}),
-            ("v", north, {"standard_name": "northward_sea_water_velocity", "units": "m s-1"}),
-        )
-    }
+    components = {}
+    for name, way, share in (("uo", "eastward", east), ("vo", "northward", north)):
+        stated = {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"}
+        components[name] = dims, (share[:, None, None, None] * speed).astype(np.float32), stated
     axes = _axes(longitude, latitude) | {
         "time": ("time", hours, {"standard_name": "time", "units": f"hours since {_BEGIN}Z", "axis": "T"}),
         "depth": ("depth", depth, {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}),
@@ -157,15 +149,12 @@ def _floor(offing: Array) -> Array:
 def _offing(longitude: Array, latitude: Array) -> Array:
     """[latitude, longitude] m, distance to the coast, negative on land."""
     site = Site(*CENTRE)
-    land = shapely.union_all([to_local(coast.shape, site) for coast in read_polygons(_coast_file())])
+    coast = read_polygons(str(files("auvplan") / "data" / _COAST))
+    land = shapely.union_all([to_local(part.shape, site) for part in coast])
     north, east = site.to_local(*np.meshgrid(longitude, latitude))
     places = shapely.points(north, east)
     distance = shapely.distance(places, land.boundary)
     return np.where(shapely.contains(land, places), -distance, distance)
-
-
-def _coast_file() -> Path:
-    return Path(str(files("auvplan") / "data" / _COAST))
 
 
 def _axis(first: float, last: float, step: float) -> Array:

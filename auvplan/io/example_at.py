@@ -15,9 +15,8 @@ from shapely.affinity import translate
 from shapely.geometry import Polygon
 
 from auvplan.errors import ScenarioError
-from auvplan.io.example import SCENARIO, notice
+from auvplan.io.example import SCENARIO, notice, write_files
 from auvplan.io.geo.grid import to_local
-from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.site import Site
 
 #: What is to be known of the coast, wherever it is used.
@@ -85,11 +84,17 @@ def write_example_at(
     shapes = land_within(*_bounds(site, half + _BEYOND))
     land = shapely.union_all([to_local(shape, site) for shape in shapes])
     places = _places(land, half)
+    on_land = bool(shapely.intersects(land, shapely.Point(0.0, 0.0)))
     if places is None:
-        raise ScenarioError(_refusal(latitude, longitude, size, land))
+        where, hint = f"--at {latitude:g},{longitude:g}", "give a place farther off, or another --size"
+        if on_land:
+            far = distance_to_coast(longitude, latitude) / 1000.0
+            where += f": is on land, {far:.0f} km from the sea by the packaged coast, which knows no rivers"
+            hint = "give a place at sea, or a greater --size"
+        raise ScenarioError(f"{where}: too little water in an area of {size:g} km: {hint}")
     notes = []
     away = float(np.hypot(*places[0]))
-    if shapely.intersects(land, shapely.Point(0.0, 0.0)):
+    if on_land:
         notes.append(f"the place itself is on land: the start is {away / 1000.0:.1f} km from it, in water")
     notes.append(CAUTION if shapes else "the packaged coast has no land in the area, which is open water")
     content = {
@@ -99,15 +104,7 @@ def write_example_at(
     }
     if shapes:
         content[_COAST] = _coast(shapes)
-    home = Path(folder)
-    there = [name for name in content if (home / name).exists()]
-    if there and not force:
-        raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
-    output_folder(home)
-    written = [
-        write_atomically(home / name, lambda part, text=text: part.write_text(text, encoding="utf-8"))
-        for name, text in content.items()
-    ]
+    written = write_files(folder, {name: text.encode() for name, text in content.items()}, force)
     return Beginning(tuple(written), _bounds(site, half), tuple(notes))
 
 
@@ -147,17 +144,6 @@ def _places(land: Any, half: float) -> Array | None:
     return np.array(found)
 
 
-def _refusal(latitude: float, longitude: float, size: float, land: Any) -> str:
-    where = f"--at {latitude:g},{longitude:g}"
-    if shapely.intersects(land, shapely.Point(0.0, 0.0)):
-        far = distance_to_coast(longitude, latitude) / 1000.0
-        return (
-            f"{where}: is on land, {far:.0f} km from the sea by the packaged coast, which knows no rivers: "
-            f"too little water in an area of {size:g} km: give a place at sea, or a greater --size"
-        )
-    return f"{where}: too little water in an area of {size:g} km: give a place farther off, or another --size"
-
-
 def _time(places: Array) -> int:
     """Return a time available, s, in which the jobs can be done: by the nearest next one, and some more."""
     left, here, length = [*places[2:]], places[0], 0.0
@@ -179,24 +165,21 @@ def _jobs(site: Site, places: Array) -> str:
     features = []
     for number, (place, depth) in enumerate(zip(places, _DEPTHS, strict=True), 1):
         stated = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
-        at = {"type": "Point", "coordinates": list(_place(site, place))}
-        features.append({"type": "Feature", "properties": stated, "geometry": at})
+        features.append((stated, {"type": "Point", "coordinates": list(_place(site, place))}))
     return _collection(features)
 
 
 def _coast(shapes: list[Polygon]) -> str:
     rounded = [shapely.set_precision(shape, 1e-5) for shape in shapes]
     parts = [part for part in shapely.get_parts(rounded) if isinstance(part, Polygon) and not part.is_empty]
-    return _collection(
-        [
-            {"type": "Feature", "properties": {}, "geometry": json.loads(shapely.to_geojson(part))}
-            for part in sorted(parts, key=lambda part: (-part.area, *part.bounds))
-        ]
-    )
+    ordered = sorted(parts, key=lambda part: (-part.area, *part.bounds))
+    return _collection([({}, json.loads(shapely.to_geojson(part))) for part in ordered])
 
 
-def _collection(features: list[dict]) -> str:
-    lines = ",\n".join(f"    {json.dumps(feature)}" for feature in features)
+def _collection(features: list[tuple[dict, dict]]) -> str:
+    """Return GeoJSON of properties and geometries, a feature a line."""
+    every = ({"type": "Feature", "properties": stated, "geometry": at} for stated, at in features)
+    lines = ",\n".join(f"    {json.dumps(feature)}" for feature in every)
     return f'{{\n  "type": "FeatureCollection",\n  "features": [\n{lines}\n  ]\n}}\n'
 
 

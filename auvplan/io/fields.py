@@ -66,7 +66,7 @@ def history_variables(histories: Sequence[dict[str, Any]]) -> Variables:
 
 
 def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
-    """Return how the search for a plan went; empty where the file does not tell."""
+    """Return how the search for a plan went; empty where the file has none."""
     if "plan_iterations" not in dataset:
         return {}
     count = int(dataset["plan_iterations"].values[plan])
@@ -103,14 +103,21 @@ def _passability(chart: Chart, dims: tuple[str, str], name: str) -> xr.Variable:
     )  # fmt: skip
 
 
+def _located(raster: Chart | Seabed, prefix: str) -> Variables:
+    """Return where a raster lies."""
+    corner, size = np.asarray(raster.origin, float)[:2], float(np.asarray(raster.pixel_size))
+    return {
+        f"{prefix}_origin": variable(
+            "horizontal", corner, "south-west corner of the raster: north, east", "m"
+        ),
+        f"{prefix}_pixel_size": variable((), size, "edge of a pixel", "m"),
+    }
+
+
 def coast_variables(coast: Chart) -> Variables:
     """Return the passability without closed areas, also beyond the area, and where it lies."""
-    corner, size = np.asarray(coast.origin, float)[:2], float(np.asarray(coast.pixel_size))
-    return {
-        "coast": _passability(coast, ("coast_x", "coast_y"), "passability without closed areas"),
-        "coast_origin": variable("horizontal", corner, "south-west corner of the coast: north, east", "m"),
-        "coast_pixel_size": variable((), size, "edge of a pixel of the coast", "m"),
-    }
+    words = "passability without closed areas"
+    return {"coast": _passability(coast, ("coast_x", "coast_y"), words), **_located(coast, "coast")}
 
 
 def chart_variables(chart: Chart) -> Variables:
@@ -121,10 +128,7 @@ def chart_variables(chart: Chart) -> Variables:
         "passability": _passability(chart, ("chart_x", "chart_y"), "passability"),
         "chart_x": variable("chart_x", north, "north of the pixel's centre", "m"),
         "chart_y": variable("chart_y", east, "east of the pixel's centre", "m"),
-        "chart_origin": variable(
-            "horizontal", corner[:2], "south-west corner of the raster: north, east", "m"
-        ),
-        "chart_pixel_size": variable((), size, "edge of a pixel", "m"),
+        **_located(chart, "chart"),
     }
 
 
@@ -139,16 +143,12 @@ def chart_of(dataset: xr.Dataset, name: str = "passability", place: str = "chart
 
 def seabed_variables(seabed: Seabed) -> Variables:
     """Return the depth raster, and where it lies."""
+    depth, stated = np.asarray(seabed.depth, np.float32), "sea_floor_depth_below_sea_surface"
+    dims = "seabed_x", "seabed_y"
     return {
-        "seabed_depth": variable(
-            ("seabed_x", "seabed_y"), np.asarray(seabed.depth, np.float32), "depth of the sea bed", "m",
-            standard_name="sea_floor_depth_below_sea_surface",
-        ),
-        "seabed_origin": variable(
-            "horizontal", np.asarray(seabed.origin, float)[:2], "south-west corner: north, east", "m"
-        ),
-        "seabed_pixel_size": variable((), float(np.asarray(seabed.pixel_size)), "edge of a pixel", "m"),
-    }  # fmt: skip
+        "seabed_depth": variable(dims, depth, "depth of the sea bed", "m", standard_name=stated),
+        **_located(seabed, "seabed"),
+    }
 
 
 def seabed_of(dataset: xr.Dataset) -> Seabed | None:
@@ -188,13 +188,7 @@ def vortices_of(dataset: xr.Dataset, plan: int) -> LambVortices | None:
 
 
 def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = "") -> Variables:
-    """Write course, attitude and body velocities, an array each.
-
-    Args:
-        dims: of each array.
-        motion: of as many moments.
-        prefix: of the names.
-    """
+    """Write course, attitude and body velocities, an array each."""
     yaw, pitch = (np.degrees(angle).astype(np.float32) for angle in (motion.yaw, motion.pitch))
     body = np.where(np.abs(motion.body_velocity) < _ROUNDING, 0.0, motion.body_velocity).astype(np.float32)
     # The course is that of what is filed, so that a run that was read back is filed as it was.

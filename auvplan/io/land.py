@@ -31,19 +31,12 @@ Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 class Land(NamedTuple):
-    """What a chart's file has of the area and around it.
+    """What a chart's file has of the area and around it."""
 
-    Attributes:
-        coast: coast and uncertain areas; None for open water.
-        chart: the same with the areas that the file closes.
-        notes: what was assumed, a line each.
-        cells: what S-57 cells have, where they are the chart.
-    """
-
-    coast: Chart | None = None
-    chart: Chart | None = None
-    notes: tuple[str, ...] = ()
-    cells: geo.Cells | None = None
+    coast: Chart | None = None  # coast and uncertain areas; None for open water
+    chart: Chart | None = None  # the same with the areas that the file closes
+    notes: tuple[str, ...] = ()  # what was assumed, a line each
+    cells: geo.Cells | None = None  # what S-57 cells have, where they are the chart
 
     @property
     def hazards(self) -> tuple[KnownObstacle, ...]:
@@ -78,12 +71,7 @@ def read_land(
         return Land()
     size, notes, cells = settings.pixel_size, (), None
     more, file = beyond(box, size), in_folder(home, settings.file or "")
-    place: dict[str, Any] = {
-        "lower": box[0][:2],
-        "upper": box[1][:2],
-        "pixel_size": size,
-        "beyond": more,
-    }
+    place: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size, "beyond": more}
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
             coast, chart, notes = _picture(settings, home)
@@ -121,12 +109,7 @@ def read_land(
 
 
 def _picture(settings: ChartSettings, home: str) -> tuple[Chart, Chart, tuple[str, ...]]:
-    """Return all of a picture as a chart, its window, and what was assumed of it, a line each.
-
-    Raises:
-        ScenarioError: the window does not fit the picture.
-        ChartError: the picture cannot be read, or what is water in it is in doubt.
-    """
+    """Return all of a picture as a chart, its window, and what was assumed of it, a line each."""
     notes: tuple[str, ...] = ()
     if settings.source == "whitsunday":
         chart = whitsunday.whitsunday_chart()
@@ -135,10 +118,7 @@ def _picture(settings: ChartSettings, home: str) -> tuple[Chart, Chart, tuple[st
         path = in_folder(home, settings.image)
         found = settled(classify_file(path, colours=settings.colours.given), path)
         chart = Chart.from_classified(found, settings.pixel_size)
-        notes = (
-            *(f"{path}: {note}" for note in found.notes),
-            *(f"{path} {line}" for line in found.warnings),
-        )
+        notes = (*(f"{path}: {note}" for note in found.notes), *(f"{path} {line}" for line in found.warnings))
         with suppress(geo.GeoError):  # the place of such a picture is not used
             stated = geo.pixel_size(path)
             if stated is not None and abs(stated.metres / settings.pixel_size - 1.0) > 0.01:

@@ -9,7 +9,7 @@ from typing import Any
 import xarray as xr
 
 from auvplan.check.legs import require
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
@@ -42,18 +42,14 @@ def restore_run(folder: str | Path) -> MissionRun:
     except AuvplanError:
         raise
     except Exception as error:  # whatever values of the wrong kind lead to
-        line = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ResultError(f"{Path(folder) / MISSION}: incomplete ({line})") from None
+        raise ResultError(f"{Path(folder) / MISSION}: incomplete ({reason_of(error)})") from None
 
 
 def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
     attributes = dataset.attrs
     settings, home = json.loads(attributes["scenario"]), str(attributes["scenario_folder"])
-    stated = {
-        name.removeprefix("vehicle_"): float(attributes[name])
-        for name in attributes
-        if name.startswith("vehicle_")
-    }
+    prefix = "vehicle_"
+    stated = {k.removeprefix(prefix): float(v) for k, v in attributes.items() if k.startswith(prefix)}
     # A limit in the vertical that is not stated is one that the vehicle does not have.
     limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | stated
     model = None

@@ -42,23 +42,14 @@ ROUTE_CAUSES = ("start", "late", "early", "refused")
 
 @dataclass(frozen=True)
 class Column:
-    """A figure that files hold of every leg, plan or route.
+    """A figure that files hold of every leg, plan or route."""
 
-    Attributes:
-        name: of its variable; what stands before the first "_" is its dimension.
-        words: what it is.
-        units: or None for indices and flags.
-        kind: of its values: float, int, bool, or the names that it may take.
-        field: of the record that has it; the rest of the name if absent.
-        kept: whether the record is made from it; otherwise it follows from the rest.
-    """
-
-    name: str
-    words: str
-    units: str | None = None
-    kind: type | tuple[str, ...] = float
-    field: str = ""
-    kept: bool = True
+    name: str  # of its variable; what stands before the first "_" is its dimension
+    words: str  # what it is
+    units: str | None = None  # or None for indices and flags
+    kind: type | tuple[str, ...] = float  # of its values: float, int, bool, or the names that it may take
+    field: str = ""  # of the record that has it; the rest of the name if absent
+    kept: bool = True  # whether the record is made from it; otherwise it follows from the rest
 
     @property
     def attribute(self) -> str:
@@ -256,7 +247,6 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     """Return the legs with their plans.
 
     Args:
-        dataset: that `leg_variables` and `plan_variables` wrote.
         model: the true current where it is no vortices, which files keep.
     """
     table = {column.attribute: column.read(dataset) for column in LEG if column.kept}

@@ -26,14 +26,13 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
     The file holds `constituents`, each by its name with `u` and `v`, east and north, [amplitude m/s,
     Greenwich phase degrees], or with `ellipse`, [semi-major m/s, semi-minor m/s, inclination degrees,
     Greenwich phase degrees], as utide solves for. Beside it may stand `mean`, [u, v] m/s; or all of that
-    under `places`, a list whose members have `longitude` and `latitude` too. `depths` m and `shares` tell a
+    under `places`, a list whose members have `longitude` and `latitude` too. `depths` m and `shares` give a
     profile.
 
     Nodal corrections are those of the middle of the time: in a month they change by less than a hundredth.
 
     Args:
-        path: of the file.
-        site: tells the epoch, and where local metres begin.
+        site: has the epoch, and where local metres begin.
         until: s since the epoch, when missions are over.
 
     Raises:
@@ -58,26 +57,22 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
             f"{path}: places must be a list of mappings with longitude, latitude, constituents"
         )
     names = list(dict.fromkeys(str(name) for one in sites for name in _constituents(path, one)))
-    faults = Faults(
-        [
-            f"{path}: constituents.{name[:60]}: is none that is known, such as M2, S2, N2, K1, O1"
-            for name in names
-            if name not in known
-        ]
-    )
+    unknown = "is none that is known, such as M2, S2, N2, K1, O1"
+    faults = Faults([f"{path}: constituents.{n[:60]}: {unknown}" for n in names if n not in known])
     names = [name for name in names if name in known]
     index = np.array([known[name] for name in names], int)
     rate = 2.0 * np.pi * ut_constants.const.freq[index] / 3600.0
     middle = 0.5 * until
     epoch = site.epoch.astimezone(UTC)
-    days = (
-        epoch.toordinal() + (epoch.hour * 3600.0 + epoch.minute * 60.0 + epoch.second) / _DAY + middle / _DAY
-    )
+    seconds = epoch.hour * 3600.0 + epoch.minute * 60.0 + epoch.second
+    days = epoch.toordinal() + seconds / _DAY + middle / _DAY
     shape = 2, len(sites), len(names)
     in_phase, quadrature, mean, places = np.zeros(shape), np.zeros(shape), np.zeros(shape[:2]), []
     for p, one in enumerate(sites):
         where = f"{path}: places[{p}]" if len(sites) > 1 else str(path)
-        longitude, latitude = (_number(where, one, name) for name in ("longitude", "latitude"))
+        longitude, latitude = (
+            float(_numbers(where, [one.get(name)], name, 1)[0]) for name in ("longitude", "latitude")
+        )
         places.append([float(axis) for axis in site.to_local(longitude, latitude)])
         factor, nodal, argument = FUV(np.array([days]), days, index, latitude, list(_EXACT))
         phase = 2.0 * np.pi * (nodal[0] + argument[0]) - rate * middle
@@ -90,17 +85,14 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
                     turned = complex_ * np.exp(1j * phase[k])
                     in_phase[:, p, k], quadrature[:, p, k] = turned.real, -turned.imag
         with faults.kept():
-            mean[:, p] = _pair(where, one.get("mean", [0.0, 0.0]), "mean")[::-1]
+            mean[:, p] = _numbers(where, one.get("mean", [0.0, 0.0]), "mean", 2)[::-1]
     faults.refuse(kind=CurrentError)
     depths, shares = (
         np.atleast_1d(np.asarray(stated.get(name, [value]), float))
         for name, value in (("depths", 0.0), ("shares", 1.0))
     )
-    if (
-        depths.shape != shares.shape
-        or (np.diff(depths) <= 0.0).any()
-        or not np.isfinite([depths, shares]).all()
-    ):
+    fits = depths.shape == shares.shape and (np.diff(depths) > 0.0).all()
+    if not fits or not np.isfinite([depths, shares]).all():
         raise CurrentError(f"{path}: depths must rise, and shares must be as many")
     arrays = places, rate, in_phase, quadrature, mean, depths, shares
     return HarmonicCurrent(*(np.asarray(array, np.float32) for array in arrays))
@@ -138,7 +130,7 @@ def _amplitudes(where: str, stated: Any) -> np.ndarray:
     if not isinstance(stated, dict) or set(stated) not in ({"u", "v"}, {"ellipse"}):
         raise CurrentError(f"{where}: needs u and v, [m/s, degrees] each, or ellipse, and nothing else")
     if "u" in stated:
-        parts = (_pair(where, stated[name], name) for name in ("v", "u"))
+        parts = (_numbers(where, stated[name], name, 2) for name in ("v", "u"))
         return np.array([size * np.exp(-1j * np.radians(lag)) for size, lag in parts])
     major, minor, turn, lag = _numbers(where, stated["ellipse"], "ellipse", 4)
     along, across = np.exp(-1j * np.radians(lag)) * np.array([major, -1j * minor])
@@ -146,20 +138,9 @@ def _amplitudes(where: str, stated: Any) -> np.ndarray:
     return np.array([along * np.sin(np.radians(turn)) + across * np.cos(np.radians(turn)), east])
 
 
-def _pair(where: str, stated: Any, name: str) -> np.ndarray:
-    return _numbers(where, stated, name, 2)
-
-
 def _numbers(where: str, stated: Any, name: str, count: int) -> np.ndarray:
-    plain = isinstance(stated, list) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) for v in stated
-    )
     # Whole numbers beyond all floats are none that NumPy knows.
-    plain = plain and len(stated) == count and all(abs(value) < 1e300 for value in stated)
-    if not plain:
+    plain = isinstance(stated, list) and all(type(v) in (int, float) and abs(v) < 1e300 for v in stated)
+    if not plain or len(stated) != count:
         raise CurrentError(f"{where}: {name} must be {count} numbers, got {repr(stated)[:40]}")
     return np.asarray(stated, float)
-
-
-def _number(where: str, stated: Mapping[str, Any], name: str) -> float:
-    return float(_numbers(where, [stated.get(name)], name, 1)[0])

@@ -52,7 +52,11 @@ def check_what_is_left(
             return None, in_order([*faults, finding_at((), line, document)]), taken
         before = _count(plain), len(taken)
         for path, reason, kind, concerns in found:
-            if reason and not _follows(path, kind, concerns, taken):
+            # What was taken out may be all that is wrong.
+            follows = path[:2] in taken or path[:1] in taken
+            if kind == "rule":
+                follows = any(out[: len(of)] == of[: len(out)] for out in taken for of in concerns)
+            if reason and not follows:
                 hint = _swap_hint(path, reason, document.data)
                 key = document.keys.get(path) if kind == "extra_forbidden" else None
                 faults.append(finding_at(path, reason + hint, document, key))
@@ -159,13 +163,6 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
     except (TypeError, ValueError):  # one that is none either
         return ""
     return ": with its longitude and latitude swapped it would lie within" if inside else ""
-
-
-def _follows(path: Path, kind: str, concerns: Concerns, taken: set[Path]) -> bool:
-    """Return whether a fault may be there only because of what was taken out."""
-    if kind != "rule":
-        return path[:2] in taken or path[:1] in taken
-    return any(out[: len(field)] == field[: len(out)] for out in taken for field in concerns)
 
 
 def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) -> None:

@@ -59,9 +59,6 @@ def read_scenario(source: str | Path) -> Scenario:
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], Document]:
     """Read a scenario file, and all that is wrong with its fields.
 
-    Args:
-        source: as for `load_scenario`.
-
     Returns:
         The scenario, or None and at least one fault; and what the file says, with places.
 
@@ -93,7 +90,7 @@ def scenario_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of scenario files, with descriptions, units, defaults and limits.
 
     Rules between fields, such as that a chart's source needs a file, are beyond it: `auvplan validate`
-    tells them.
+    reports them.
     """
     own = Scenario.model_json_schema()
     head = {

@@ -22,19 +22,12 @@ from auvplan.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class SurveyPart:
-    """A straight part of a survey line, and what stands in it.
+    """A straight part of a survey line, and what stands in it."""
 
-    Attributes:
-        name: of the line.
-        number: of the part, from 1.
-        part: itself.
-        blocked: [K, 2] m from its start, where it is left and taken up again.
-    """
-
-    name: str
-    number: int
-    part: LinePart
-    blocked: NDArray[np.floating]
+    name: str  # of the line
+    number: int  # of the part, from 1
+    part: LinePart  # itself
+    blocked: NDArray[np.floating]  # [K, 2] m from its start, where it is left and taken up again
 
     @property
     def free(self) -> float:
@@ -50,17 +43,14 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
     jobs, found = area.jobs or Jobs(), []
     if not jobs.lines:
         return found
-    env, config = (
-        standing(scenario, area),
-        PathConfig(coast_margin=scenario.safety.coast, obstacle_margin=scenario.safety.obstacles),
-    )
+    env, safety = standing(scenario, area), scenario.safety
+    config = PathConfig(coast_margin=safety.coast, obstacle_margin=safety.obstacles)
     vehicle = Vehicle(speed=scenario.vehicle.speed)
     for line in jobs.lines:
         for number, (start, end) in enumerate(line.parts, 1):
             blocked = blocked_on(np.asarray(start, float), np.asarray(end, float), env, vehicle, config)
-            found.append(
-                SurveyPart(line.name, number, LinePart(start, end, scenario.mission.line_tolerance), blocked)
-            )
+            part = LinePart(start, end, scenario.mission.line_tolerance)
+            found.append(SurveyPart(line.name, number, part, blocked))
     return found
 
 
@@ -107,18 +97,14 @@ def _in_the_way(
     share = np.linspace(begin, end, max(int(end - begin), 2))[:, None] / one.part.length
     places = np.asarray(one.part.start) * (1.0 - share) + np.asarray(one.part.end) * share
     still = np.zeros(len(places))
-    found = [
-        repr(obstacle.name)
-        for obstacle in area.obstacles
-        if not obstacle.moves
-        and obstacle.distance(places, still).min()
-        < scenario.safety.obstacles + EXCESS[0] * obstacle.radius + 1.0
-    ]
+    found = []
+    for obstacle in area.obstacles:
+        most = scenario.safety.obstacles + EXCESS[0] * obstacle.radius + 1.0
+        if not obstacle.moves and obstacle.distance(places, still).min() < most:
+            found.append(repr(obstacle.name))
     north, east = places[:, 0], places[:, 1]
-    for chart, name in (
-        (area.chart, "the coast or a closed area"),
-        *((c.chart, repr(c.name)) for c in env.closures),
-    ):
+    charts = (area.chart, "the coast or a closed area"), *((c.chart, repr(c.name)) for c in env.closures)
+    for chart, name in charts:
         if chart is not None and np.asarray(chart.distance(north, east)).min() < scenario.safety.coast:
             found.append(name)
     if env.seabed is not None and env.seabed.altitude(places).min() < float(env.seabed.clearance):

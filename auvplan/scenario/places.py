@@ -92,11 +92,7 @@ def _place(value: dict[str, Any], site: Site | None) -> tuple[float, float, floa
 
 
 def _box(low: Any, high: Any, site: Site | None) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Return the local box around a box of longitude and latitude, whose sides are not quite straight.
-
-    Raises:
-        ScenarioError: one corner is no place by longitude and latitude, or they are the wrong way round.
-    """
+    """Return the local box around a box of longitude and latitude, whose sides are not quite straight."""
     if not (isinstance(low, dict) and isinstance(high, dict)):
         raise ScenarioError("lower and upper must both be places by longitude and latitude, or neither")
     assert site is not None
@@ -108,15 +104,8 @@ def _box(low: Any, high: Any, site: Site | None) -> dict[tuple[str, str], tuple[
     longitude = low["longitude"] + wide * np.concatenate([along, ends])
     latitude = low["latitude"] + tall * np.concatenate([ends, along])
     north, east = site.to_local(longitude, latitude)
+    least, most = np.floor([north.min(), east.min()]).tolist(), np.ceil([north.max(), east.max()]).tolist()
     return {
-        ("area", "lower"): (
-            float(np.floor(north.min())),
-            float(np.floor(east.min())),
-            float(low.get("depth", 0.0)),
-        ),
-        ("area", "upper"): (
-            float(np.ceil(north.max())),
-            float(np.ceil(east.max())),
-            float(high.get("depth", 0.0)),
-        ),
+        ("area", "lower"): (*least, float(low.get("depth", 0.0))),
+        ("area", "upper"): (*most, float(high.get("depth", 0.0))),
     }

@@ -32,12 +32,7 @@ _COUNTS_WITH: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def implausible(scenario: Scenario, document: Document) -> list[Finding]:
-    """Return warnings of implausible fields, in their order in the file.
-
-    Args:
-        scenario: of the document.
-        document: what the file says, with places.
-    """
+    """Return warnings of implausible fields, in their order in the file."""
     given = document.data if isinstance(document.data, dict) else {}
     sections = {name: part if isinstance(part, dict) else {} for name, part in given.items()}
     found = [*_zone(sections), *_place(scenario, sections), *_time(scenario), *_idle(scenario, sections)]

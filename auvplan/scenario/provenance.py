@@ -13,7 +13,7 @@ import h5py
 from auvplan.runtime.files import digest, folder_size
 from auvplan.scenario.scenario import Scenario
 
-#: What attributes begin with that tell where a file of currents was fetched from.
+#: What attributes begin with that state where a file of currents was fetched from.
 ORIGIN = "fetched_"
 #: Fields that name files, by section.
 FILE_FIELDS: dict[str, tuple[str, ...]] = {
@@ -45,7 +45,7 @@ class SourceFile:
 
     @property
     def fetched(self) -> str:
-        """Where it was fetched from, for people; empty where the file does not tell."""
+        """Where it was fetched from, for people; empty where the file does not state it."""
         if not self.origin:
             return ""
         run = self.origin.get("run")
@@ -61,7 +61,9 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
         folder: that relative paths start from.
     """
     return tuple(
-        SourceFile(name, path.name, folder_size(path), _hash(path), _origin(name, path))
+        SourceFile(
+            name, path.name, folder_size(path), "" if path.is_dir() else digest(path), _origin(name, path)
+        )
         for name, path in _named(settings, Path(folder))
     )
 
@@ -94,24 +96,15 @@ def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
     for field, pattern in file_names(settings):
         path = folder / Path(pattern).expanduser()
-        found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
-        yield from ((field, part) for one in found for part in _with_updates(one))
-
-
-def _with_updates(path: Path) -> list[Path]:
-    """Return a file; after an S-57 cell the updates beside it, which are applied to it."""
-    if path.suffix != ".000":
-        return [path]
-    beside = sorted(path.parent.glob(f"{glob_escape(path.stem)}.[0-9][0-9][0-9]"))
-    return [path, *(update for update in beside if update != path)]
-
-
-def _hash(path: Path) -> str:
-    return "" if path.is_dir() else digest(path)
+        for one in [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]:
+            yield field, one
+            if one.suffix == ".000":  # updates of an S-57 cell that lie beside it are applied to it
+                beside = sorted(one.parent.glob(f"{glob_escape(one.stem)}.[0-9][0-9][0-9]"))
+                yield from ((field, update) for update in beside if update != one)
 
 
 def _origin(name: str, path: Path) -> dict[str, str]:
-    """Return what a file of currents tells of where it was fetched from; nothing of other files."""
+    """Return what a file of currents states of where it was fetched from; nothing of other files."""
     if not name.startswith("current.") or path.is_dir() or not h5py.is_hdf5(path):
         return {}
     with h5py.File(path, "r") as file:

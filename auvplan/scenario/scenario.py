@@ -217,7 +217,6 @@ def change_scenario(
     """Return a scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
 
     Args:
-        scenario: stays as it is.
         changes: values by "section.field", or of a whole section by its name.
         source: that an error names.
         sources: what an error names instead, by field.

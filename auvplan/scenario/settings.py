@@ -89,8 +89,7 @@ class SiteSettings(Section):
         default=(0.0, 0.0), description="m, local north, east of this place"
     )
     departure: datetime | None = Field(
-        default=None,
-        description="UTC unless it says so; if absent the first time of the current's files",
+        default=None, description="UTC unless it says so; if absent the first time of the current's files"
     )
 
     timezone: str | None = Field(
@@ -190,8 +189,7 @@ class ChartSettings(Section):
         description="path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells",
     )
     crs: str | None = Field(
-        default=None,
-        description="reference system of a raster that does not tell, such as EPSG:32755",
+        default=None, description="reference system of a raster that does not tell, such as EPSG:32755"
     )
     uncertain: str | None = Field(
         default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
@@ -335,16 +333,14 @@ class CurrentSettings(Section):
         default=None, description="path of a YAML file of tidal constituents ('harmonic')"
     )
     truth: str | tuple[str, ...] | None = Field(
-        default=None,
-        description="the same of the true current; the forecast if absent ('file')",
+        default=None, description="the same of the true current; the forecast if absent ('file')"
     )
     outside: Literal["refuse", "clamp"] = Field(
         default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
     )
     spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
     crs: int | str | None = Field(
-        default=None,
-        description="projection of the files' coordinates, such as 32633, if they name none",
+        default=None, description="projection of the files' coordinates, such as 32633, if they name none"
     )
     epoch: datetime | None = Field(
         default=None, description="UTC, the moment that the files' times count from, if they name none"
@@ -403,8 +399,7 @@ class SafetySettings(Section):
     )
     seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
     closing: NotNegative = Field(
-        default=60.0,
-        description="s, how long before an area closes, and after it opens, no path is in it",
+        default=60.0, description="s, how long before an area closes, and after it opens, no path is in it"
     )
     end: Literal["surface", "station", "loiter"] = Field(
         default="surface",
@@ -569,8 +564,7 @@ class PlanningSettings(Section):
         default=(1.0, 100.0), description="Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
     )
     control_points: Annotated[int, Field(ge=2, le=60)] | None = Field(
-        default=None,
-        description="free control points of a path; if absent 8 to 32 by effort, paper 4",
+        default=None, description="free control points of a path; if absent 8 to 32 by effort, paper 4"
     )
     path_width: Positive | None = Field(
         default=None,

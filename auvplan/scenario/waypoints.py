@@ -54,15 +54,9 @@ def make_graph(
             if point is not None:
                 positions[index] = point
         passable = lines_clear(positions, scenario, area)
+        figures = settings.neighbours or NEIGHBOURS, settings.priority, settings.duration
         try:
-            graph = random_graph(
-                rng,
-                positions,
-                settings.neighbours or NEIGHBOURS,
-                settings.priority,
-                settings.duration,
-                passable,
-            )
+            graph = random_graph(rng, positions, *figures, passable)
         except ValueError:
             continue
         if graph.size == 2:
@@ -140,11 +134,7 @@ def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Gen
 def _jobs_graph(
     scenario: Scenario, area: OperatingArea, jobs: Jobs, ways: WaysAround
 ) -> tuple[MissionGraph, list[str]]:
-    """Return the graph of the jobs of a file.
-
-    Raises:
-        ScenarioError: a job lies on land, outside the area or too near the sea bed, or cannot be reached.
-    """
+    """Return the graph of the jobs of a file."""
     settings, source = scenario.mission, scenario.mission.jobs
     jobs = replace(jobs, points=tuple(_while_open(point, scenario, area) for point in jobs.points))
     for name, position in jobs.places:
@@ -184,9 +174,6 @@ def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> Job
 
     That takes the way out at half the vehicle's speed, and the time between two departures of the arrival
     functions, for which an edge counts as closed before it is.
-
-    Raises:
-        ScenarioError: no time is left for it.
     """
     north, east, _ = point.position
     step = scenario.mission.time_available / max(scenario.planning.resolved.departures - 1, 1)

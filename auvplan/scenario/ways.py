@@ -20,7 +20,7 @@ _CELLS = (150, 500)
 _SAMPLES, _TOGETHER = 200, (25, 5, 1)
 #: m/m, by which a distance that is interpolated between pixels changes at most.
 _SLOPE = 1.01 * np.sqrt(2.0)
-#: A second near land counts so many times, fading over this share of the area's longer side.
+#: A second near land counts this many times, fading over this share of the area's longer side.
 _SHUN, _FADES = 3.0, 0.01
 #: Rounds that pull a path taut, and shares of each leg between which corners are cut off.
 _ROUNDS = 6
@@ -34,21 +34,13 @@ _SETTLED = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """What straight lines keep clear of.
+    """What straight lines keep clear of."""
 
-    Attributes:
-        scenario: the box and the clearance of the sea bed.
-        area: chart, sea bed and closed areas.
-        margin: m, to the coast.
-        closed: whether areas that are closed at some hours count as coast.
-        window: m, least length around a place within which the sea bed is looked up.
-    """
-
-    scenario: Scenario
-    area: OperatingArea
-    margin: float
-    closed: bool = False
-    window: float = 0.0
+    scenario: Scenario  # the box and the clearance of the sea bed
+    area: OperatingArea  # chart, sea bed and closed areas
+    margin: float  # m, to the coast
+    closed: bool = False  # whether areas that are closed at some hours count as coast
+    window: float = 0.0  # m, least length around a place within which the sea bed is looked up
 
     def room(self, x: Array, y: Array, gap: Array) -> Array:
         """Distance [m] to what a line may not come near; positive where it is clear.

@@ -35,18 +35,12 @@ class YamlError(ValueError):
 
 @dataclass
 class Document:
-    """Plain data, and the line and column, from 1, of what it was made of.
+    """Plain data, and the line and column, from 1, of what it was made of."""
 
-    Attributes:
-        data: mappings, lists and scalars.
-        keys: of every value in a mapping, where its key stands.
-        values: of every value, where it begins.
-        faults: keys given twice and scalars that cannot be, each with its path, reason and place.
-    """
-
-    data: Any = None
-    keys: dict[Path, Place] = field(default_factory=dict)
-    values: dict[Path, Place] = field(default_factory=dict)
+    data: Any = None  # mappings, lists and scalars
+    keys: dict[Path, Place] = field(default_factory=dict)  # of every value in a mapping, where its key stands
+    values: dict[Path, Place] = field(default_factory=dict)  # of every value, where it begins
+    #: Keys given twice and scalars that cannot be, each with its path, reason and place.
     faults: list[tuple[Path, str, Place]] = field(default_factory=list)
 
     def place(self, path: Path) -> Place | None:
@@ -85,7 +79,7 @@ def read_yaml(text: str) -> Document:
         place = None if mark is None else (mark.line + 1, mark.column + 1)
         said = str(error.problem or "cannot be parsed")
         said = f"{error.context}, {said}" if said.startswith("but ") and error.context else said
-        raise YamlError(_one_line(said), place) from None
+        raise YamlError(" ".join(said.split())[:200], place) from None
     except RecursionError:
         raise YamlError("nested too deeply") from None
     finally:
@@ -105,17 +99,18 @@ def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:
         return [_build(loader, part, (*path, k), document) for k, part in enumerate(node.value)]
     if isinstance(node, yaml.MappingNode):
         return dict(_entries(loader, node, path, document))
-    if node.tag in _NUMBERS and (base := _odd_base(node.value)):
-        reason = (
-            f"{short(node.value)} is {loader.construct_object(node)!r} in YAML, which takes it as {base}: "
-        )
-        document.faults.append((path, reason + "write that, or put it in quotes", _place(node)))
+    # YAML 1.1 has bases that numbers do not look like.
+    base = "a number to base 60" if ":" in node.value else "octal"
+    if node.tag in _NUMBERS and (":" in node.value or re.fullmatch(r"[-+]?0[0-7_]+", node.value)):
+        taken = f"{short(node.value)} is {loader.construct_object(node)!r} in YAML, which takes it as {base}"
+        document.faults.append((path, f"{taken}: write that, or put it in quotes", _place(node)))
         return None
     try:
         return loader.construct_object(node)
     except (ValueError, OverflowError, yaml.YAMLError) as error:
         reason = getattr(error, "problem", None) or str(error)
-        document.faults.append((path, f"{short(node.value)} is no value: {_one_line(reason)}", _place(node)))
+        said = " ".join(str(reason).split())[:200]
+        document.faults.append((path, f"{short(node.value)} is no value: {said}", _place(node)))
         return None
 
 
@@ -154,16 +149,6 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-def _odd_base(text: str) -> str:
-    """Return the base, but ten, that YAML 1.1 reads a number to though it does not look like it.
-
-    An empty string where there is none.
-    """
-    if ":" in text:
-        return "a number to base 60"
-    return "octal" if re.fullmatch(r"[-+]?0[0-7_]+", text) else ""
-
-
 def value_at(data: Any, path: Path) -> Any:
     """Return the part of plain data at a path.
 
@@ -177,10 +162,6 @@ def value_at(data: Any, path: Path) -> Any:
 
 def _place(node: yaml.Node) -> Place:
     return node.start_mark.line + 1, node.start_mark.column + 1
-
-
-def _one_line(text: str) -> str:
-    return " ".join(str(text).split())[:200]
 
 
 def short(value: Any) -> str:

@@ -18,13 +18,14 @@ from xarray import conventions
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 from auvplan.runtime.files import require_whole
 
 #: Coordinates with more values are refused before they are read.
 MAX_COORDINATE = 50_000_000
-#: Up to so many values are read in one piece though only some of them are wanted.
+#: Up to this many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
 Array = NDArray[np.float64]
@@ -45,22 +46,15 @@ _OTHERS = {
 
 @dataclass(frozen=True)
 class File:
-    """An opened file, nothing of which is read but its head.
+    """An opened file, nothing of which is read but its head."""
 
-    Attributes:
-        path: as given, for messages.
-        variables: by name; packing and fill values are decoded, times are not.
-        attributes: of the whole file.
-        close: lets go of the file.
-        crs: the projection of its coordinates as pyproj takes it, where the file may not tell; or None.
-        epoch: the moment, s since 1970, that its times count from where it does not tell; or None.
-    """
-
-    path: str
-    variables: Mapping[str, xr.Variable]
-    attributes: Mapping[str, Any]
-    close: Callable[[], None]
+    path: str  # as given, for messages
+    variables: Mapping[str, xr.Variable]  # by name; packing and fill values are decoded, times are not
+    attributes: Mapping[str, Any]  # of the whole file
+    close: Callable[[], None]  # lets go of the file
+    #: The projection of its coordinates as pyproj takes it, where the file may not name it; or None.
     crs: Any = None
+    #: The moment, s since 1970, that its times count from where it does not state it; or None.
     epoch: float | None = None
 
     @property
@@ -100,7 +94,6 @@ class File:
         """Return a variable's values, or those of some indices of its dimensions.
 
         Args:
-            name: of the variable.
             picks: indices by dimension; dimensions that are not named are read whole.
             dims: order of the result's dimensions; the variable's own by default.
 
@@ -135,7 +128,6 @@ class File:
         """Return all values of a coordinate.
 
         Args:
-            name: of the variable.
             missing: whether some may be NaN, as models leave them on land.
 
         Raises:
@@ -159,7 +151,7 @@ class File:
         except CurrentError:
             raise
         except Exception as error:
-            raise self.fail(f"variable {name} cannot be read ({_line(error)})") from None
+            raise self.fail(f"variable {name} cannot be read ({reason_of(error)})") from None
 
 
 class Lazy(BackendArray):
@@ -187,19 +179,14 @@ class Lazy(BackendArray):
 
 @dataclass(frozen=True)
 class Series(File):
-    """Files of one model run with the same variables on the same grid, as one.
+    """Files of one model run with the same variables on the same grid, as one."""
 
-    Attributes:
-        time_dim: the dimension of time; None where the files have one time and no such dimension.
-        times: [T] s since 1970, rising strictly.
-        frames: [T, 2], the file of each time, and the index in it.
-        parts: the files, in order of time.
-    """
-
+    #: The dimension of time; None where the files have one time and no such dimension.
     time_dim: str | None = None
-    times: Array = field(default_factory=lambda: np.zeros(0))
+    times: Array = field(default_factory=lambda: np.zeros(0))  # [T] s since 1970, rising strictly
+    #: [T, 2], the file of each time, and the index in it.
     frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
-    parts: tuple[File, ...] = ()
+    parts: tuple[File, ...] = ()  # the files, in order of time
 
     @classmethod
     def of(cls, files: Sequence[File], time_dim: str | None, times: Array, frames: NDArray[np.int64]) -> Self:
@@ -216,18 +203,8 @@ class Series(File):
                 if time_dim in variable.dims:
                     variables[name] = _joined(files, name, str(time_dim), frames)
         label = f"{first.path} and {len(rest)} more" if rest else first.path
-        return cls(
-            label,
-            variables,
-            first.attributes,
-            close,
-            first.crs,
-            first.epoch,
-            time_dim,
-            times,
-            frames,
-            tuple(files),
-        )
+        about = label, variables, first.attributes, close, first.crs, first.epoch
+        return cls(*about, time_dim, times, frames, tuple(files))
 
     def dims(self, name: str) -> tuple[str, ...]:
         """Dimensions of a variable without time."""
@@ -269,7 +246,6 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
     """Open one file, all files of a glob pattern, a dataset, or a list of these.
 
     Args:
-        paths: of the files, or datasets.
         crs, epoch: as in `File`.
 
     Raises:
@@ -292,10 +268,8 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
     files: list[File] = []
     try:
         for source in sources:
-            if isinstance(source, xr.Dataset):
-                files.append(_held(source, crs, epoch))
-            else:
-                files.append(_open(source, crs, epoch))
+            opened = _held if isinstance(source, xr.Dataset) else _open
+            files.append(opened(source, crs, epoch))  # type: ignore[arg-type]
     except CurrentError:
         for file in files:
             file.close()
@@ -316,94 +290,67 @@ def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:
 
 
 def _open(path: str, crs: Any, epoch: float | None) -> File:
-    reasons = []
-    for engine in _engines(path):
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                # Without indexes only the head is read, however large a damaged one says that an axis is.
-                options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
-                dataset = xr.open_dataset(
-                    path, engine=engine, decode_times=False, decode_timedelta=False, decode_coords=False,
-                    create_default_indexes=False, cache=False, **options,
-                )  # fmt: skip
-                variables = {str(name): variable for name, variable in dataset.variables.items()}
-                if engine == "netcdf4" and h5py.is_hdf5(path):
-                    _require_shapes(path, variables)
-        # Damaged files are answered with whatever a library's layers stumble over.
-        except Exception as error:
-            reasons.append(_line(error))
-            continue
-        if not any(variable.ndim > 1 for variable in variables.values()) and (groups := _groups(path)):
+    dataset = open_lazily(path, CurrentError)
+    variables = {str(name): variable for name, variable in dataset.variables.items()}
+    if not any(variable.ndim > 1 for variable in variables.values()) and h5py.is_hdf5(path):
+        with h5py.File(path, "r") as file:
+            groups = [str(name) for name in file if isinstance(file.get(name), h5py.Group)]
+        if groups:
             dataset.close()
             raise CurrentError(
                 f"{path}: its variables are in the groups {', '.join(groups)}: take one out, such as by "
                 f"ncks -G : -g {groups[0]}"
             )
-        return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
-    raise CurrentError(f"{path}: not a readable NetCDF file ({reasons[0]})")
+    return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
 
 
-def _groups(path: str) -> list[str]:
-    """Return the groups of a NetCDF-4 file."""
-    if not (os.path.isfile(path) and h5py.is_hdf5(path)):
-        return []
-    with h5py.File(path, "r") as file:
-        return [str(name) for name in file if isinstance(file.get(name), h5py.Group)]
+def open_lazily(path: str, fault: type[AuvplanError]) -> xr.Dataset:
+    """Open a NetCDF file or a Zarr folder; its times stay numbers.
 
-
-def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
-    """Refuse a variable of other sizes than its dimensions: the process ends where netCDF's library reads it.
-
-    Raises:
-        ValueError: there is one; the message names it.
+    Args:
+        fault: raised with one line where it is none that can be read.
     """
-    with h5py.File(path, "r") as file:
-        for name, variable in variables.items():
-            part = file.get(name)
-            if not isinstance(part, h5py.Dataset) or part.dtype.kind not in "iuf":
-                continue
-            sizes = zip(part.shape, part.maxshape or (), variable.shape, strict=False)
-            if len(part.shape) != variable.ndim or any(
-                most is not None and own != stated for own, most, stated in sizes
-            ):
-                raise ValueError(f"{name} has the sizes {part.shape}, its dimensions {variable.shape}")
+    engine = _engine(path, fault)
+    options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if engine == "h5netcdf":
+                require_whole(path, fault)
+            # Without indexes only the head is read, however large a damaged one says that an axis is.
+            return xr.open_dataset(
+                path, engine=engine, decode_times=False, decode_timedelta=False, decode_coords=False,
+                create_default_indexes=False, cache=False, **options,
+            )  # fmt: skip
+    except fault:
+        raise
+    except Exception as error:  # damaged files are answered with whatever a library's layers stumble over
+        why = reason_of(error)
+    # Raised here, without the library's error, whose traceback would keep the file open.
+    raise fault(f"{path}: not a readable NetCDF file ({why})")
 
 
-def _engines(path: str) -> list[str]:
-    """Xarray's engines that may open a file, the most likely one first, by its first bytes."""
+def _engine(path: str, fault: type[AuvplanError]) -> str:
+    """Return xarray's engine for a file, by its first bytes."""
     place = Path(path)
     if place.is_dir():
         if not any((place / name).is_file() for name in _ZARR_FILES):
-            raise CurrentError(f"{path}: a folder that is no Zarr store")
+            raise fault(f"{path}: a folder that is no Zarr store")
         if find_spec("zarr") is None:
-            raise CurrentError(f"{path}: Zarr needs a further package: pip install 'auvplan[readers]'")
-        return ["zarr"]
+            raise fault(f"{path}: Zarr needs a further package: pip install 'auvplan[readers]'")
+        return "zarr"
     try:
         with place.open("rb") as file:
             head = file.read(8)
     except OSError as error:
-        raise CurrentError(f"{path}: {error.strerror or _line(error)}") from None
-    fallback = ["netcdf4"] if find_spec("netCDF4") is not None else []
+        raise fault(f"{path}: {reason_of(error)}") from None
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
-        # What is no HDF5 at all is not tried by others, which may take minutes over a damaged file.
-        try:
-            require_whole(path, CurrentError)
-        except CurrentError:
-            raise
-        except Exception as error:
-            raise CurrentError(f"{path}: not a readable NetCDF file ({_line(error)})") from None
-        return ["h5netcdf", *fallback]
+        return "h5netcdf"
     if head[:4] in (b"CDF\x01", b"CDF\x02"):
-        require_whole(path, CurrentError)
-        return ["scipy"]
+        return "scipy"
     if head[:4] == b"CDF\x05":
-        if not fallback:
-            raise CurrentError(f"{path}: NetCDF of type CDF-5 needs: pip install 'auvplan[readers]'")
-        return fallback
+        if find_spec("netCDF4") is None:
+            raise fault(f"{path}: NetCDF of type CDF-5 needs: pip install 'auvplan[readers]'")
+        return "netcdf4"
     kind, remedy = next((words for start, words in _OTHERS.items() if head.startswith(start)), ("", ""))
-    raise CurrentError(f"{path}: {kind}not a NetCDF file{remedy}")
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    raise fault(f"{path}: {kind}not a NetCDF file{remedy}")

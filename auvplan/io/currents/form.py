@@ -90,25 +90,15 @@ _FIRST = slice(0, 1)
 
 @dataclass(frozen=True)
 class Source:
-    """A series of files on its way to the form.
+    """A series of files on its way to the form."""
 
-    Attributes:
-        series: the files.
-        geometry: the places of the points.
-        dims: the files' own dimensions of the points.
-        notes: get what has to be assumed.
-        crs: the projection that the coordinates of the places count along; None for degrees.
-        corners: the dimension of the cells' corners, where the points are the cells' middles.
-        form: the variables of the form.
-    """
-
-    series: Series
-    geometry: Geometry
-    dims: tuple[str, ...]
-    notes: list[str]
-    crs: CRS | None = None
-    corners: str | None = None
-    form: dict[str, xr.Variable] = field(default_factory=dict)
+    series: Series  # the files
+    geometry: Geometry  # the places of the points
+    dims: tuple[str, ...]  # the files' own dimensions of the points
+    notes: list[str]  # get what has to be assumed
+    crs: CRS | None = None  # the projection that the coordinates of the places count along; None for degrees
+    corners: str | None = None  # the dimension of the cells' corners, where the points are the cells' middles
+    form: dict[str, xr.Variable] = field(default_factory=dict)  # the variables of the form
 
     @cached_property
     def sizes(self) -> dict[str, int]:
@@ -138,9 +128,8 @@ class Source:
 
     def timed(self, name: str | None) -> tuple[str, ...]:
         """Return the form's dimension of time where a variable knows it."""
-        return (
-            () if name is None or self.series.time_dim not in self.series.variables[name].dims else ("time",)
-        )
+        timeless = name is None or self.series.time_dim not in self.series.variables[name].dims
+        return () if timeless else ("time",)
 
     def reading(self, name: str, extra: Sequence[str] = ()) -> Read:
         """Return what reads a variable [times or 1, *extra, *points] by indices of each.
@@ -181,12 +170,12 @@ class Source:
         name = str(self.floor_name)
         read, metres = self.reading(name), self.series.metres(name)
 
+        @once
         def downward(*keys: Any) -> Array:
             depth = read(_FIRST, *keys) * metres * self._downward
             return depth if self.water is None else np.where(self.water(*keys), depth, np.nan)
 
-        kept = once(downward)
-        return lambda _, *keys: kept(*keys)
+        return lambda _, *keys: downward(*keys)
 
     @cached_property
     def _downward(self) -> float:
@@ -200,11 +189,8 @@ class Source:
     @cached_property
     def rise_name(self) -> str | None:
         """The variable with the height of the surface, or None."""
-        fitting = [
-            name
-            for name in self.series.variables
-            if self.has(name) and 0 < len(self.series.dims(name)) <= len(self.dims)
-        ]
+        dims = {name: self.series.dims(name) for name in self.series.variables if self.has(name)}
+        fitting = [name for name, own in dims.items() if 0 < len(own) <= len(self.dims)]
         named = [name for name in fitting if self.series.standard_name(name) in _SURFACE_NAMES]
         return ([name for name in _SURFACES if name in fitting] + named + [None])[0]
 
@@ -446,12 +432,7 @@ def _add_velocity(
 ) -> None:
     """Put a component into the form, its levels from the surface down.
 
-    Args:
-        source: whose form it is.
-        name: in the form.
-        part: the component.
-        deep: where there is water by levels, for one on edges; None without a mask of levels.
-        level: the form's dimension of its levels.
+    One on edges is brought to the middles; `deep` is where there is water by levels, if that is known.
     """
     source.sizes[level] = part.levels.count
     read = part.read if part.edge is None else _to_middles(source, part, deep)

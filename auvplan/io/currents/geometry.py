@@ -24,7 +24,7 @@ _SLACK = 0.5
 ENOUGH = 0.5 - 1e-9
 #: Metres in a degree of latitude, near enough for telling how far outside a place is.
 DEGREE = 111_195.0
-#: Neighbours that lie so many times as far apart as usual are none.
+#: Points farther apart than this many times the usual distance are no neighbours.
 _TORN = 30.0
 #: At the folds of sound grids up to this share of cells lies the other way round.
 _FOLDED = 0.05
@@ -39,16 +39,11 @@ Coordinates = dict[str, tuple[tuple[str, ...], NDArray[Any]]]
 
 @dataclass(frozen=True)
 class Weights:
-    """M places as mixtures of C source points each.
+    """M places as mixtures of C source points each."""
 
-    Attributes:
-        index: [M, C] source points.
-        weight: [M, C], not negative, rows sum to 1, or to 0 where there is land.
-        beyond: [M, 2] m north and east, from the nearest place that the source covers; 0 where it is covered.
-    """
-
-    index: Index
-    weight: Array
+    index: Index  # [M, C] source points
+    weight: Array  # [M, C], not negative, rows sum to 1, or to 0 where there is land
+    #: [M, 2] m north and east, from the nearest place that the source covers; 0 where it is covered.
     beyond: Array
 
     @property
@@ -65,17 +60,11 @@ class Weights:
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a source that is read.
+    """The part of a source that is read."""
 
-    Attributes:
-        picks: indices by dimension of the points.
-        index: source points, numbered as in the window.
-        points: how many the window has; they are in the order of the dimensions.
-    """
-
-    picks: dict[str, Run]
-    index: Index
-    points: int
+    picks: dict[str, Run]  # indices by dimension of the points
+    index: Index  # source points, numbered as in the window
+    points: int  # how many the window has; they are in the order of the dimensions
 
 
 class _Grid:
@@ -94,12 +83,8 @@ class _Grid:
     @property
     def coordinates(self) -> Coordinates:
         """The form's variables that define the places."""
-        flat = self.longitude.ndim == 2
-        dims = {
-            "latitude": self.dims if flat else self.dims[:1],
-            "longitude": self.dims if flat else self.dims[1:],
-        }
-        return {name: (along, getattr(self, name)) for name, along in dims.items()}
+        north, east = (self.dims, self.dims) if self.longitude.ndim == 2 else (self.dims[:1], self.dims[1:])
+        return {"latitude": (north, self.latitude), "longitude": (east, self.longitude)}
 
     def window(self, index: Index) -> Window:
         """Return the rows and columns that hold some points, across the wrap-around if that is shorter."""
@@ -120,17 +105,11 @@ class _Grid:
 
 @dataclass(frozen=True)
 class Regular(_Grid):
-    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
+    """Points at every pair of a latitude and a longitude; these rise or fall, and may cross 180 degrees."""
 
-    Attributes:
-        longitude: [nx] degrees.
-        latitude: [ny] degrees.
-        dims: of latitude and longitude.
-    """
-
-    longitude: Array
-    latitude: Array
-    dims: tuple[str, ...] = ("latitude", "longitude")
+    longitude: Array  # [nx] degrees
+    latitude: Array  # [ny] degrees
+    dims: tuple[str, ...] = ("latitude", "longitude")  # of latitude and longitude
     kind: str = "regular"
     torn: int = 0
     _around = True
@@ -159,13 +138,8 @@ class Regular(_Grid):
         column, right, east_of = along(east, turned)
         next_row, next_column = np.minimum(row + 1, len(north) - 1), np.minimum(column + 1, len(east) - 1)
         width = len(self.longitude)
-        index = np.stack(
-            [
-                rows[j] * width + columns[i]
-                for j, i in ((row, column), (row, next_column), (next_row, column), (next_row, next_column))
-            ],
-            axis=1,
-        )
+        corners = (row, column), (row, next_column), (next_row, column), (next_row, next_column)
+        index = np.stack([rows[j] * width + columns[i] for j, i in corners], axis=1)
         weight = [(1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right]
         beyond = np.stack([north_of, east_of], axis=1)
         beyond = np.where(np.abs(beyond) < _EDGE, 0.0, beyond) * DEGREE
@@ -175,18 +149,12 @@ class Regular(_Grid):
 
 @dataclass(frozen=True)
 class Curvilinear(_Grid):
-    """Curvilinear grid: points in rows and columns anywhere.
+    """Curvilinear grid: points in rows and columns anywhere."""
 
-    Attributes:
-        dims: of rows and columns.
-        longitude, latitude: [ny, nx] degrees.
-        kind: "curvilinear", or "roms" where velocities are on the cells' edges.
-    """
-
-    dims: tuple[str, ...]
-    longitude: Array
+    dims: tuple[str, ...]  # of rows and columns
+    longitude: Array  # [ny, nx] degrees
     latitude: Array
-    kind: str = "curvilinear"
+    kind: str = "curvilinear"  # "curvilinear", or "roms" where velocities are on the cells' edges
 
     @property
     def torn(self) -> int:
@@ -196,14 +164,12 @@ class Curvilinear(_Grid):
     @property
     def straight(self) -> bool:
         """Whether the rows are parallels and the columns meridians, or the other way round."""
-        axes = (self.longitude, self.latitude)
-        return any(
-            all(
-                np.allclose(axis, axis.take([0], k), rtol=0.0, atol=1e-6)
-                for k, axis in zip(order, axes, strict=True)
-            )
-            for order in ((0, 1), (1, 0))
-        )
+
+        def even(east: int, north: int) -> bool:
+            axes = (east, self.longitude), (north, self.latitude)
+            return all(np.allclose(axis, axis.take([0], k), rtol=0.0, atol=1e-6) for k, axis in axes)
+
+        return even(0, 1) or even(1, 0)
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
@@ -239,7 +205,8 @@ class Curvilinear(_Grid):
         apart, as where models leave places at zero, are none.
         """
         middle, apart = bounds(longitude, latitude)
-        near = np.isfinite(self.longitude) & np.isfinite(self.latitude)
+        placed = np.isfinite(self.longitude) & np.isfinite(self.latitude)
+        near = placed.copy()
         for degrees, half in zip(offset(middle, self.longitude, self.latitude), apart, strict=True):
             # A cell may hold a place though none of its corners lies among the places.
             near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
@@ -250,7 +217,6 @@ class Curvilinear(_Grid):
         first = row * width + column
         corners = np.stack([first, first + 1, first + width + 1, first + width], axis=1)
         triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-        placed = np.isfinite(self.longitude) & np.isfinite(self.latitude)
         triangles = triangles[placed.ravel()[triangles].all(axis=1)]
         lengths = edge_lengths(self.longitude.ravel(), self.latitude.ravel(), triangles)
         triangles = triangles[(lengths <= self.longest).all(axis=1)]
@@ -411,29 +377,18 @@ def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
 
 def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
     """Return the triangle [M] that holds each place, or is within `_SLACK` of it; -1 where none is."""
-    # It takes a third of a second to import and is needed by curvilinear and unstructured grids only.
-    from matplotlib.tri import Triangulation
-
-    used, local = np.unique(triangles, return_inverse=True)
-    local = local.reshape(triangles.shape)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     whole = np.flatnonzero(np.abs(_cross(b - a, c - a)) > 1e-6)
-    if not len(whole):
-        return np.full(len(places), -1, np.int64)
-    y, x = points[used].T
-    try:
-        finder = Triangulation(x, y, local[whole]).get_trifinder()
-    except RuntimeError:
-        # Grids that overlap themselves, as tripolar ones do at their fold, are searched triangle by triangle.
-        return search(points, triangles, whole, places)
-    found = np.asarray(finder(places[:, 1], places[:, 0]), np.int64)
-    found = np.where(found >= 0, whole[found], -1)
-    out = np.flatnonzero(found < 0)
-    if len(out):
-        tree = shapely.STRtree(np.asarray(shapely.polygons(points[triangles[whole]]), object))
-        at = np.asarray(shapely.points(places[out]), object).reshape(-1)
-        place, triangle = tree.query(at, predicate="dwithin", distance=_SLACK)
-        found[out[place]] = whole[triangle]
+    tree = shapely.STRtree(np.asarray(shapely.polygons(points[triangles[whole]]), object))
+    found = np.full(len(places), -1, np.int64)
+    looks: tuple[dict[str, Any], ...] = (
+        {"predicate": "intersects"},
+        {"predicate": "dwithin", "distance": _SLACK},
+    )
+    for how in looks:
+        left = np.flatnonzero(found < 0)
+        place, triangle = tree.query(np.asarray(shapely.points(places[left]), object).reshape(-1), **how)
+        found[left[place]] = whole[triangle]
     return found
 
 
@@ -443,19 +398,6 @@ def triangulate(points: Array) -> Index:
         return np.asarray(Delaunay(points).simplices, np.int64)
     except (QhullError, ValueError):
         return np.zeros((0, 3), np.int64)
-
-
-def search(points: Array, triangles: Index, whole: Index, places: Array) -> Index:
-    """Return the triangle that holds each place among the sixteen with the nearest centres."""
-    centres = points[triangles[whole]].mean(axis=1)
-    nearest = KDTree(centres).query(places, k=min(16, len(whole)))[1]
-    near = whole[np.reshape(nearest, (len(places), -1))]
-    a, b, c = (points[triangles[near][..., k]] for k in range(3))
-    place, area = places[:, None], _cross(b - a, c - a)
-    shares = np.stack([_cross(place - a, c - a), _cross(b - a, place - a)]) / area
-    holds = (shares >= -_TINY).all(axis=0) & (shares.sum(axis=0) <= 1.0 + _TINY)
-    first = holds.argmax(axis=1)
-    return np.where(holds.any(axis=1), near[np.arange(len(places)), first], -1)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -35,33 +35,23 @@ def once(read: Callable) -> Callable:
 
 @dataclass(frozen=True)
 class Levels:
-    """Depths of levels below the instantaneous surface.
+    """Depths of levels below the instantaneous surface."""
 
-    Attributes:
-        dim: of the levels in the file; None where there is one level and no such dimension.
-        count: how many there are.
-        order: the levels of the file in the order in which their depths rise.
-        fixed: [K] m rising, or None where they follow the sea bed.
-        read: depths [times or 1, levels, *points] m in the file's order where they follow the sea bed.
-        bed: depth [times or 1, *points] m of the sea bed below the surface where they follow it.
-        extra: "time" where these depend on it.
-    """
-
-    dim: str | None
-    count: int
-    order: slice
-    fixed: Array | None
+    dim: str | None  # of the levels in the file; None where there is one level and no such dimension
+    count: int  # how many there are
+    order: slice  # the levels of the file in the order in which their depths rise
+    fixed: Array | None  # [K] m rising, or None where they follow the sea bed
+    #: Depths [times or 1, levels, *points] m in the file's order where they follow the sea bed.
     read: Callable[..., Array] | None = None
+    #: Depth [times or 1, *points] m of the sea bed below the surface where they follow it.
     bed: Callable[..., Array] | None = None
-    extra: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()  # "time" where these depend on it
 
 
 def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
     """Return the levels of a velocity component.
 
     Args:
-        source: where it is given.
-        name: of the component.
         dim: of its levels; None where it has none.
 
     Raises:
@@ -296,38 +286,32 @@ def _s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Ar
         raise series.fail(f"levels along {dim} need {curves[0] if curve is None else 'hc'}, which is missing")
     if not ((s >= -1.0001) & (s <= 0.0001) & (curve >= -1.0001) & (curve <= 0.0001)).all():
         raise series.fail(f"{coordinates[0]} or {curves[0]} is not between -1 and 0")
-    transform = _transform(series, own, float(critical[0]), notes)
-    return lambda floor, rise: s_depths(s, curve, float(critical[0]), transform, floor, rise)
-
-
-def _transform(series: Series, own: str, critical: float, notes: list[str]) -> int:
     stated = _parameter(series, ("Vtransform",), 1)
     if stated is not None:
+        transform = int(stated[0])
         if stated[0] not in (1.0, 2.0):
             raise series.fail(f"Vtransform is {stated[0]:g}, neither 1 nor 2")
-        return int(stated[0])
-    if own in ("ocean_s_coordinate_g1", "ocean_s_coordinate_g2"):
-        return int(own[-1])
-    if str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):
-        return 2
-    # With the first, levels would cross where the water is shallower than hc, and ROMS does not start.
-    shallow = "h" in series.variables and np.nanmin(series.coordinate("h", missing=True)) < critical
-    notes.append(f"Vtransform is missing: taken as {2 if shallow else 1}")
-    return 2 if shallow else 1
+    elif own in ("ocean_s_coordinate_g1", "ocean_s_coordinate_g2"):
+        transform = int(own[-1])
+    elif str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):
+        transform = 2
+    else:
+        # With the first, levels would cross where the water is shallower than hc, and ROMS does not start.
+        shallow = "h" in series.variables and np.nanmin(series.coordinate("h", missing=True)) < critical[0]
+        transform = 2 if shallow else 1
+        notes.append(f"Vtransform is missing: taken as {transform}")
+    return lambda floor, rise: s_depths(s, curve, float(critical[0]), transform, floor, rise)
 
 
 def _parameter(series: Series, names: tuple[str, ...], count: int) -> Array | None:
     """Return a parameter [count] that is a variable or, as CROCO writes it, an attribute of the file."""
     for name in names:
-        if name in series.variables:
-            values = np.atleast_1d(series.coordinate(name))
-        elif name in series.attributes:
-            values = np.atleast_1d(np.asarray(series.attributes[name], float))
-        else:
-            continue
-        if values.size != count:
-            raise series.fail(f"{name} has {values.size} values, not {count}")
-        return values.ravel()
+        if name in series.variables or name in series.attributes:
+            own = name in series.variables
+            values = np.ravel(series.coordinate(name) if own else np.asarray(series.attributes[name], float))
+            if values.size != count:
+                raise series.fail(f"{name} has {values.size} values, not {count}")
+            return values
     return None
 
 

@@ -37,7 +37,8 @@ _PLACES = {
     "latitude": ("latitude", "lat", "nav_lat", "lat_rho", "Latitude", "latc", "LAT", "LATITUDE",
                  "SCHISM_hgrid_node_y"),
 }  # fmt: skip
-_DEGREES = {
+#: Units of longitudes and of latitudes (CF 4.1 and 4.2).
+DEGREES = {
     "longitude": re.compile(r"degrees?_?(e|east|w|west)", re.IGNORECASE),
     "latitude": re.compile(r"degrees?_?(n|north|south)|degrees?_s", re.IGNORECASE),
 }
@@ -54,20 +55,13 @@ SIGMAS = ("siglay", "sigma", "siglev")
 
 @dataclass(frozen=True)
 class Names:
-    """The variables that are the current.
+    """The variables that are the current."""
 
-    Attributes:
-        east, north: names of the components; the same where one variable holds both.
-        both: the dimension along which one variable holds both components, or None.
-        along_grid: whether they may follow the grid's axes rather than east and north.
-        note: what they are not all of the current of; empty where they are.
-    """
-
-    east: str
+    east: str  # names of the components; the same where one variable holds both
     north: str
-    both: str | None
-    along_grid: bool
-    note: str = ""
+    both: str | None  # the dimension along which one variable holds both components, or None
+    along_grid: bool  # whether they may follow the grid's axes rather than east and north
+    note: str = ""  # what they are not all of the current of; empty where they are
 
 
 def find_current(file: File) -> Names:
@@ -97,11 +91,7 @@ def find_current(file: File) -> Names:
 
 
 def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Pattern[str]) -> Names | None:
-    """Return the components whose standard names are of a kind, None where there are none.
-
-    Raises:
-        CurrentError: there is one without the other.
-    """
+    """Return the components whose standard names are of a kind, None where there are none."""
     for standard in sorted(filter(wanted.fullmatch, by_standard), key=len):
         across = standard.replace("eastward", "northward").replace("x_", "y_")
         east = _best(file, by_standard[standard])
@@ -205,8 +195,6 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
     """Return the longitude and latitude of a variable's points.
 
     Args:
-        file: opened.
-        name: of a velocity component.
         staggered: whether the places are those of ROMS' rho points, not of the variable itself.
 
     Raises:
@@ -248,18 +236,14 @@ def _projected(file: File, of: str, axis: str) -> str | None:
 
 
 def _place(file: File, of: str, kind: str) -> str | None:
-    """Return the longitude or latitude of a variable's points, or None.
-
-    Raises:
-        CurrentError: two are as likely as each other, but differ.
-    """
+    """Return the longitude or latitude of a variable's points, or None; refuse two that are as likely."""
     names, hints = _PLACES[kind], file.text(of, "coordinates").split()
     dims, ranked = set(file.variables[of].dims), []
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims or name == of:
             continue
         standard = file.standard_name(name) == kind
-        degrees = _DEGREES[kind].fullmatch(file.text(name, "units")) is not None
+        degrees = DEGREES[kind].fullmatch(file.text(name, "units")) is not None
         if standard or degrees or name in names:
             order = names.index(name) if name in names else len(names)
             ranked.append(((name not in hints, not standard, not degrees, order), name))

@@ -1,6 +1,7 @@
 """Ocean current files as opened, with an exact sampler on the host, and what they hold in a few lines."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Self
@@ -9,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
 from auvplan.io.currents.form import ABOUT, to_form
 from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
@@ -36,22 +38,14 @@ Triple = tuple[Array, Array, Array | None]
 
 @dataclass(frozen=True)
 class Block:
-    """What is read of some times and points, T times, K levels, P points.
+    """What is read of some times and points, T times, K levels, P points."""
 
-    Attributes:
-        east, north: [T, K, P] m/s; both NaN where there is no water.
-        depths: [1 or T, K, 1 or P] m below the surface, rising.
-        floor: [1 or T, P] m, the sea bed below the surface; None where it is not known.
-        up: [T, Ku, P] m/s, or None.
-        depths_up: [1 or T, Ku, 1 or P] m, those of `up`.
-    """
-
-    east: Array
+    east: Array  # [T, K, P] m/s; both NaN where there is no water
     north: Array
-    depths: Array
-    floor: Array | None
-    up: Array | None
-    depths_up: Array
+    depths: Array  # [1 or T, K, 1 or P] m below the surface, rising
+    floor: Array | None  # [1 or T, P] m, the sea bed below the surface; None where it is not known
+    up: Array | None  # [T, Ku, P] m/s, or None
+    depths_up: Array  # [1 or T, Ku, 1 or P] m, those of `up`
 
 
 @dataclass(frozen=True)
@@ -190,8 +184,7 @@ class OceanData:
 
         Args:
             longitude, latitude: [M] degrees.
-            frames: the times.
-            reach: m, how far beyond a grid's outer points they still tell of water; a mesh ends at its cells.
+            reach: m, how far beyond a grid's outer points there still is water; a mesh ends at its cells.
 
         Returns:
             [M]; as the current itself, water is where at least half of the weight lies on points with water.
@@ -220,7 +213,7 @@ class OceanData:
         return found
 
     def sea_floor(self, longitude: Array, latitude: Array) -> Array | None:
-        """Return the depth of the sea bed below the datum [M], m; None where the source does not tell it.
+        """Return the depth of the sea bed below the datum [M], m; None where the source does not give it.
 
         It is NaN on land and beyond the data.
         """
@@ -306,11 +299,18 @@ def describe(beyond: Array) -> str:
     return "by up to " + ", ".join(words)
 
 
-def misunderstood(label: str, error: Exception) -> CurrentError:
-    """Return what no check has foreseen, as one line that names the file."""
-    return CurrentError(
-        f"{label}: cannot be understood ({type(error).__name__}: {' '.join(str(error).split())})"
-    )
+@contextmanager
+def understood(label: str, *opened: Any) -> Iterator[None]:
+    """What no check has foreseen becomes one line that names the file; errors close what is open."""
+    try:
+        yield
+    except Exception as error:
+        for part in opened:
+            part.close()
+        if isinstance(error, CurrentError):
+            raise
+        why = f"{type(error).__name__}: {reason_of(error)}"
+        raise CurrentError(f"{label}: cannot be understood ({why})") from None
 
 
 def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData:
@@ -322,32 +322,20 @@ def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData
         paths: one path, a glob pattern, a dataset, or a list of such; files may be split over time, and hold
             the components, the grid and the levels apart.
         crs: projection of coordinates in metres, as pyproj takes it, where the files do not name it.
-        epoch: the moment that the files' times count from, where they do not tell it; a datetime in UTC.
+        epoch: the moment that the files' times count from, where they do not state it; a datetime in UTC.
 
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
     """
     files = open_files(paths, crs, None if epoch is None else float(seconds_of(epoch)))
-    try:
-        return ocean_of(files)
-    except CurrentError:
-        for file in files:
-            file.close()
-        raise
+    with understood(files[0].path, *files):
+        return OceanData.of(*to_form(files))
 
 
 def ocean_of(files: Sequence[File]) -> OceanData:
-    """Return the current of files that are open.
-
-    Raises:
-        CurrentError: as `open_ocean`.
-    """
-    try:
+    """Return the current of files that are open; raises as `open_ocean`."""
+    with understood(files[0].path):
         return OceanData.of(*to_form(files))
-    except CurrentError:
-        raise
-    except Exception as error:
-        raise misunderstood(files[0].path, error) from None
 
 
 def summary_of(ocean: OceanData) -> dict[str, Any]:
@@ -383,9 +371,6 @@ def _span(values: Any) -> str:
 
 def to_cf(ocean: OceanData) -> xr.Dataset:
     """Return all of a current as CF-1.11, with a mesh as UGRID-1.0.
-
-    Args:
-        ocean: as `open_ocean` returns it.
 
     Returns:
         `uo`, `vo` and, where the source has it, `wo` [time, level, points] m/s, NaN where there is no water;

@@ -1,38 +1,36 @@
 """Coordinates in metres of a map projection as degrees, and the directions of its axes."""
 
 import re
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from pyproj import CRS, Geod, Transformer
 
+from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.currents.files import Array, File, text
 from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 
 _EARTH, _SPHERE = Geod(ellps="WGS84"), Geod(ellps="sphere")
-#: Attributes of a grid mapping that tell it whole, beside those of CF.
+#: Attributes of a grid mapping that define it whole, beside those of CF.
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4_params", "proj4")
 _CODES = ("epsg", "epsg_code", "EPSG_code", "EPSG")
 
 
-def as_crs(given: Any) -> CRS:
-    """Return a coordinate reference system of whatever pyproj understands.
-
-    Raises:
-        CurrentError: pyproj does not.
-    """
+def as_crs(given: Any, fault: type[AuvplanError]) -> CRS:
+    """Return a coordinate reference system of whatever pyproj understands, or raise `fault`."""
     try:
         return CRS.from_user_input(given)
-    except Exception:
-        raise CurrentError(f"{given!r} is no coordinate reference system", field="crs") from None
+    except Exception as error:
+        why = f"{given!r} is no coordinate reference system ({reason_of(error)})"
+        raise fault(why, field="crs") from None
 
 
 def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS | None]:
     """Read longitude and latitude of coordinates in degrees, or in metres of a projection.
 
     Args:
-        file: opened.
         places: names of longitude and latitude, or of x and y; of one dimension each or of two.
 
     Returns:
@@ -46,13 +44,16 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
     if all(file.text(name, "units").lower().startswith("rad") for name in places):
         return np.rad2deg(x), np.rad2deg(y), None
+    turned = re.compile(r"degrees?_?(w|west|south)|degrees?_s", re.IGNORECASE)
     x, y = (
-        -values
-        if re.fullmatch(r"degrees?_?(w|west|south)|degrees?_s", file.text(name, "units"), re.I)
-        else values
+        -values if turned.fullmatch(file.text(name, "units")) else values
         for name, values in zip(places, (x, y), strict=True)
     )
-    if not any(_is_projected(file, name) for name in places):
+    stated = (
+        file.standard_name(name).startswith(("projection_", "grid_longitude", "grid_latitude"))
+        for name in places
+    )
+    if not any(stated) and not any(length_factor(file.text(name, "units")) for name in places):
         finite = np.isfinite(x) & np.isfinite(y) if x.shape == y.shape else np.ones(1, bool)
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
         if not odd and finite.any():
@@ -67,12 +68,11 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
         )
     if not (crs.is_projected or crs.is_derived):
         raise file.fail(f"{places[0]} and {places[1]} are metres, {crs.name} is no projection")
-    degrees = [file.text(name, "units").lower().startswith("deg") for name in places]
-    factors = [1.0 if turned else file.metres(name) for name, turned in zip(places, degrees, strict=True)]
-    x, y = (
-        values * factor / (1.0 if crs.is_geographic else _unit(crs))
-        for values, factor in zip((x, y), factors, strict=True)
+    factors = (
+        1.0 if file.text(name, "units").lower().startswith("deg") else file.metres(name) for name in places
     )
+    unit = 1.0 if crs.is_geographic else _unit(crs)
+    x, y = (values * factor / unit for values, factor in zip((x, y), factors, strict=True))
     if file.variables[places[0]].dims != file.variables[places[1]].dims:
         x, y = np.meshgrid(x, y)
     longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y)
@@ -89,7 +89,7 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
     Raises:
         CurrentError: the file's own contradicts the argument, or makes no sense.
     """
-    stated = None if file.crs is None else as_crs(file.crs)
+    stated = None if file.crs is None else as_crs(file.crs, CurrentError)
     mappings = [file.text(name, "grid_mapping").split(":")[0] for name in names]
     listed = [name for name in mappings if name in file.variables]
     others = [
@@ -98,8 +98,8 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         if "grid_mapping_name" in variable.attrs or any(key in variable.attrs for key in _TEXTS)
     ]
     for name in [*listed, *(others if len(others) == 1 else [])]:
-        own = _of_mapping(file.variables[name].attrs)
-        if own is None:
+        own = of_mapping(file.variables[name].attrs)
+        if own is None or not (own.is_projected or own.is_derived):
             continue
         if stated is not None and not own.equals(stated, ignore_axis_order=True):
             raise file.fail(f"{name} is {own.name}, not {stated.name} as current.crs says")
@@ -135,32 +135,20 @@ def _from_east(x: Array, y: Array, to_x: Array, to_y: Array, earth: Geod) -> Arr
     return np.pi / 2 - np.angle(both)
 
 
-def _is_projected(file: File, name: str) -> bool:
-    units = file.text(name, "units")
-    stated = file.standard_name(name).startswith(("projection_", "grid_longitude", "grid_latitude"))
-    return stated or (bool(units) and length_factor(units) is not None)
-
-
 def _unit(crs: CRS) -> float:
     """Return metres in a projection's unit."""
     return float(crs.axis_info[0].unit_conversion_factor) or 1.0
 
 
-def _of_mapping(attributes: Any) -> CRS | None:
-    """Return the projection of a grid mapping's attributes, or None where they tell none."""
+def of_mapping(attributes: Any) -> CRS | None:
+    """Return the reference system of a grid mapping's attributes, or None where they define none."""
     tries = [text(attributes, name) for name in _TEXTS]
     tries += [f"EPSG:{text(attributes, name).removeprefix('EPSG:')}" for name in _CODES if name in attributes]
+    found: list[CRS] = []
     for words in filter(None, tries):
-        try:
-            found = CRS.from_user_input(words)
-        except Exception:  # a mapping is often given twice, once badly
-            continue
-        if found.is_projected or found.is_derived:
-            return found
-    try:
-        found = CRS.from_cf(
-            {key: getattr(value, "tolist", lambda v=value: v)() for key, value in attributes.items()}
-        )
-    except Exception:  # whatever pyproj makes of a name that CF does not know
-        return None
-    return found if found.is_projected or found.is_derived else None
+        with suppress(Exception):  # a mapping is often given twice, once badly
+            found.append(CRS.from_user_input(words))
+    with suppress(Exception):  # whatever pyproj makes of a name that CF does not know
+        found.append(CRS.from_cf({key: np.asarray(value).tolist() for key, value in attributes.items()}))
+    projected = [crs for crs in found if crs.is_projected or crs.is_derived]
+    return (projected or found or [None])[0]

@@ -15,9 +15,8 @@ from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, misunderstood, open_ocean
-from auvplan.io.currents.plausibility import check_times, check_values, percent
-from auvplan.io.currents.times import moment_of, seconds_of
+from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, open_ocean, understood
+from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site, swapped_hint
 
@@ -39,6 +38,12 @@ _OFF = 0.05
 _SAME = 1e-6
 #: So many values are read at a time.
 _CHUNK = 4_000_000
+#: A time that lacks this share of the water of other times is missing.
+_LOST = 0.5
+#: So many usual steps between two times are a gap.
+_GAP = 1.5
+#: Water that is faster, m/s, is hardly known; and none is as still everywhere.
+_FAST, _STILL = 6.0, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +57,9 @@ class CurrentFile:
         covered: [X, Y] bool, whether the data reaches there: no farther than half a cell beyond a grid's
             points, nowhere beyond a mesh's cells.
         sea_floor: [X, Y] m below the datum, positive down, NaN on land and beyond the data; None where the
-            file does not tell it.
+            file does not give it.
         low_water: [X, Y] m above the datum, the surface at its lowest, NaN on land; None where the file does
-            not tell its height.
+            not give its height.
         origin: m, north and east of node (0, 0).
         spacing: m between nodes, north and east.
         notes: every assumption that was made.
@@ -77,19 +82,14 @@ class CurrentFile:
 
 @dataclass(frozen=True, eq=False)
 class _Box:
-    """A box that is read: the source, and m north, east and depth of its corners about a site.
-
-    Attributes:
-        clamp: whether the nearest value holds beyond the data.
-        notes: get what has to be assumed.
-    """
+    """A box that is read: the source, and m north, east and depth of its corners about a site."""
 
     source: OceanData
     site: Site
     low: Array
     high: Array
-    clamp: bool
-    notes: list[str]
+    clamp: bool  # whether the nearest value holds beyond the data
+    notes: list[str]  # get what has to be assumed
 
     def grid(self, axes: tuple[Array, Array]) -> "_Grid":
         """Return nodes by their axes."""
@@ -110,19 +110,12 @@ class _Box:
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Nodes of a local grid, and where they are in the source.
+    """Nodes of a local grid, and where they are in the source."""
 
-    Attributes:
-        axes: [X] north and [Y] east of the nodes, m, even.
-        north, east: [X Y] m.
-        longitude, latitude: [X Y] degrees.
-        weights: of the X Y nodes.
-    """
-
-    axes: tuple[Array, Array]
-    north: Array
+    axes: tuple[Array, Array]  # [X] north and [Y] east of the nodes, m, even
+    north: Array  # [X Y] m
     east: Array
-    longitude: Array
+    longitude: Array  # [X Y] degrees
     latitude: Array
     weights: Weights
 
@@ -160,16 +153,16 @@ def read_current(
         depths: m, rising; by default the source's levels down to the box's end and the next one, or standard
             depths where the levels follow the sea bed.
         outside: "refuse" what the data does not cover, or "clamp": the nearest value holds.
-        land: where no current is needed: m north and east [M] to [M] bool, as a chart tells it, or "mesh" for
+        land: where no current is needed: m north and east [M] to [M] bool, as of a chart, or "mesh" for
             wherever the data is a mesh and has no cells; by default nowhere.
         crs: projection of the files' coordinates, as pyproj takes it, where they do not name it.
-        data_epoch: the moment, UTC, that the files' times count from, where they do not tell it.
+        data_epoch: the moment, UTC, that the files' times count from, where they do not state it.
 
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
 
     Warns:
-        ScenarioWarning: gaps and missing values, see `check_times` and `check_values`.
+        ScenarioWarning: gaps between times, hours or places without values, odd speeds.
 
     Example:
         >>> read_current("norkyst.nc", Site(5.95, 55.95), lower=(-2e3, -2e3, 0), upper=(2e3, 2e3, 7)).notes
@@ -184,15 +177,9 @@ def read_current(
     if outside not in ("refuse", "clamp"):
         raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
     source = open_ocean(paths, crs=crs, epoch=data_epoch)
-    try:
+    with understood(source.label, source):
         box = _Box(source, site, low, high, outside == "clamp", list(source.notes))
         return _read(box, times, spacing, depths, land)
-    except CurrentError:
-        source.close()
-        raise
-    except Exception as error:
-        source.close()
-        raise misunderstood(source.label, error) from None
 
 
 def _read(
@@ -230,13 +217,13 @@ def _read(
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
         raise source.fail("the current is missing everywhere in the box: there is land only")
-    check_times(source, frames)
+    _check_times(source, frames)
 
     def place(i: int, j: int) -> str:
         k = i * shape[3] + j
         return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
 
-    check_values(source, frames, wanted, u, v, place)
+    _check_values(source, frames, wanted, u, v, place)
     origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
@@ -258,11 +245,7 @@ def _read(
 
 
 def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
-    """Refuse a box that the data does not cover, or note what holds beyond it.
-
-    Raises:
-        CurrentError: a node lies beyond the data where there is water, or all do.
-    """
+    """Refuse a box that the data does not cover where there is water, or note what holds beyond it."""
     weights, outside, notes = grid.weights, grid.weights.outside, box.notes
     mesh = box.source.kind == "triangles"
     if callable(land):
@@ -279,13 +262,13 @@ def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
 
         far, hint = describe(weights.beyond[lacking]), swapped_hint(box.site, fits)
         raise box.source.fail(
-            f"{percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
+            f"{_percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
         what = "there is land unless a chart tells water, where the nearest" if mesh else "its nearest"
-        notes.append(f"beyond the data's area, in {percent(lacking)} of the box, {what} value holds")
+        notes.append(f"beyond the data's area, in {_percent(lacking)} of the box, {what} value holds")
     else:
-        notes.append(f"{percent(outside)} of the box lies beyond the data's area, where there is land")
+        notes.append(f"{_percent(outside)} of the box lies beyond the data's area, where there is land")
 
 
 def _frames(box: _Box, start: float, times: tuple[float, float] | None) -> slice:
@@ -435,3 +418,88 @@ def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Ar
             (up,) = at_depth(rising[:1], rising[1], np.full(1, depth), floor)
             (found[2, :, k],) = mix(matrix, up.reshape(count, points))
     return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])
+
+
+def _check_times(ocean: OceanData, frames: slice) -> None:
+    """Warn of times that were read and are farther apart than the usual step of the files."""
+    steps, usual = np.diff(ocean.times), 0.0
+    if len(steps) > 1:
+        usual = float(np.median(steps))
+    wide = [k for k in range(frames.start, frames.stop - 1) if usual and steps[k] > _GAP * usual]
+    if wide:
+        k = max(wide, key=lambda k: steps[k])
+        more = f", and in {len(wide) - 1} more gaps" if len(wide) > 1 else ""
+        _warn(
+            ocean.label,
+            f"has no current between {stamp(ocean.times[k])} and {stamp(ocean.times[k + 1])}{more}, "
+            f"{steps[k] / 3600.0:.3g} h where its usual step is {usual / 3600.0:.3g} h: it is interpolated",
+        )
+
+
+def _check_values(
+    ocean: OceanData, frames: slice, depths: Array, u: Array, v: Array, place: Callable[[int, int], str]
+) -> None:
+    """Refuse times that lack half of the water that others have; warn of other gaps and of odd speeds.
+
+    Args:
+        depths: [D] m.
+        u, v: [T, D, X, Y] m/s, NaN where there is no value.
+    """
+    known = np.isfinite(u) & np.isfinite(v)
+    ever = known.any(axis=0)
+    gone = ever & ~known
+    lost = gone.sum(axis=(1, 2, 3)) / max(int(ever.sum()), 1)
+    moments = ocean.times[frames]
+    missing = np.flatnonzero(lost >= _LOST)
+    if len(missing):
+        first = int(missing[0])
+        file = ocean.form["file"].values[frames][first]
+        more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
+        raise CurrentError(
+            f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "
+            "the water that other times have: take such times out of the file, or fetch it anew"
+        )
+    if ocean.levels is None:  # the tide lifts and lowers the bed among the depths
+        gone[:, 1:] &= ~known[:, :-1]
+    water: NDArray[np.bool_] = np.asarray(ever.any(axis=0))
+    at_times: NDArray[np.bool_] = np.asarray(gone.any(axis=(0, 1)))
+    if at_times.any():
+        first = int(np.flatnonzero(gone.any(axis=(1, 2, 3)))[0])
+        _warn(
+            ocean.label,
+            f"{_percent(at_times, water)} of the area's water has a current at some times only, such as "
+            f"{_named(at_times, place)}, first missing at {stamp(float(moments[first]))}: the nearest "
+            "water's is taken there",
+        )
+    under = ~known[:, :-1] & known[:, 1:] & ~gone[:, :-1]
+    beneath: NDArray[np.bool_] = np.asarray(under.any(axis=(0, 1)))
+    if beneath.any():
+        level = int(np.flatnonzero(under.any(axis=(0, 2, 3)))[0])
+        _warn(
+            ocean.label,
+            f"{_percent(beneath, water)} of the area's water has no current at {depths[level]:g} m depth "
+            f"though there is one below it, such as {_named(beneath, place)}: the nearest water's is "
+            "taken there",
+        )
+    fastest = float(np.sqrt(np.nanmax(np.square(u) + np.square(v))))
+    if fastest > _FAST:
+        _warn(ocean.label, f"the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
+    elif fastest < _STILL:
+        _warn(ocean.label, "the current is 0 everywhere in the area at all times")
+
+
+def _percent(nodes: NDArray[np.bool_], of: NDArray[np.bool_] | None = None) -> str:
+    """Return the share of nodes that are true, of all or of those that others are true for, in per cent."""
+    share = nodes.sum() / max(nodes.size if of is None else int(of.sum()), 1)
+    return f"{share:.0%}" if share >= 0.005 else "less than 1%"
+
+
+def _named(nodes: NDArray[np.bool_], place: Callable[[int, int], str]) -> str:
+    """One of some nodes [X, Y], the one nearest to their middle."""
+    found = np.argwhere(nodes)
+    middle = found[np.argmin(np.linalg.norm(found - found.mean(axis=0), axis=1))]
+    return place(int(middle[0]), int(middle[1]))
+
+
+def _warn(label: str, line: str) -> None:
+    warnings.warn(f"{label}: {line}", ScenarioWarning, stacklevel=3)

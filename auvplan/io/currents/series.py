@@ -1,4 +1,4 @@
-"""Files that belong together as one: parts of one stretch of time, and stretches that follow each other."""
+"""Files that belong together as one: parts of one time, times that follow, C-grids."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 
 from auvplan.io.currents.files import Array, File, Series
-from auvplan.io.currents.models import NEMO, on_middles
 from auvplan.io.currents.names import find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.currents.triangles import has_cells
@@ -18,6 +17,8 @@ from auvplan.ocean.gridded import CurrentError
 _PLACES = ("nav_lon", "nav_lat", "longitude", "latitude", "lon", "lat")
 #: What levels and directions depend on beside the axes; files of a series must agree on it.
 _FIXED = ("h", "hc", "Vtransform", "angle", "mask_rho")
+#: The middles of NEMO's cells.
+_NEMO = ("glamt", "gphit")
 
 
 def unified(files: Sequence[File]) -> tuple[File, ...]:
@@ -28,22 +29,18 @@ def unified(files: Sequence[File]) -> tuple[File, ...]:
     file, MOM6, MITgcm) are brought to the form of native ROMS: `lon_rho` and `lat_rho` [ny, nx] of the
     cells' middles, components on the edges between them.
 
-    Args:
-        files: as opened.
-
     Raises:
         CurrentError: files that belong together have other times, sizes or places than each other.
     """
     together = list(files) if all(_whole(file) for file in files) else _put_together(files)
-    return tuple(on_middles(file) for file in together)
+    return tuple(_on_middles(file) for file in together)
 
 
 def _whole(file: File) -> bool:
     """Return whether a file has a current and its places."""
     try:
         names = find_current(file)
-        dims = [file.variables[name].dims[-2:] for name in (names.east, names.north)]
-        staggered = dims[0] != dims[1]
+        staggered = file.variables[names.east].dims[-2:] != file.variables[names.north].dims[-2:]
         if staggered or not has_cells(file):
             find_places(file, names.east, staggered)
     except CurrentError:
@@ -103,15 +100,11 @@ def _times(file: File) -> Array:
 
 
 def _merged(parts: Sequence[File]) -> File:
-    """Return the first file with the variables of others that it lacks.
-
-    Raises:
-        CurrentError: a dimension has another length, or a place another value, in one than in another.
-    """
+    """Return the first file with what it lacks of others, which must have its sizes and places."""
     first, *others = parts
     variables: dict[str, xr.Variable] = dict(first.variables)
     sizes = first.sizes
-    nemo = all(any(name in part.variables for part in parts) for name in NEMO)
+    nemo = all(any(name in part.variables for part in parts) for name in _NEMO)
     for other in others:
         for dim, size in other.sizes.items():
             if sizes.setdefault(dim, size) != size and size > 1:
@@ -138,12 +131,113 @@ def _merged(parts: Sequence[File]) -> File:
     return replace(first, path=label, variables=variables, attributes=attributes, close=close)
 
 
+def _on_middles(file: File) -> File:
+    """Return a file with components on the edges of cells in the form of native ROMS; others as they are."""
+    try:
+        names = find_current(file)
+    except CurrentError:
+        return file
+    if names.both is not None:
+        return file
+    east, north = (file.variables[name] for name in (names.east, names.north))
+    if "lon_rho" in file.variables and east.dims[-2:] != north.dims[-2:]:
+        return _without_spare(file, names.east, names.north)
+    if east.dims[-2:] == north.dims[-2:] and all(name in file.variables for name in _NEMO):
+        return _nemo(file, names.east, names.north)
+    if east.ndim > 2 and north.ndim > 2 and not set(east.dims[-2:]) & set(north.dims[-2:]):
+        return _between_middles(file, names.east, names.north)
+    return file
+
+
+def _without_spare(file: File, east: str, north: str) -> File:
+    """Return a native ROMS file without the last edges east and north, where it has as many as points."""
+    rho, variables = file.variables["lon_rho"], dict(file.variables)
+    for name, axis in ((east, -1), (north, -2)):
+        edges = variables[name]
+        if rho.ndim == 2 and edges.shape[-2:] == rho.shape:
+            spare = {edges.dims[axis]: slice(0, -1)}
+            for other, variable in variables.items():
+                if edges.dims[axis] in variable.dims:
+                    variables[other] = variable.isel(spare)
+    return replace(file, variables=variables)
+
+
+def _nemo(file: File, east: str, north: str) -> File:
+    """Return NEMO's C-grid, whose components lie east and north of the middle with the same index."""
+    variables = dict(file.variables)
+    dims = variables[east].dims[-2:]
+    places = {"lon_rho": "glamt", "lat_rho": "gphit", "mask_rho": "tmask"}
+    for own, name in places.items():
+        if name in variables:
+            flat = variables[name].isel({dim: 0 for dim in variables[name].dims if dim not in dims})
+            if flat.dims == dims:
+                variables[own] = flat
+    mask, level = variables.get("tmask"), variables[east].dims[-3]
+    if mask is not None and mask.ndim > 2 and mask.shape[-3] == variables[east].shape[-3]:
+        deep = mask.isel(dict.fromkeys(mask.dims[:-3], 0))
+        renamed = {deep.dims[0]: level} if deep.dims[0] != level else {}
+        variables["tmask"] = xr.Dataset({"mask": deep}).rename_dims(renamed)["mask"].variable
+    for name, edge, axis in ((east, "u", 1), (north, "v", 0)):
+        own = {dim: f"{dim}_{edge}" for dim in dims}
+        edges = variables[name].isel({dims[axis]: slice(0, -1)})
+        variables[name] = xr.Dataset({"edges": edges}).rename_dims(own)["edges"].variable
+    for name in ("nav_lon", "nav_lat"):
+        variables.pop(name, None)
+    return replace(file, variables=variables)
+
+
+def _between_middles(file: File, east: str, north: str) -> File:
+    """Return a C-grid whose edges and middles have dimensions of their own, as MOM6 and MITgcm write them."""
+    variables = dict(file.variables)
+    u, v = variables[east], variables[north]
+    rows, columns = u.dims[-2], v.dims[-1]
+    found = _middles(file, str(rows), str(columns))
+    if found is None:
+        return file
+    variables["lon_rho"] = xr.Variable((rows, columns), found[0])
+    variables["lat_rho"] = xr.Variable((rows, columns), found[1])
+    for name, dim, middle in ((east, u.dims[-1], columns), (north, v.dims[-2], rows)):
+        size, count = variables[name].sizes[dim], len(found[0]) if middle == rows else found[0].shape[1]
+        first = _first_edge(file, str(dim), str(middle), size, count)
+        variables[name] = variables[name].isel({dim: slice(first, first + count - 1)})
+    return replace(file, variables=variables)
+
+
+def _middles(file: File, rows: str, columns: str) -> tuple[Array, Array] | None:
+    """Return longitude and latitude [ny, nx] of the cells' middles, or None where the file has none."""
+    names = ("geolon", "geolat"), ("XC", "YC"), ("lon", "lat"), ("longitude", "latitude"), (columns, rows)
+    for pair in names:
+        if not all(name in file.variables for name in pair):
+            continue
+        dims = [file.variables[name].dims for name in pair]
+        values = [file.coordinate(name, missing=True) for name in pair]
+        if dims == [(rows, columns), (rows, columns)]:
+            return values[0], values[1]
+        if dims == [(columns,), (rows,)]:
+            east, north = np.meshgrid(*values)
+            return east, north
+    return None
+
+
+def _first_edge(file: File, edges: str, middles: str, size: int, count: int) -> int:
+    """Return the index of the edge between the first two of `count` middles among `size` edges."""
+    if size == count - 1:
+        return 0
+    if size == count + 1:
+        return 1
+    if all(name in file.variables and file.variables[name].ndim == 1 for name in (edges, middles)):
+        edge, middle = file.coordinate(edges), file.coordinate(middles)
+        share = (edge[0] - middle[0]) / (middle[1] - middle[0])
+        if size == count and abs(abs(share) - 0.5) < 0.25:
+            return int(share < 0.0)
+    raise file.fail(f"{size} edges along {edges} do not fit {count} middles along {middles}")
+
+
 def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tuple[Series, list[str]]:
     """Join files of one model run that follow each other in time.
 
     Args:
-        files: in any order.
-        name: of a velocity component, whose dimensions tell which is time.
+        name: of a velocity component, whose dimensions show which is time.
         coordinates: variables that must be the same in all files.
 
     Returns:
@@ -214,7 +308,7 @@ def _require_same_grid(
         if coordinate not in other.variables:
             raise CurrentError(f"{other.path}: has no {coordinate}, which {first.path} has")
         pair = [file.coordinate(coordinate, missing=True) for file in (first, other)]
-        # Packed anew in each file, depths differ by a rounding.
+        # Packed in each file by itself, depths differ by a rounding.
         slack = 1e-6 if coordinate in coordinates else 1e-3 * float(np.nanmax(np.abs(pair[0]), initial=0.0))
         same = pair[0].shape == pair[1].shape and np.allclose(*pair, rtol=0.0, atol=slack, equal_nan=True)
         if not same:

@@ -27,13 +27,13 @@ _JULIAN = {
 _UTC = ("Z", "UTC", "GMT", "UT")
 _ZONE = re.compile(r"^\d.*?\d\s*([A-Za-z]+(?:\s*[-+][\d:]*[1-9][\d:]*)?)\s*$")
 _DAY_FIRST = re.compile(r"\d{1,2}[-/.]\d{1,2}[-/.]\d{4}")
-#: Times that are told to no less, s, are worth a word.
+#: Times whose resolution is coarser, s, are noted.
 _COARSE = 10.0
 _NAMES = ("time", "ocean_time", "Time", "TIME", "t", "time_counter", "MT")
 
 
 def find_time(file: File, dims: tuple[str, ...]) -> str:
-    """Return the variable that tells the times of a field with these dimensions.
+    """Return the variable with the times of a field with these dimensions.
 
     It is one-dimensional, or one value.
 
@@ -129,19 +129,15 @@ def seconds_of(moment: Any) -> Array:
         CurrentError: it is neither.
     """
     values = np.asarray(moment)
-    if values.dtype.kind == "M":
-        seconds = (values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
-    elif values.dtype == object:
-        try:
-            flat = [(as_utc(value) - _EPOCH).total_seconds() for value in values.ravel()]
-        except (AttributeError, TypeError):
-            raise CurrentError(f"a moment must be a datetime or seconds since 1970, got {moment!r}") from None
-        seconds = np.asarray(flat).reshape(values.shape)
-    elif values.dtype.kind in "fiu":
-        seconds = values
-    else:
-        raise CurrentError(f"a moment must be a datetime or seconds since 1970, got {moment!r}")
-    seconds = np.asarray(seconds, float)
+    try:
+        if values.dtype.kind == "M":
+            values = (values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+        elif values.dtype.kind not in "fiu":
+            flat = [(as_utc(value) - _EPOCH).total_seconds() for value in values.ravel().tolist()]
+            values = np.reshape(flat, values.shape)
+    except (AttributeError, TypeError):
+        raise CurrentError(f"a moment must be a datetime or seconds since 1970, got {moment!r}") from None
+    seconds = np.asarray(values, float)
     if not np.isfinite(seconds).all():
         raise CurrentError("a moment must be a date, got a missing one")
     return seconds
@@ -194,17 +190,12 @@ def _decoded(file: File, name: str, values: Array, units: str, calendar: str) ->
 
 def _is_text_of(file: File, name: str, dims: tuple[str, ...]) -> bool:
     """Return whether a variable holds dates as text along one of some dimensions."""
-    variable = file.variables[name]
-    fits = variable.ndim in (1, 2) and variable.dims[0] in dims and variable.dtype.kind in "SUO"
-    return fits and ("time" in name.lower() or "date" in name.lower())
+    variable, named = file.variables[name], "time" in name.lower() or "date" in name.lower()
+    return named and variable.ndim in (1, 2) and variable.dims[0] in dims and variable.dtype.kind in "SUO"
 
 
 def _written_out(file: File, dims: tuple, name: str) -> Array | None:
-    """Dates as text to the microsecond, of the times or of FVCOM's Times; None where there are none.
-
-    Raises:
-        CurrentError: the times themselves are text, but no dates.
-    """
+    """Dates as text to the microsecond, of the times or of FVCOM's Times; None where there are none."""
     found = [other for other in (name, "Times") if other in file.variables and dims]
     found = [other for other in found if _is_text_of(file, other, dims[:1])]
     if not found:

@@ -29,9 +29,9 @@ from auvplan.io.currents.geometry import (
 from auvplan.io.currents.names import require_field
 from auvplan.io.currents.projection import in_degrees
 
-#: Cells that together are so many times their convex hull lie over each other.
+#: Cells that together are this many times their convex hull lie over each other.
 _MORE = 1.2
-#: Sides of a mesh's cells that are so many times as long as usual are none: meshes grow coarse offshore.
+#: Sides of a mesh's cells that are this many times as long as usual are none: meshes grow coarse offshore.
 _TORN = 1000.0
 #: Connectivity where no mesh topology names it.
 _CONNECTIVITY = (
@@ -45,25 +45,16 @@ _NODES = (
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of an unstructured grid.
+    """The cells of an unstructured grid."""
 
-    Attributes:
-        dim, cell_dim: of the nodes and of the cells.
-        longitude, latitude: [nodes] degrees.
-        triangles: [N, 3] nodes.
-        cell: [N], the cell that each triangle is of: a cell with four corners is two triangles.
-        corners: [cells, 3 or more] nodes, -1 where a cell has fewer.
-        crs: the projection of the file's coordinates; None for degrees.
-    """
-
-    dim: str
+    dim: str  # of the nodes and of the cells
     cell_dim: str
-    longitude: Array
+    longitude: Array  # [nodes] degrees
     latitude: Array
-    triangles: Index
-    cell: Index
-    corners: Index
-    crs: CRS | None = None
+    triangles: Index  # [N, 3] nodes
+    cell: Index  # [N], the cell that each triangle is of: a cell with four corners is two triangles
+    corners: Index  # [cells, 3 or more] nodes, -1 where a cell has fewer
+    crs: CRS | None = None  # the projection of the file's coordinates; None for degrees
 
     @cached_property
     def whole(self) -> NDArray[np.bool_]:
@@ -74,18 +65,13 @@ class Cells:
 
 @dataclass(frozen=True)
 class Triangles:
-    """Points without rows and columns.
+    """Points without rows and columns."""
 
-    Attributes:
-        longitude, latitude: [P] degrees.
-        cells: the grid's cells, whose nodes or middles the points are; None where the file has none.
-        in_cells: whether the points are the cells' middles.
-    """
-
-    longitude: Array
+    longitude: Array  # [P] degrees
     latitude: Array
+    #: The grid's cells, whose nodes or middles the points are; None where the file has none.
     cells: Cells | None = None
-    in_cells: bool = False
+    in_cells: bool = False  # whether the points are the cells' middles
     kind: str = "triangles"
 
     @property
@@ -107,10 +93,8 @@ class Triangles:
         }
         if self.cells is not None:
             found["face_nodes"] = ("face", "corner"), self.cells.corners
-            found |= {
-                "node_lat": (("node",), self.cells.latitude),
-                "node_lon": (("node",), self.cells.longitude),
-            }
+            for name, values in (("node_lat", self.cells.latitude), ("node_lon", self.cells.longitude)):
+                found[name] = ("node",), values
         return found
 
     @property
@@ -161,11 +145,9 @@ class Triangles:
         """
         middle, apart = bounds(longitude, latitude)
         near = _near(self, self.triangles, middle, apart)
-        triangles = (
-            self.triangles[near]
-            if len(near)
-            else np.full((1, 3), nearest(self.longitude, self.latitude, middle))
-        )
+        triangles = self.triangles[near]
+        if not len(near):
+            triangles = np.full((1, 3), nearest(self.longitude, self.latitude, middle))
         found = within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
         index, weight, beyond = found.index.copy(), found.weight.copy(), found.beyond.copy()
         dry = found.outside
@@ -226,10 +208,7 @@ def find_triangles(
     """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
-        file: opened.
-        name: of a velocity component.
         places: longitude and latitude of its values; None where they are not given.
-        notes: get what has to be assumed.
 
     Returns:
         The geometry; the file's dimension of the points; and the projection that its coordinates count along,
@@ -242,10 +221,13 @@ def find_triangles(
     if places is None:
         if cells is None or cells.cell_dim not in file.variables[name].dims:
             return None
-        named = _face_coordinates(file, cells.cell_dim)
-        if named is not None:
-            longitude, latitude, crs = in_degrees(file, named)
-            return Triangles(longitude, latitude, cells, True), cells.cell_dim, crs
+        own = {name for name, variable in file.variables.items() if variable.dims == (cells.cell_dim,)}
+        for mesh in _meshes(file):
+            pair = file.text(mesh, "face_coordinates").split()
+            if len(pair) == 2 and own.issuperset(pair):
+                turned = _is_latitude(file, pair[0]) and "lon" in pair[1].lower()
+                longitude, latitude, crs = in_degrees(file, (pair[turned], pair[not turned]))
+                return Triangles(longitude, latitude, cells, True), cells.cell_dim, crs
         notes.append("the places of the cells' middles are not given: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the antimeridian have a middle.
@@ -324,19 +306,6 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
         if len(nodes) == 2:
             northern = [_is_latitude(file, node) for node in nodes]
             return name, (nodes[1], nodes[0]) if northern[0] and not northern[1] else (nodes[0], nodes[1])
-    return None
-
-
-def _face_coordinates(file: File, cell_dim: str) -> tuple[str, str] | None:
-    """Return x and y of the cells' middles as UGRID's mesh topology names them, None where it does not."""
-    for mesh in _meshes(file):
-        names = file.text(mesh, "face_coordinates").split()
-        known = [
-            name for name in names if name in file.variables and file.variables[name].dims == (cell_dim,)
-        ]
-        if len(names) == len(known) == 2:
-            turned = _is_latitude(file, names[0]) and "lon" in names[1].lower()
-            return (names[1], names[0]) if turned else (names[0], names[1])
     return None
 
 

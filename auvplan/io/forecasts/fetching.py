@@ -20,9 +20,9 @@ from auvplan.io.forecasts.servers import OPENERS, Remote, as_file
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
-#: Bytes that are fetched at most, and about so many with one request.
+#: Bytes that are fetched at most, in all and, about, with one request.
 _MOST, _AT_ONCE = 2_000_000_000, 50_000_000
-#: How attributes begin that tell of a storage format, of the server's own work and its time of day, or of the
+#: How attributes begin that are of a storage format, of the server's own work and its time of day, or of the
 #: extent of the whole data set.
 _UNWANTED = (
     "history", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DODS", "actual_range", "geospatial_",
@@ -60,19 +60,11 @@ class Fetched:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A part of a data set.
+    """A part of a data set."""
 
-    Attributes:
-        names: of the variables, each once.
-        picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
-            not named are taken whole.
-        wrapped: the longitudes, where the part crosses the wrap-around of a grid round the globe; or None.
-        notes: what is to be noted of it.
-    """
-
-    names: tuple[str, ...]
-    picks: dict[str, Indices]
-    wrapped: str | None
+    names: tuple[str, ...]  # of the variables, each once
+    picks: dict[str, Indices]  # by dimension, in the order to follow each other; others are taken whole
+    wrapped: str | None  # the longitudes, where the part crosses the wrap-around of a grid round the globe
     notes: tuple[str, ...]
 
 
@@ -103,24 +95,16 @@ def fetch_current(
     remote = OPENERS[request.server](request, timeout)
     cut = _cut_of(remote.file, request)
     data = _fetched(remote, cut, request, progress)
-    _require_current(data, request)
-    data.attrs |= _origin_of(request, remote.file)
-    return Fetched(write_dataset(data, target), cut.notes)
-
-
-def _origin_of(request: Request, head: File) -> dict[str, str]:
-    """Return the attributes that state where a current is from."""
+    current = as_file(request.dataset, data)
+    if not np.isfinite(current.variables[str(ocean_of((current,)).source("uo"))].values).any():
+        raise request.fail("the box holds no water at these times: look at --box")
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
-    stated = {
-        "server": server,
-        "dataset": dataset,
-        "run": _reference_time(head),
-        "request": request.text,
-        "request_sha256": request.sha256,
-    }
-    return {f"{ORIGIN}{name}": value for name, value in stated.items() if value}
+    origin = {"server": server, "dataset": dataset, "run": _reference_time(remote.file)}
+    origin |= {"request": request.text, "request_sha256": request.sha256}
+    data.attrs |= {f"{ORIGIN}{name}": value for name, value in origin.items() if value}
+    return Fetched(write_dataset(data, target), cut.notes)
 
 
 def _fetched(
@@ -150,16 +134,7 @@ def _fetched(
 
 
 def _cut_of(file: File, request: Request) -> _Cut:
-    """Return the part of a data set that holds a request, with a rim of a cell around its box.
-
-    Args:
-        file: the head of the data set.
-        request: box, times and depths.
-
-    Raises:
-        ForecastError: one line; the box or the times lie outside the data, or the grid cannot be cut.
-        CurrentError: the data set has no current that can be read.
-    """
+    """Return the part of a data set that holds a request, with a rim of a cell around its box."""
     ocean = ocean_of((file,))
     east, north = (ocean.form.variables[name].encoding for name in ("uo", "vo"))
     places, notes = ocean.form.variables["longitude"].encoding, list(ocean.notes)
@@ -218,22 +193,17 @@ def _around(ocean: OceanData, request: Request) -> list[Indices]:
             f"the box reaches beyond the data {describe(weights.beyond)}: they cover longitudes {least:.6g} "
             f"to {most:.6g} and latitudes {low:.6g} to {high:.6g}"
         )
-    found = []
+    found, steps = [], np.abs(np.diff(np.unwrap(grid.longitude, period=360.0)))
+    step = float(np.median(steps)) if steps.size else np.nan
+    around = abs(float(steps.sum()) + step - 360.0) < 0.5 * step
     for (dim, pick), size in zip(grid.window(weights.index).picks.items(), grid.shape, strict=True):
         run = np.arange(pick.start, pick.stop) if isinstance(pick, slice) else pick
         wider = np.arange(run[0] - 1, run[0] + len(run) + 1)
-        if dim == "longitude" and _closed(grid.longitude):
+        if dim == "longitude" and around:
             found.append(wider % size if len(wider) < size else np.arange(size))
         else:
             found.append(wider[(wider >= 0) & (wider < size)])
     return found
-
-
-def _closed(longitude: NDArray[np.float64]) -> bool:
-    """Return whether columns go round the globe."""
-    steps = np.abs(np.diff(np.unwrap(longitude, period=360.0)))
-    step = float(np.median(steps)) if len(steps) else np.nan
-    return abs(float(steps.sum()) + step - 360.0) < 0.5 * step
 
 
 def _times(ocean: OceanData, request: Request) -> Indices:
@@ -340,11 +310,3 @@ def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
         if isinstance(value, str) or np.asarray(value).dtype.kind in "fiu":
             kept[str(name)] = value
     return kept
-
-
-def _require_current(data: xr.Dataset, request: Request) -> None:
-    """Refuse what cannot be read as a current, or holds none."""
-    file = as_file(request.dataset, data)
-    ocean = ocean_of((file,))
-    if not np.isfinite(file.variables[str(ocean.source("uo"))].values).any():
-        raise request.fail("the box holds no water at these times: look at --box")

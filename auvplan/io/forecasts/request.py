@@ -83,11 +83,7 @@ class Request:
     def text(self) -> str:
         """The request on one line, the same however its options were written."""
         box = ",".join(f"{degrees:.6g}" for degrees in self.box)
-        parts = [
-            f"from {self.server}:{self.dataset}",
-            f"box {box}",
-            f"time {','.join(map(stamp, self.times))}",
-        ]
+        parts = [f"from {self.server}:{self.dataset} box {box} time {','.join(map(stamp, self.times))}"]
         if self.depths is not None:
             parts.append(f"depth {','.join(f'{depth:g}' for depth in self.depths)}")
         return " ".join(parts)

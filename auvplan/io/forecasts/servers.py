@@ -15,9 +15,9 @@ from urllib.parse import quote, unquote, urlsplit, urlunsplit
 import numpy as np
 import xarray as xr
 
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.currents.files import File
-from auvplan.io.currents.times import moment_of
+from auvplan.io.currents.times import moment_of, seconds_of
 from auvplan.io.forecasts.request import ForecastError, Request
 
 if TYPE_CHECKING:
@@ -43,27 +43,16 @@ _PLAIN = ":,.&=<>!~/"
 
 @dataclass(frozen=True)
 class Remote:
-    """A data set on a server, of which nothing but head and axes is known yet.
+    """A data set on a server, of which nothing but head and axes is known yet."""
 
-    Attributes:
-        file: its head, decoded but for times, as the readers of currents look at it.
-        raw: its variables as the server stores them; their values are not to be read.
-        read: values of a variable in a range of indices of each of its dimensions, as the server stores them.
-    """
-
-    file: File
-    raw: Mapping[str, xr.Variable]
+    file: File  # its head, decoded but for times, as the readers of currents look at it
+    raw: Mapping[str, xr.Variable]  # its variables as the server stores them; their values are not to be read
+    #: Values of a variable in a range of indices of each of its dimensions, as the server stores them.
     read: Callable[[str, Mapping[str, slice]], np.ndarray]
 
     @classmethod
     def of(cls, label: str, dataset: xr.Dataset, read: Callable) -> "Remote":
-        """Return the remote of an undecoded data set.
-
-        Args:
-            label: its name for messages.
-            dataset: its head.
-            read: as above.
-        """
+        """Return the remote of an undecoded data set."""
         raw = {str(name): variable for name, variable in dataset.variables.items()}
         return cls(as_file(label, dataset), raw, read)
 
@@ -79,7 +68,6 @@ def open_copernicus(request: Request, timeout: float) -> Remote:
     """Open a data set by its identifier; nothing but its head is fetched.
 
     Args:
-        request: whose data set is the identifier.
         timeout: s that the service may be silent; the client asks some times.
 
     Raises:
@@ -161,14 +149,12 @@ def _refused(request: Request, error: Exception) -> ForecastError:
 
 def _without_dates(dataset: xr.Dataset) -> xr.Dataset:
     """Return a data set with times as seconds since 1970, in which all servers' times are compared."""
-    changed: dict[Any, Any] = {}
+    changed = {}
     for name, variable in dataset.variables.items():
         if variable.dtype.kind == "M":
-            seconds = (variable.values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
             kept = {key: value for key, value in variable.attrs.items() if key not in ("units", "calendar")}
-            changed[name] = variable.dims, seconds, kept | _SECONDS
-    plain = dataset.drop_vars(list(changed))
-    return plain.assign({name: xr.Variable(*parts) for name, parts in changed.items()})
+            changed[name] = xr.Variable(variable.dims, seconds_of(variable.values), kept | _SECONDS)
+    return dataset.drop_vars(list(changed)).assign(changed)
 
 
 def open_erddap(request: Request, timeout: float) -> Remote:
@@ -229,12 +215,12 @@ def open_erddap(request: Request, timeout: float) -> Remote:
         return Remote.of(request.dataset, undecoded, read)
 
 
-def _head(stated: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
+def _head(page: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
     """Sizes by dimension, type and dimensions by variable, and attributes by variable, of an info page."""
     dims: dict[str, int] = {}
     variables: dict[str, tuple[str, tuple[str, ...]]] = {}
     attributes: dict[str, dict] = {}
-    for kind, name, attribute, type_, value in stated["table"]["rows"]:
+    for kind, name, attribute, type_, value in page["table"]["rows"]:
         if kind == "dimension":
             count = _COUNT.search(value)
             if count is None:
@@ -243,22 +229,18 @@ def _head(stated: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, 
         elif kind == "variable" and type_ in _TYPES:
             variables[name] = _TYPES[type_], tuple(part.strip() for part in value.split(","))
         elif kind == "attribute":
-            attributes.setdefault(name, {})[attribute] = _value(type_, value)
+            stated: Any = value
+            if type_ in _TYPES:
+                numbers = np.array([float(part) for part in value.split(",")]).astype(_TYPES[type_])
+                stated = numbers[0] if numbers.size == 1 else numbers
+            attributes.setdefault(name, {})[attribute] = stated
     return dims, variables, attributes
-
-
-def _value(type_: str, value: str) -> Any:
-    if type_ not in _TYPES:
-        return value
-    numbers = np.array([float(part) for part in value.split(",")]).astype(_TYPES[type_])
-    return numbers[0] if numbers.size == 1 else numbers
 
 
 def open_opendap(request: Request, timeout: float) -> Remote:
     """Open a data set by its OPeNDAP address; nothing but its head is fetched.
 
     Args:
-        request: whose data set is the address.
         timeout: s that the server may be silent.
 
     Raises:
@@ -323,29 +305,24 @@ def _answering(request: Request, timeout: float) -> Iterator[None]:
     except requests.exceptions.HTTPError as error:
         raise _status(request, error) from None
     except requests.exceptions.SSLError as error:
-        raise request.fail(f"the server's certificate is not trusted ({_line(error)})") from None
-    except requests.exceptions.ConnectionError as error:
-        if "IncompleteRead" in str(error) or "Read timed out" in str(error):
-            raise request.fail("the server broke off its answer: try again, or a smaller request") from None
-        raise request.fail("the server cannot be reached: look at the address and the network") from None
-    except (requests.exceptions.ChunkedEncodingError, requests.exceptions.ContentDecodingError):
-        raise request.fail("the server broke off its answer: try again, or a smaller request") from None
+        raise request.fail(f"the server's certificate is not trusted ({reason_of(error)})") from None
     except requests.exceptions.RequestException as error:
-        raise request.fail(f"the server cannot be asked ({_line(error)})") from None
+        cut = (requests.exceptions.ChunkedEncodingError, requests.exceptions.ContentDecodingError)
+        if isinstance(error, cut) or "IncompleteRead" in str(error) or "Read timed out" in str(error):
+            raise request.fail("the server broke off its answer: try again, or a smaller request") from None
+        if isinstance(error, requests.exceptions.ConnectionError):
+            raise request.fail("the server cannot be reached: look at the address and the network") from None
+        raise request.fail(f"the server cannot be asked ({reason_of(error)})") from None
     except AuvplanError:
         raise
     # What is no answer of such a server is met with whatever a client stumbles over.
     except Exception as error:
         kind = "ERDDAP griddap" if request.server == "erddap" else "OPeNDAP"
-        raise request.fail(f"the answer is not {kind} ({_line(error)}): look at the address") from None
+        raise request.fail(f"the answer is not {kind} ({reason_of(error)}): look at the address") from None
 
 
 def _session(request: Request) -> "requests.Session":
-    """Return a session of requests; no request is sent yet.
-
-    Raises:
-        ForecastError: the packages for servers are not installed.
-    """
+    """Return a session of requests; no request is sent yet."""
     try:
         import requests
     except ImportError:
@@ -359,9 +336,12 @@ def _missing(request: Request) -> ForecastError:
 
 
 def _status(request: Request, error: "requests.exceptions.HTTPError") -> ForecastError:
-    """Return the line for a status that is an error."""
-    status = None if error.response is None else error.response.status_code
-    said = "" if error.response is None else _said(error.response.text)
+    """Return the line for a status that is an error, with the words of the server's message."""
+    status, said = None, ""
+    if error.response is not None:
+        status, (_, mark, rest) = error.response.status_code, error.response.text.partition('message="')
+        words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
+        said = f" ({words[:_LONGEST]})" if mark else ""
     if status in (401, 403):
         return request.fail(f"the server wants a login or refuses it (status {status}){said}")
     if status in (404, 410):
@@ -369,19 +349,6 @@ def _status(request: Request, error: "requests.exceptions.HTTPError") -> Forecas
     if status == 413:
         return request.fail(f"the request is too large for the server (status 413){said}: ask for less")
     return request.fail(f"the server answers with status {status}{said}: try again later")
-
-
-def _said(text: str) -> str:
-    """Return the words of a server's error message, in brackets; none of a page."""
-    _, mark, rest = text.partition('message="')
-    if not mark:
-        return ""
-    words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
-    return f" ({words[:_LONGEST]})"
-
-
-def _line(error: Exception) -> str:
-    return (" ".join(str(error).split()) or type(error).__name__)[:_LONGEST]
 
 
 #: What opens a data set of each kind of server, with the seconds that it may be silent.

@@ -1,6 +1,5 @@
 """Depth of the sea floor on local pixels, from NetCDF (GEBCO, ETOPO, EMODnet, ROMS, CF) and rasters."""
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.grid import LocalGrid, local_grid
@@ -29,12 +29,11 @@ from auvplan.io.geo.nodes import (
 )
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
-from auvplan.runtime.files import require_whole
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: Default pixels are half the source's spacing, within these bounds, m, and so many a side at most.
+#: Default pixels are half the source's spacing, within these bounds, m, and at most this many a side.
 SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
 # Names of variables by which the sense of their values is known, in the order in which they are looked for.
 _UP = ("elevation", "z", "topo", "topography", "altitude")
@@ -153,8 +152,7 @@ def _opened(
             start = file.read(4)
         if not start:
             raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
-        classic, hdf = start[:3] == b"CDF", start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"
-        if not classic and not hdf:
+        if start[:3] != b"CDF" and (start != b"\x89HDF" or Path(source).suffix.lower() == ".bag"):
             array = read_raster(source, crs, numbers=True)
             if array.ndim != 2:
                 raise GeoError(f"{path}: three bands are colours, not depths")
@@ -162,17 +160,8 @@ def _opened(
                 raise GeoError(f"{path}: a raster has no variable {variable!r}")
             yield array, ()
             return
-        require_whole(Path(source), GeoError)
-        engine = "scipy" if classic else "h5netcdf"
-        lazily: dict[str, Any] = {
-            "decode_times": False,
-            "decode_timedelta": False,
-            "create_default_indexes": False,
-        }
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of odd attributes, which matter only where they are needed
-            with xr.open_dataset(source, engine=engine, **lazily) as dataset:
-                yield _chosen(path, dataset, variable)
+        with open_lazily(path, GeoError) as dataset:
+            yield _chosen(path, dataset, variable)
 
 
 def _chosen(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.DataArray, tuple[str, ...]]:
@@ -231,10 +220,7 @@ def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tupl
 def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> Array:
     """[rows, columns] of a window in the source's own units and sense, NaN where there is no value.
 
-    Args:
-        array: [rows, columns].
-        first, last: rows.
-        left, right: columns; those beyond the last one count on from the first.
+    Columns beyond the last one count on from the first.
     """
     columns = array.shape[1]
     # In stretches: a window across the antimeridian is two of them.
@@ -288,12 +274,10 @@ def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
     with np.errstate(invalid="ignore"):
         odd = (np.abs(values) > _EXTREME) | np.isin(values, _SENTINELS)
     count = int(odd.sum())
-    notes = (
-        (f"{count} values that no sea floor has, such as {values[odd][0]:g} m, were taken as missing",)
-        if count
-        else ()
-    )
-    return np.where(odd, np.nan, values), notes
+    if not count:
+        return values, ()
+    line = f"{count} values that no sea floor has, such as {values[odd][0]:g} m, were taken as missing"
+    return np.where(odd, np.nan, values), (line,)
 
 
 def _sense_of_standard_name(name: Any) -> str | None:
@@ -332,7 +316,14 @@ def _sense(
                 f'{what} is positive down by {source}, but all its values are negative: say positive="up"'
             )
         return (1.0 if sense == "down" else -1.0), ()
-    least, most = _extremes(array, values)
+    # The area, and evenly spaced rows of the whole source.
+    rows, columns = array.shape
+    sample = [values.ravel()]
+    for row in np.unique(np.linspace(0, rows - 1, min(rows, _ROWS)).astype(int)).tolist():
+        sample.append(_load(array, row, row, 0, columns - 1).ravel())
+    known = np.concatenate(sample)
+    known = known[np.isfinite(known) & ~np.isin(known, _SENTINELS)]
+    least, most = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     if most <= 0.0 or (least < 0.0 and not name.startswith("bathy") and "depth" not in name):
         kind = "of both signs" if most > 0.0 else "negative"
         return -1.0, (f"{array.name or 'the band'} was taken as positive up: its values are {kind}",)
@@ -340,14 +331,3 @@ def _sense(
         f"{what} does not give whether its values, {least:g} to {most:g}, are heights or depths: say "
         'positive="up" or "down" (bathymetry.positive)'
     )
-
-
-def _extremes(array: xr.DataArray, values: Array) -> tuple[float, float]:
-    """Return the least and largest of some values and of evenly spaced rows of the whole source."""
-    rows, columns = array.shape
-    sample = [values.ravel()]
-    for row in np.unique(np.linspace(0, rows - 1, min(rows, _ROWS)).astype(int)).tolist():
-        sample.append(_load(array, row, row, 0, columns - 1).ravel())
-    known = np.concatenate(sample)
-    known = known[np.isfinite(known) & ~np.isin(known, _SENTINELS)]
-    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)

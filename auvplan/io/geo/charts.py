@@ -26,9 +26,9 @@ from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.site import Site, swapped_hint
 
-# A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.
+# Pixels by which a picture's corner pixels may stick out: half of one is the picture's own edge.
 _SLACK = 1.0
-#: Properties that tell when an area is closed.
+#: Properties that state when an area is closed.
 _HOURS = ("from", "to", "windows")
 
 
@@ -168,7 +168,7 @@ def with_no_go(
     """Return a chart on which closed areas are coast: every pixel that one reaches into.
 
     Args:
-        chart: the chart; None for open water over the rectangle that the other arguments tell.
+        chart: the chart; None for open water over the rectangle of the other arguments.
         polygons: zones, or shapely polygons in local (north, east), m; what lies off the chart is left.
         lower: south-western corner (north, east), m, of a chart of open water; not used with `chart`.
         upper: its north-eastern corner, m.
@@ -183,10 +183,8 @@ def with_no_go(
                 raise GeoError("without a chart, lower and upper tell the area")
             grid = local_grid(lower, upper, pixel_size)
         else:
-            (south, west), (north, east) = (
-                np.asarray(corner, float).tolist() for corner in (chart.lower, chart.upper)
-            )
-            grid = LocalGrid((south, west), (north, east), float(chart.pixel_size), chart.shape)
+            low, high = (tuple(np.asarray(corner, float).tolist()) for corner in (chart.lower, chart.upper))
+            grid = LocalGrid(low, high, float(chart.pixel_size), chart.shape)
         closed = np.zeros(grid.shape, bool)
         for number, given in enumerate(polygons, 1):
             closed |= touched(_closed_area(given, number), grid)
@@ -201,10 +199,9 @@ def with_no_go(
 def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
     """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
 
-    One that is closed at some hours only tells them by `from` and `to`, or by `windows`, as jobs do.
+    One that is closed at some hours only states them by `from` and `to`, or by `windows`, as jobs do.
 
     Args:
-        path: of the file.
         site: where local coordinates count from.
         lower: south-western corner (north, east), m, of the area that they are for; None where it is not
             known.
@@ -222,19 +219,12 @@ def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = 
             grid, shapes = local_grid(lower, upper, None), [feature.shape for feature in found]
             if shapely.is_empty(near(shapes, site, grid, 0.0)):
                 _warn_beyond(path, "closed area", shapes, site, grid)
-        return [
-            Zone(
-                str(feature.properties.get("name", feature.number)),
-                to_local(feature.shape, site),
-                feature.where,
-                {
-                    name: stated
-                    for name, stated in feature.properties.items()
-                    if name in _HOURS and stated != ""
-                },
-            )
-            for feature in found
-        ]
+        zones = []
+        for feature in found:
+            hours = {k: v for k, v in feature.properties.items() if k in _HOURS and v != ""}
+            name = str(feature.properties.get("name", feature.number))
+            zones.append(Zone(name, to_local(feature.shape, site), feature.where, hours))
+        return zones
 
 
 def closures_of(
@@ -251,7 +241,7 @@ def closures_of(
 
     Args:
         zones: those without hours are left out.
-        site: tells the departure that moments count from.
+        site: has the departure that moments count from.
         lower: south-western corner (north, east), m, of the area of paths.
         upper: its north-eastern corner, m.
         pixel_size: of the charts on which they are coast, m.
@@ -291,16 +281,11 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
 
 
 def _passability(
-    path: str,
-    raster: Any,
-    mask: Any,
-    classes: Mapping[int, float] | None,
-    colours: ChartColours,
+    path: str, raster: Any, mask: Any, classes: Mapping[int, float] | None, colours: ChartColours
 ) -> tuple[NDArray[np.float32], tuple[str, ...], NDArray[np.bool_] | None]:
     """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart.
 
     Args:
-        path: of the raster, for messages.
         raster: array [rows, columns] or [rows, columns, bands].
         mask: array [rows, columns], 0 where a pixel shows nothing; None where all do.
         classes, colours: as of `chart_and_notes`.
@@ -342,11 +327,7 @@ def _passability(
 
 
 def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGrid) -> None:
-    """Refuse a grid some of whose pixels show no sea area, but for those wholly beyond what was asked for.
-
-    Raises:
-        GeoError: one line that says how much of it, and where.
-    """
+    """Refuse a grid some of whose pixels show no sea area, but for those wholly beyond what was asked for."""
     north, east = (grid.lower[k] + grid.pixel_size * np.arange(grid.shape[k]) for k in range(2))
     asked = np.ix_(
         north + 0.5 * grid.pixel_size < grid.upper[0], east + 0.5 * grid.pixel_size < grid.upper[1]

@@ -26,17 +26,12 @@ class PlaceError(GeoError):
 
 @dataclass
 class Faults:
-    """What is wrong with the parts of a file, gathered so that one does not hide another.
+    """What is wrong with the parts of a file, gathered so that one does not hide another."""
 
-    Attributes:
-        lines: on what is wrong, each with the file and the part.
-        swapped: those on places whose longitude and latitude seem swapped.
-        places: how many parts with a place were looked at.
-    """
-
-    lines: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)  # on what is wrong, each with the file and the part
+    #: Those on places whose longitude and latitude seem swapped.
     swapped: list[str] = field(default_factory=list)
-    places: int = 0
+    places: int = 0  # how many parts with a place were looked at
 
     @property
     def count(self) -> int:
@@ -59,20 +54,17 @@ class Faults:
         Args:
             places: how many parts of the file have a place; where longitude and latitude are swapped in all
                 of them, that is said once.
-            kind: of the error.
         """
         swapped = self.swapped
         if 1 < len(swapped) == places:
             swapped = [f"{swapped[0]} (so in all {places} places of the file)"]
-        found = sorted([*self.lines, *swapped], key=_by_number)
-        if found:
+
+        def by_number(line: str) -> tuple[int, str]:
+            number = re.search(r": (?:row|feature|waypoint|placemark|item) (\d+)", line)
+            return (int(number[1]) if number else 1 << 30), line
+
+        if found := sorted([*self.lines, *swapped], key=by_number):
             raise kind(*found)
-
-
-def _by_number(line: str) -> tuple[int, str]:
-    """By the number of the row or feature, as far as there is one."""
-    number = re.search(r": (?:row|feature|waypoint|placemark|item) (\d+)", line)
-    return (int(number[1]) if number else 1 << 30), line
 
 
 @contextmanager
@@ -99,7 +91,6 @@ def read_text(path: str | Path, limit: int) -> str:
     """Return the text of a UTF-8 file, with or without a byte order mark.
 
     Args:
-        path: of the file.
         limit: bytes; a larger file is refused.
 
     Raises:

@@ -35,14 +35,8 @@ _FORMATS = {
 # CRS 84 and WGS 84 by their names in the old member "crs"; RFC 7946 knows no other.
 _WGS84 = re.compile(r"(CRS:?84h?|EPSG[:/]+([\d.]+[:/]+)?4326|^WGS ?84)$", re.IGNORECASE)
 _GEOMETRIES = (
-    "Point",
-    "MultiPoint",
-    "LineString",
-    "MultiLineString",
-    "Polygon",
-    "MultiPolygon",
-    "GeometryCollection",
-)
+    "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
+)  # fmt: skip
 #: KML's altitudes that count from the surface of the sea, and those that are ignored.
 _ABSOLUTE, _CLAMPED = ("absolute", "relativeToGround"), ("", "clampToGround")
 _OTHER_SHAPES = ("Polygon", "Track", "MultiTrack", "Model", "LinearRing")
@@ -55,26 +49,18 @@ _SURVEYS = ("survey", "CorridorScan")
 
 @dataclass(frozen=True)
 class Feature:
-    """A geometry with properties, as any of the formats has it.
+    """A geometry with properties, as any of the formats has it."""
 
-    Attributes:
-        where: file and number, as messages name it.
-        number: in the file, from 1.
-        kind: the geometry's type, as GeoJSON calls it; of an object of an S-57 cell its class.
-        coordinates: of Point, MultiPoint and LineString, longitude, latitude and perhaps elevation, as in the
-            file; of polygons of GeoJSON, their rings.
-        properties: by lower-case name; those that are null left out.
-        local: whether coordinates are north and east, m, instead of degrees.
-        shape: shapely geometry in degrees, where the format has one.
-    """
-
-    where: str
-    number: int
-    kind: str
+    where: str  # file and number, as messages name it
+    number: int  # in the file, from 1
+    kind: str  # the geometry's type, as GeoJSON calls it; of an object of an S-57 cell its class
+    #: Of Point, MultiPoint and LineString, longitude, latitude and perhaps elevation, as in the file; of
+    #: polygons of GeoJSON, their rings.
     coordinates: Any = None
+    #: By lower-case name; those that are null left out.
     properties: dict[str, Any] = field(default_factory=dict)
-    local: bool = False
-    shape: Any = None
+    local: bool = False  # whether coordinates are north and east, m, instead of degrees
+    shape: Any = None  # shapely geometry in degrees, where the format has one
 
 
 Reader = Callable[[Path, Faults, list[str]], Iterator[Feature]]
@@ -84,14 +70,19 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
     """Return the features of a GeoJSON file, a bare geometry being one without properties.
 
     Args:
-        path: of the file.
         kinds: the types of geometry that are wanted, in collections too; any other is refused.
 
     Raises:
         GeoError: the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds something
             else; its `lines` are all that is wrong.
     """
-    _refuse_other(path)
+    with Path(path).open("rb") as file:
+        start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
+    other = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
+    if other == "XML":
+        other = next((name for name in ("GPX", "KML", "GML") if f"<{name.lower()}".encode() in start), other)
+    if other is not None:
+        raise GeoError(f"{path}: is no GeoJSON but {other}, which `ogr2ogr -f GeoJSON` or QGIS brings to it")
     root = _json(path, MAX_BYTES)
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
@@ -134,21 +125,6 @@ def _parts(where: str, number: int, feature: Any, kinds: tuple[str, ...]) -> lis
     ]
 
 
-def _refuse_other(path: str | Path) -> None:
-    """Refuse a file that is of another known format, with what to do.
-
-    Raises:
-        GeoError: it is.
-    """
-    with Path(path).open("rb") as file:
-        start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
-    kind = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
-    if kind == "XML":
-        kind = next((name for name in ("GPX", "KML", "GML") if f"<{name.lower()}".encode() in start), kind)
-    if kind is not None:
-        raise GeoError(f"{path}: is no GeoJSON but {kind}, which `ogr2ogr -f GeoJSON` or QGIS brings to it")
-
-
 def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.ndarray:
     """[n, 3]: longitude and latitude, degrees, and elevation, m, which is NaN where none is given.
 
@@ -167,11 +143,8 @@ def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.n
         count = len(coordinates) if isinstance(coordinates, list) else "no"
         raise GeoError(f"{where}: needs at least {least} positions, got {count}")
     for position in coordinates:
-        if (
-            not isinstance(position, list)
-            or len(position) < 2
-            or not all(_is_number(c) for c in position[:3])
-        ):
+        whole = isinstance(position, list) and len(position) >= 2
+        if not (whole and all(map(_is_number, position[:3]))):
             raise GeoError(f"{where}: {_short(position)} is no position [longitude, latitude]")
         if not np.isfinite(position[:3]).all():
             raise GeoError(f"{where}: {_short(position)} is not finite")
@@ -267,15 +240,10 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
             for count, shape in enumerate(shapes, 1):
                 places, ignored = _coordinates(where, shape)
                 flat += ignored
-                own = (
-                    stated
-                    if len(shapes) == 1 or not stated["name"]
-                    else stated | {"name": f"{stated['name']} {count}"}
-                )
-                if _plain_name(shape) == "Point":
-                    yield Feature(where, number, "Point", places[0], own)
-                else:
-                    yield Feature(where, number, "LineString", places, own)
+                name = stated["name"] and f"{stated['name']}{f' {count}' if len(shapes) > 1 else ''}"
+                kind = _plain_name(shape)
+                at = places[0] if kind == "Point" else places
+                yield Feature(where, number, kind, at, stated | {"name": name})
     if flat:
         notes.append(f"{path}: altitudes above the ground that KML lays places on are ignored")
 

@@ -19,7 +19,7 @@ Array = NDArray[np.floating]
 _BLOCK = 1_000_000
 #: Points along each side of its outline.
 OUTLINE = 65
-# An edge of GeoJSON is straight in longitude and latitude; pieces of so many degrees are straight in both,
+# An edge of GeoJSON is straight in longitude and latitude; pieces of this length, degrees, are so in metres,
 # to a few centimetres.
 _PIECE = 0.01
 _NONE, _PART, _ALL = 0, 1, 2
@@ -29,22 +29,15 @@ _OPEN = 1e-6
 
 @dataclass(frozen=True)
 class LocalGrid:
-    """Square pixels over a rectangle of local metres; [i, j] runs north and east.
+    """Square pixels over a rectangle of local metres; [i, j] runs north and east."""
 
-    Attributes:
-        lower: south-western corner (north, east), m.
-        upper: north-eastern corner asked for, m; the last pixels may reach beyond it.
-        pixel_size: m.
-        shape: pixels north and east.
-    """
-
-    lower: tuple[float, float]
-    upper: tuple[float, float]
-    pixel_size: float
-    shape: tuple[int, int]
+    lower: tuple[float, float]  # south-western corner (north, east), m
+    upper: tuple[float, float]  # north-eastern corner asked for, m; the last pixels may reach beyond it
+    pixel_size: float  # m
+    shape: tuple[int, int]  # pixels north and east
 
     def widened(self, metres: float) -> "LocalGrid":
-        """Return the grid with so many metres of whole pixels more on every side."""
+        """Return the grid widened by a distance, in whole pixels, on every side."""
         more = max(int(np.ceil(metres / self.pixel_size - 1e-6)), 0)
         lower = (self.lower[0] - more * self.pixel_size, self.lower[1] - more * self.pixel_size)
         upper = (self.upper[0] + more * self.pixel_size, self.upper[1] + more * self.pixel_size)

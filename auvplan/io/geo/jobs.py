@@ -21,7 +21,7 @@ from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.runtime.formatting import counted
 from auvplan.site import Site, is_place
 
-#: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
+#: When a job may be done and when it is worth less; a survey line states it in any of its rows.
 _HOURS = ("from", "to", "windows", "window", "priority_after")
 _PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name", *_HOURS)}
 _HEADINGS = {
@@ -35,7 +35,7 @@ _HEADINGS = {
     "east": "east",
     **{name: name for name in ("depth", "priority", "duration", "name", "line", *_HOURS)},
 }
-#: The first line of a table that tells how its cells are parted.
+#: A first line that names the separator of a table's cells.
 _SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
 #: What numbers that are often written otherwise look like.
 _SUCH = {"lon": " of degrees such as -5.4321", "lat": " of degrees such as 56.1234"}
@@ -94,19 +94,19 @@ def read_jobs(
     `depth` m, `priority`, `duration` s and `name`; a third coordinate is the elevation, less the depth. CSV,
     with commas, semicolons or tabs: columns longitude and latitude (or lon, lat), or north and east in local
     metres (or x and y, which are read as these, with a warning); depth, priority, duration, name; rows with
-    the same value in the column `line` are the vertices of a survey line of that name, in order, and tell its
+    the same value in the column `line` are the vertices of a survey line of that name, in order, with its
     priority and duration. GPX: its waypoints, whose elevation is less the depth. KML and KMZ: points, and
     lines to survey, with depth, priority and duration in their extended data. QGroundControl's `.plan`:
     waypoints with their hold time, and the transects of a survey as one line. Headings and properties are
     read in either case; other ones are left, see `check_headings`. A name that is missing is the job's number
-    in the file; priority is 1 and duration 0 s by default, which the notes tell of formats for places. A task
+    in the file; priority is 1 and duration 0 s by default, which is noted of formats for places. A task
     may have a time window, `from` and `to`, or several `windows`: see `read_windows`. `priority_after` says
     at which moments the priority falls, and to what: see `read_falls`.
 
     Args:
         path: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON.
         site: where local coordinates count from; None where the file has local metres.
-        default_depth: m, of places for which the file tells none.
+        default_depth: m, of places for which the file gives none.
         until: s since the departure, when missions are over at the latest.
         speed: m/s, of the current at a place [3] m and times [n] s, for windows of slack water; None where
             no current is forecast.
@@ -138,13 +138,9 @@ def read_jobs(
             raise GeoError(f"{placed[0]}: longitude and latitude need a site")
         found = _built(features, site, default_depth, until, speed, faults)
         counts = Counter(job.name for job in found)
-        twice = [
-            f"{path}: {'two' if count == 2 else count} jobs are named {name!r}"
-            for name, count in counts.items()
-            if count > 1
-        ]
+        twice = {name: "two" if count == 2 else count for name, count in counts.items() if count > 1}
         if twice:
-            raise GeoError(*twice)
+            raise GeoError(*(f"{path}: {count} jobs are named {name!r}" for name, count in twice.items()))
         points = tuple(job for job in found if isinstance(job, JobPoint))
         return Jobs(points, tuple(job for job in found if isinstance(job, JobLine)), tuple(notes))
 
@@ -157,11 +153,7 @@ def _built(
     speed: Speed | None,
     faults: Faults,
 ) -> list[JobPoint | JobLine]:
-    """Return the jobs of features.
-
-    Raises:
-        GeoError: its `lines` are what is wrong with them, and the faults of the file.
-    """
+    """Return the jobs of features, or raise what is wrong with them and with the file."""
     found: list[JobPoint | JobLine] = []
     doubts: dict[str, str] = {}
     slips: dict[str, str] = {}  # what is the same in many features is reported for the first
@@ -179,21 +171,17 @@ def _built(
 
 
 def _defaults(path: Path, features: list[Feature], default_depth: float) -> list[str]:
-    """Return what is assumed of features that do not tell it: formats for places seldom do."""
+    """Return what is assumed of features that do not state it: formats for places seldom do."""
     notes = []
     for name, words in (("priority", "1"), ("duration", "0 s"), ("depth", f"{default_depth:g} m")):
         lacking = [one for one in features if one.properties.get(name) in (None, "")]
-        if name == "depth":
-            lacking = [one for one in lacking if not _has_elevation(one)]
+        if name == "depth":  # an elevation gives it too
+            first = [one.coordinates if one.kind == "Point" else one.coordinates[0] for one in lacking]
+            lacking = [one for one, place in zip(lacking, first, strict=True) if len(place) < 3]
         if lacking:
             share = f"{len(lacking)} of {counted(len(features), 'job')}"
             notes.append(f"{path}: {name} is not given by {share}: taken as {words}")
     return notes
-
-
-def _has_elevation(feature: Feature) -> bool:
-    first = feature.coordinates if feature.kind == "Point" else feature.coordinates[0]
-    return len(first) > 2
 
 
 def _warn_all(lines: Iterable[str]) -> None:
@@ -248,22 +236,20 @@ def _places(feature: Feature, site: Site | None, depth: float | None, default_de
         north, east = site.to_local(north, east)
         if not np.isfinite((north, east)).all():
             raise GeoError(f"{feature.where}: has no place in the site's local metres")
-    return [
-        (n, e, _depth(feature.where, depth, elevation, default_depth))
-        for n, e, elevation in np.stack([north, east, at[:, 2]], axis=1).tolist()
-    ]
-
-
-def _depth(where: str, depth: float | None, elevation: float, default_depth: float) -> float:
-    if np.isnan(elevation):
-        return default_depth if depth is None else depth
-    if depth is not None and abs(depth + elevation) > _SAME:
-        raise GeoError(
-            f"{where}: depth {depth:g} m contradicts the elevation {elevation:g} m, which is its negative"
-        )
-    if elevation > _SAME:
-        raise GeoError(f"{where}: elevation {elevation:g} m is above the sea: a depth of 5 m is -5")
-    return max(0.0, -elevation) if depth is None else depth
+    found, stated = [], default_depth if depth is None else depth
+    for n, e, elevation in np.stack([north, east, at[:, 2]], axis=1).tolist():
+        if depth is not None and abs(depth + elevation) > _SAME:
+            raise GeoError(
+                f"{feature.where}: depth {depth:g} m contradicts the elevation {elevation:g} m, which is its "
+                "negative"
+            )
+        if elevation > _SAME:
+            raise GeoError(
+                f"{feature.where}: elevation {elevation:g} m is above the sea: a depth of 5 m is -5"
+            )
+        known = depth is not None or np.isnan(elevation)
+        found.append((n, e, stated if known else max(0.0, -elevation)))
+    return found
 
 
 def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
@@ -420,7 +406,7 @@ def _agree(where: str, line: str, known: dict[str, Any], stated: dict[str, Any])
 
 
 def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:
-    """Return what a job tells of its depth, priority and duration; None of what is absent or at fault."""
+    """Return a job's depth, priority and duration; None of what is absent or at fault."""
     found: dict[str, float | None] = dict.fromkeys(("depth", "priority", "duration"))
     for name in found:
         with faults.kept():

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from scipy.interpolate import LinearNDInterpolator
 
-from auvplan.errors import reason_of
 from auvplan.io.currents.geometry import Curvilinear
+from auvplan.io.currents.names import DEGREES
+from auvplan.io.currents.projection import as_crs, of_mapping
 from auvplan.io.geo.error import GeoError
 from auvplan.io.geo.grid import OUTLINE, LocalGrid
 from auvplan.site import Site, swapped_hint
@@ -33,17 +34,6 @@ Array = NDArray[np.floating]
 Source = str | Path | xr.DataArray
 Find = Callable[[Array, Array], tuple[Array, Array]]
 
-# Units and names of coordinates (CF sections 4.1 and 4.2).
-_DEGREES = {
-    "longitude": (
-        ("degree_east", "degree_e", "degreee"),
-        re.compile(r"(nav_)?lon(gitude)?(_\w+)?", re.IGNORECASE),
-    ),
-    "latitude": (
-        ("degree_north", "degree_n", "degreen"),
-        re.compile(r"(nav_)?lat(itude)?(_\w+)?", re.IGNORECASE),
-    ),
-}
 _MASKS = ("mask", "mask_rho")
 # Nodes of a grid of two-dimensional coordinates that are searched at most.
 _SCATTERED = 1_000_000
@@ -53,21 +43,15 @@ _CONFIDENCE = 25
 
 @dataclass(frozen=True)
 class Nodes:
-    """Where the values of an array lie.
+    """Where the values of an array lie."""
 
-    Attributes:
-        find: longitude and latitude, degrees, to row and column, whole numbers at the nodes, which are pixel
-            centres; NaN where there is none.
-        shape: rows and columns.
-        middle: longitude of their middle, degrees, where columns go by longitude: it decides which of the
-            longitudes that name one place is meant. None in projected coordinates.
-        cyclic: whether the first column follows upon the last one.
-    """
-
+    #: Longitude and latitude, degrees, to row and column, whole at the nodes (pixels' centres); else NaN.
     find: Find
-    shape: tuple[int, int]
+    shape: tuple[int, int]  # rows and columns
+    #: Longitude of their middle, degrees, where columns go by longitude: it decides which of the longitudes
+    #: that name one place is meant. None in projected coordinates.
     middle: float | None = None
-    cyclic: bool = False
+    cyclic: bool = False  # whether the first column follows upon the last one
 
     def seen_from(self, site: Site, grid: LocalGrid) -> Find:
         """Local north and east, m, to row and column, continuous over the grid."""
@@ -92,8 +76,6 @@ def placed(
     """Find where the values of an array lie.
 
     Args:
-        what: the array, as messages call it.
-        array: in the form above.
         site: where local coordinates count from.
         grid: where values will be wanted, which is what two-dimensional coordinates are searched for.
         crs: reference system of x and y, as pyproj takes it, where the array has none.
@@ -107,7 +89,11 @@ def placed(
     """
     if array.ndim != 2:
         raise GeoError(f"{what} has dimensions {listed(array.dims)}, not two")
-    longitude, latitude = (_degrees_of(array, kind) for kind in _DEGREES)
+    axes = {name: axis for name, axis in array.coords.items() if axis.ndim}
+    longitude, latitude = (
+        next((axis for name, axis in axes.items() if is_degrees(name, axis.attrs, kind)), None)
+        for kind in DEGREES
+    )
     if longitude is None or latitude is None:
         x, y, system = _axis(array, "x"), _axis(array, "y"), crs_of(what, array, crs)
         if system is not None and x is not None and y is not None:
@@ -140,10 +126,20 @@ def _on_axes(
     x, y = np.asarray(across.values, float), np.asarray(along.values, float)
     degrees = _in_degrees(system)
     if degrees:
-        x = _one_turn(what, x)
+        if not np.isfinite(x).all():
+            raise GeoError(f"{what}: longitude has values that are not finite")
+        x = np.unwrap(x, period=360.0)
+        if x.size > 2 and abs(x[-1] - x[0]) > 360.0 - 1e-6:
+            x = x[:-1]  # the first meridian is given again at the end
+        if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
+            raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")
         array = array.isel({array.dims[1]: slice(0, x.size)})
     for name, axis in zip(("longitude", "latitude") if degrees else "xy", (x, y), strict=True):
-        _check_axis(f"{what}: {name}", axis)
+        if axis.size < 2:
+            raise GeoError(f"{what}: {name} has {axis.size} value, at least two are needed")
+        gaps = np.diff(axis)
+        if not np.isfinite(axis).all() or not ((gaps > 0).all() or (gaps < 0).all()):
+            raise GeoError(f"{what}: {name} neither rises nor falls throughout")
     if system is None and np.abs(y).max() > 90.001:
         raise GeoError(f"{what}: latitude reaches beyond 90 degrees")
     forward = _forward(system)
@@ -192,19 +188,6 @@ def _forward(system: CRS | None) -> Find:
     return forward
 
 
-def as_crs(given: Any) -> CRS:
-    """Return a coordinate reference system of whatever pyproj understands.
-
-    Raises:
-        GeoError: pyproj does not.
-    """
-    try:
-        return CRS.from_user_input(given)
-    except Exception as error:
-        why = f"{given!r} is no coordinate reference system ({reason_of(error)})"
-        raise GeoError(why, field="crs") from None
-
-
 def same_crs(one: CRS, other: CRS) -> bool:
     """Return whether two reference systems are the same, also where one is ESRI's spelling of it."""
     code = one.to_epsg(_CONFIDENCE)
@@ -219,16 +202,13 @@ def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
     Raises:
         GeoError: one line; both are there and differ, or one is neither geographic nor projected.
     """
-    mapping, wanted = _grid_mapping(array), None if given is None else as_crs(given)
+    mapping, wanted = _grid_mapping(array), None if given is None else as_crs(given, GeoError)
     own = None
     if stated := {key: value for key, value in mapping.items() if key != "GeoTransform"}:
-        text = stated.get("crs_wkt") or stated.get("spatial_ref")
-        try:
-            own = CRS.from_user_input(text) if text else CRS.from_cf(stated)
-        except Exception as error:
-            raise GeoError(f"{what}: its grid mapping is none ({reason_of(error)})") from None
+        if (own := of_mapping(stated)) is None:
+            raise GeoError(f"{what}: its grid mapping names no coordinate reference system")
     elif "crs" in array.attrs:
-        own = as_crs(array.attrs["crs"])
+        own = as_crs(array.attrs["crs"], GeoError)
     if own is not None and wanted is not None and not same_crs(own, wanted):
         raise GeoError(f"{what}: is in {own.name}, not in {wanted.name} as crs says")
     system = own or wanted
@@ -257,21 +237,12 @@ def _if_degrees(axis: xr.DataArray | None) -> xr.DataArray | None:
     return axis if plain else None
 
 
-def _degrees_of(array: xr.DataArray, kind: str) -> xr.DataArray | None:
-    """Return the coordinate that is longitude or latitude."""
-    names = (name for name, axis in array.coords.items() if axis.ndim and is_degrees(name, axis.attrs, kind))
-    name = next(names, None)
-    return None if name is None else array.coords[name]
-
-
 def is_degrees(name: Any, attributes: Mapping[Any, Any], kind: str) -> bool:
     """Return whether a variable is a "longitude" or "latitude", by standard name, units or its own name."""
-    standard = str(attributes.get("standard_name", "")).lower()
-    if standard:
+    if standard := str(attributes.get("standard_name", "")).lower():
         return standard == kind
-    unit = str(attributes.get("units", "")).lower().replace("degrees", "degree")
-    units, names = _DEGREES[kind]
-    return unit in units or names.fullmatch(str(name)) is not None
+    named = re.fullmatch(rf"(nav_)?{kind[:3]}({kind[3:]})?(_\w+)?", str(name), re.IGNORECASE)
+    return named is not None or DEGREES[kind].fullmatch(str(attributes.get("units", ""))) is not None
 
 
 def _masked(array: xr.DataArray) -> xr.DataArray:
@@ -280,26 +251,6 @@ def _masked(array: xr.DataArray) -> xr.DataArray:
         if name in array.coords and set(array.coords[name].dims) == set(array.dims):
             return array.assign_coords(mask=array.coords[name].transpose(*array.dims).variable)
     return array
-
-
-def _one_turn(what: object, x: Array) -> Array:
-    """Continuous longitudes, of one turn at most."""
-    if not np.isfinite(x).all():
-        raise GeoError(f"{what}: longitude has values that are not finite")
-    x = np.unwrap(x, period=360.0)
-    if x.size > 2 and abs(x[-1] - x[0]) > 360.0 - 1e-6:
-        x = x[:-1]  # the first meridian is given again at the end
-    if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
-        raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")
-    return x
-
-
-def _check_axis(what: str, axis: Array) -> None:
-    if axis.size < 2:
-        raise GeoError(f"{what} has {axis.size} value, at least two are needed")
-    steps = np.diff(axis)
-    if not np.isfinite(axis).all() or not ((steps > 0).all() or (steps < 0).all()):
-        raise GeoError(f"{what} neither rises nor falls throughout")
 
 
 def _index(axis: Array, at: Array) -> Array:
@@ -313,10 +264,7 @@ def _index(axis: Array, at: Array) -> Array:
 
 
 def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, grid: LocalGrid) -> Nodes:
-    """Return nodes of two-dimensional coordinates.
-
-    Row and column are interpolated on triangles of local metres.
-    """
+    """Return nodes of two-dimensional coordinates, interpolated on triangles of local metres."""
     north, east = site.to_local(longitude, np.clip(latitude, -90.0, 90.0))
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
     if known.sum() < 4 or min(longitude.shape) < 2:
@@ -396,32 +344,24 @@ def _refuse_beyond(path: object, what: str, find: Find, grid: LocalGrid, nodes: 
         past = (-np.nanmin(at), np.nanmax(at) - (size - 1))
         for by, sense in zip(past, (-1.0, 1.0), strict=True):
             if by > slack and not cyclic:
-                over[_side(sense * step)] = float((by - 0.5) * np.hypot(*step))
+                north, east = (sense * step).tolist()
+                ahead = (
+                    ("south", "north")[north > 0] if abs(north) >= abs(east) else ("west", "east")[east > 0]
+                )
+                over[ahead] = float((by - 0.5) * np.hypot(*step))
     if over:
         sides = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
         raise GeoError(f"{path}: the area reaches beyond the {what} by {sides}")
-    if np.isnan(row).any():
-        north, east = grid.outline()
-        gone = np.isnan(row)
+    gone = np.isnan(row).reshape(4, OUTLINE).mean(axis=1)
+    if gone.any():
+        tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
+        lengths = {"west": tall, "east": tall, "south": wide, "north": wide}
         sides = " and ".join(
-            f"{metres:.0f} m of its edge in the {side}" for side, metres in _lost(grid, north, east, gone)
+            f"{share * length:.0f} m of its edge in the {side}"
+            for (side, length), share in zip(lengths.items(), gone, strict=True)
+            if share > 0
         )
         raise GeoError(f"{path}: the area reaches beyond the {what} with {sides}")
-
-
-def _side(step: Array) -> str:
-    north, east = (float(c) for c in step)
-    if abs(north) >= abs(east):
-        return "north" if north > 0 else "south"
-    return "east" if east > 0 else "west"
-
-
-def _lost(grid: LocalGrid, north: Array, east: Array, gone: NDArray[np.bool_]) -> list[tuple[str, float]]:
-    """Sides of the rectangle with the length, m, of their part that has no place in the file."""
-    tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
-    sides = ("west", tall), ("east", tall), ("south", wide), ("north", wide)
-    shares = gone.reshape(4, OUTLINE).mean(axis=1)
-    return [(side, share * length) for (side, length), share in zip(sides, shares, strict=True) if share > 0]
 
 
 def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:

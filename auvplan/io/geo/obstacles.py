@@ -44,7 +44,6 @@ def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
     from the surface to the bed; one that moves is at its place at the scenario's epoch.
 
     Args:
-        path: of the file.
         site: where local coordinates count from.
 
     Raises:

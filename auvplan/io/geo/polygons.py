@@ -41,7 +41,6 @@ def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
     one that crosses itself a few times is repaired.
 
     Args:
-        path: of the file.
         area: shapely geometry in degrees; polygons that reach nowhere near it may be faulty and are then
             left out. None for everywhere.
 
@@ -70,11 +69,7 @@ def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
 
 
 def _each(features: list[Feature], change: Callable[[Feature], Feature | None]) -> list[Feature]:
-    """Return features that are changed, without those of which nothing is left.
-
-    Raises:
-        GeoError: its `lines` are what is wrong with them all.
-    """
+    """Return features that are changed, without those of which nothing is left; refuse all faults at once."""
     found, faults = [], Faults()
     for feature in features:
         with faults.kept():
@@ -84,11 +79,7 @@ def _each(features: list[Feature], change: Callable[[Feature], Feature | None]) 
 
 
 def _shape(feature: Feature) -> Polygon | MultiPolygon:
-    """Return the shape of a Polygon or MultiPolygon of GeoJSON, valid or not.
-
-    Raises:
-        GeoError: rings that are not closed, or coordinates off the Earth.
-    """
+    """Return the shape of a Polygon or MultiPolygon of GeoJSON, valid or not."""
     where, polygons = feature.where, []
     parts = feature.coordinates if feature.kind == "MultiPolygon" else [feature.coordinates]
     if not isinstance(parts, list) or not parts:
@@ -112,16 +103,17 @@ def _repaired(feature: Feature) -> Polygon | MultiPolygon:
 
     Parting adds no land and takes none. Of a ring that crosses, all that lies inside by either reading is
     kept: by the number of times that it goes around a place, and by whether that number is odd.
-
-    Raises:
-        GeoError: it crosses too often, is faulty otherwise, or has no area.
-
-    Warns:
-        ScenarioWarning: a ring was repaired.
     """
     shape = feature.shape
     reason = shapely.is_valid_reason(shape)
-    line = f"{feature.where}: {_fault(reason)}"
+    what, _, place = reason.partition("[")
+    words = {
+        "Self-intersection": "the polygon crosses itself",
+        "Ring Self-intersection": "a ring touches itself",
+    }
+    line = f"{feature.where}: {words.get(what.strip(), f'no valid polygon: {what.strip().lower()}')}"
+    if place:
+        line += f" at ({', '.join(place.rstrip(']').split())})"
     done, repaired = "parted there", None
     if reason.startswith("Ring Self-intersection"):
         repaired = shapely.make_valid(shape)
@@ -140,10 +132,7 @@ def _repaired(feature: Feature) -> Polygon | MultiPolygon:
 
 
 def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
-    """Return whether the edges of a shape cross or cover each other so seldom that it can be made valid.
-
-    Of many crossings that takes hours, and gigabytes.
-    """
+    """Return whether edges cross or cover each other seldom: else `make_valid` takes hours and gigabytes."""
     rings = shapely.get_rings(shapely.get_parts(shape))
     if len(rings) > _RINGS or shapely.get_num_coordinates(shape) > _CORNERS:
         return False
@@ -161,25 +150,10 @@ def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
 
 
 def _refuse_leap(where: str, places: np.ndarray) -> None:
-    """Refuse a ring [n, 2] an edge of which spans more than half of the Earth, but not all of it.
-
-    Raises:
-        GeoError: one does; it may go either way around.
-    """
+    """Refuse a ring [n, 2] with an edge over more than half of the Earth: it may go either way around."""
     leap = np.abs(np.diff(places[:, 0])).max(initial=0.0)
     if 180.0 < leap < _AROUND:
         raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
-
-
-def _fault(said: str) -> str:
-    """Shapely's reason in words of the field, with the place."""
-    what, _, place = said.partition("[")
-    words = {
-        "Self-intersection": "the polygon crosses itself",
-        "Ring Self-intersection": "a ring touches itself",
-    }
-    stated = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
-    return f"{stated} at ({', '.join(place.rstrip(']').split())})" if place else stated
 
 
 def is_vector_file(path: str | Path) -> bool:
@@ -268,12 +242,7 @@ def _areas(shape: Any) -> Any:
 def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
     """Return polygons of a projection in degrees, with longitudes that go on across the antimeridian.
 
-    A ring around a pole is led along it, from one turn to the next.
-
-    Args:
-        shape: Polygon or MultiPolygon in the projection, or None.
-        turn: from there to degrees.
-        piece: edges that are longer are divided.
+    Edges longer than `piece` are divided. A ring around a pole is led along it, from one turn to the next.
     """
     if shape is None:
         return None
@@ -284,11 +253,9 @@ def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
             return places
         east = np.unwrap(places[:, 0], period=360.0)
         # A hole is about where its polygon is; that begins at -180 degrees or east of there.
-        turns = (
-            np.ceil((-180.0 - east.min()) / 360.0)
-            if about is None
-            else np.rint((about - east.mean()) / 360.0)
-        )
+        turns = np.ceil((-180.0 - east.min()) / 360.0)
+        if about is not None:
+            turns = np.rint((about - east.mean()) / 360.0)
         places[:, 0] = east + 360.0 * turns
         first, last = places[0], places[-1]
         if abs(last[0] - first[0]) > 180.0:
@@ -307,9 +274,8 @@ def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
 def _source(path: Path) -> str:
     """Return what GDAL is to open: the file, or the one in a zip archive.
 
-    Raises:
-        GeoError: the file, or one in the archive, is not of the format that its name states: GDAL takes it
-            for others, some of which name files and servers that it then reads; or the archive holds several.
+    What is not of the format that its name states is refused: GDAL takes it for others, some of which name
+    files and servers that it then reads.
     """
     starts: list[tuple[str, bytes]] = []
     zipped = False
@@ -337,11 +303,8 @@ def _source(path: Path) -> str:
     if not zipped:
         return str(path)
     if len(main) != 1:
-        raise GeoError(
-            f"{path}: holds {len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
-            if main
-            else f"{path}: holds no GeoPackage, Shapefile or FlatGeobuf"
-        )
+        several = f"{len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
+        raise GeoError(f"{path}: holds {several if main else 'no GeoPackage, Shapefile or FlatGeobuf'}")
     return f"/vsizip/{{{path.absolute()}}}/{main[0]}"
 
 

@@ -11,8 +11,9 @@ from defusedxml.ElementTree import fromstring
 from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
+from auvplan.io.currents.projection import as_crs
 from auvplan.io.geo.error import GeoError, read_text, reading
-from auvplan.io.geo.nodes import as_crs, same_crs
+from auvplan.io.geo.nodes import same_crs
 from auvplan.ocean.picture import opened, read_pixels
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ def read_raster(path: str | Path, crs: Any = None, *, numbers: bool = False) -> 
     read.
 
     Args:
-        path: of the file.
         crs: coordinate reference system, as pyproj takes it (32755, "EPSG:4326"), where the file has none.
         numbers: whether a band is wanted as stored, not as greys or as the colours of its table.
 
@@ -46,15 +46,12 @@ def read_raster(path: str | Path, crs: Any = None, *, numbers: bool = False) -> 
     """
     path = Path(path)
     with reading(path):
-        given = None if crs is None else as_crs(crs)
+        given = None if crs is None else as_crs(crs, GeoError)
         with opened(path, GeoError) as file:
             transform, own = _place(path, file)
             if transform is None:
-                why = (
-                    "warp it to a grid first"
-                    if file.gcps[0]
-                    else f"{path.stem}.wld or {path.name}w is missing"
-                )
+                missing = f"{path.stem}.wld or {path.name}w is missing"
+                why = "warp it to a grid first" if file.gcps[0] else missing
                 raise GeoError(f"{path}: is not georeferenced, by its own tags or by a world file: {why}")
             if own is not None and given is not None and not same_crs(own, given):
                 raise GeoError(f"{path}: is in {own.name}, not in {given.name} as crs says")
@@ -82,16 +79,12 @@ def _band(file: "DatasetReader", dtype: np.dtype) -> tuple[str | None, dict[str,
     """Name and attributes of the first band."""
     tags = {name.lower(): text for name, text in file.tags(1).items()}
     attributes: dict[str, Any] = {k: tags[k] for k in ("standard_name", "positive") if k in tags}
-    if (
-        file.driver == "GTiff"
-        and file.crs is not None
-        and len(parts := CRS.from_user_input(file.crs).sub_crs_list) > 1
-    ):
+    tagged = file.crs if file.driver == "GTiff" else None
+    if tagged is not None and len(parts := CRS.from_user_input(tagged).sub_crs_list) > 1:
         axis = parts[1].axis_info[0]
         attributes["units"] = axis.unit_name
-        if (
-            axis.direction == "down"
-        ):  # depths are often kept in files of a system of heights, never the other way
+        # Depths are often kept in files of a system of heights, never the other way round.
+        if axis.direction == "down":
             attributes["positive"] = "down"
     if unit := file.units[0] or tags.get("units"):
         attributes["units"] = unit
@@ -163,11 +156,7 @@ def _measured(path: Path, transform: "Affine", crs: CRS | None, shape: tuple[int
 
 
 def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | None]:
-    """Return the transformation from pixels, None without one, and the horizontal reference system, if known.
-
-    Raises:
-        GeoError: a file beside the raster is damaged, or contradicts the raster's own tags.
-    """
+    """Return the transformation from pixels and the horizontal reference system, each None if unknown."""
     transform = None if file.transform.is_identity else file.transform
     crs = _horizontal(file.crs)
     sidecar = path.with_name(f"{path.name}.aux.xml")

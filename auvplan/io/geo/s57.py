@@ -72,7 +72,7 @@ _LINE = 0.01
 
 @dataclass(frozen=True)
 class Cells:
-    """What S-57 cells tell of a rectangle of local metres.
+    """What S-57 cells have of a rectangle of local metres.
 
     Attributes:
         chart: coast where a vehicle cannot or must not be: land, water that may be shallower than the safety
@@ -98,33 +98,19 @@ class Cells:
 
 @dataclass(frozen=True)
 class _Cell:
-    """A cell by its header.
-
-    Attributes:
-        path: of the file.
-        source: of the file that GDAL reads, with the updates that apply beside it.
-        layers: classes of the objects that it holds.
-        scale: of compilation, one in so many; infinite where it is not told.
-        coverage: where it has data, degrees.
-        edition: in words.
-    """
+    """A cell by its header."""
 
     path: Path
-    source: Path
-    layers: tuple[str, ...]
-    scale: float
-    coverage: Any
-    edition: str
+    source: Path  # that GDAL reads, with the updates that apply beside it
+    layers: tuple[str, ...]  # classes of the objects that it holds
+    scale: float  # denominator, of compilation; infinite where it is not given
+    coverage: Any  # where it has data, degrees
+    edition: str  # in words
 
 
 @dataclass
 class _Found:
-    """Shapes in local metres (north, east), and what there is to be noted of them.
-
-    Attributes:
-        site, grid, deepest, safety_depth, radius: as `read_cells` is given them.
-        margin: m around the grid within which objects are collected.
-    """
+    """Shapes in local metres (north, east) within `margin` m of a grid, and what is to be noted of them."""
 
     site: Site
     grid: LocalGrid
@@ -244,7 +230,7 @@ def read_cells(
     hazard_radius: float = HAZARD_RADIUS,
     beyond: float = 0.0,
 ) -> Cells:
-    """Read what S-57 cells tell of a local rectangle.
+    """Read what S-57 cells have of a local rectangle.
 
     Closed are land (LNDARE, and docks, hulks, pontoons, quays and dams), depth and dredged areas whose least
     depth (DRVAL1) is unknown or less than the safety depth, unsurveyed areas (UNSARE), and areas of any class
@@ -294,19 +280,16 @@ def read_cells(
             notes.append(f"{cell.path.name}: {cell.edition}")
         _refuse_uncovered(path, covered, [cell.coverage for cell in cells], site, grid)
         dry = touched(shapely.union_all(found.dry), grid)
-        shut = touched(shapely.union_all([*found.dry, *found.shut]), wide)
+        blocked = shapely.union_all([*found.dry, *found.shut])
+        shut = touched(blocked, wide)
         closed = touched(shapely.union_all([zone.polygon for zone in found.closed]), wide)
-        hazards = _in_water(found.hazards, shapely.union_all([*found.dry, *found.shut]), grid)
+        # Of obstacles those that reach into the rectangle, and out of what is closed anyhow.
+        discs = np.array([shapely.Point(one.position).buffer(one.radius) for one in found.hazards], object)
+        stands = shapely.intersects(discs, _box(grid)) & ~shapely.covers(blocked, discs)
+        hazards = tuple(one for one, there in zip(found.hazards, stands, strict=True) if there)
         notes += found.notes(path.name, hazards)
-        return Cells(
-            _chart(shut | closed, wide),
-            _chart(shut, wide),
-            _chart(dry, grid),
-            _depth(found, dry, grid),
-            hazards,
-            tuple(found.closed),
-            tuple(notes),
-        )
+        charts = _chart(shut | closed, wide), _chart(shut, wide), _chart(dry, grid)
+        return Cells(*charts, _depth(found, dry, grid), hazards, tuple(found.closed), tuple(notes))
 
 
 def is_cell(path: str | Path) -> bool:
@@ -321,10 +304,9 @@ def _files(path: Path) -> list[Path]:
     if not path.exists():
         raise GeoError(f"{path}: no such file or folder")
     if path.is_dir():
-        found = sorted(entry for entry in path.rglob("*.000") if entry.is_file())
-        if not found:
-            raise GeoError(f"{path}: holds no S-57 cell (*.000)")
-        return found
+        if found := sorted(entry for entry in path.rglob("*.000") if entry.is_file()):
+            return found
+        raise GeoError(f"{path}: holds no S-57 cell (*.000)")
     if path.suffix != ".000":
         raise GeoError(f"{path}: an S-57 cell ends in .000, its updates in .001 and on lie beside it")
     return [path]
@@ -332,16 +314,10 @@ def _files(path: Path) -> list[Path]:
 
 @dataclass(frozen=True, order=True)
 class _Identity:
-    """What a cell or an update says it is (S-57 part 3, field DSID).
+    """What a cell or an update says it is (S-57 part 3, field DSID)."""
 
-    Attributes:
-        edition: 0 of an update that cancels its cell.
-        update: the last one that is contained.
-        path: of the file.
-    """
-
-    edition: int
-    update: int
+    edition: int  # 0 of an update that cancels its cell
+    update: int  # the last one that is contained
     path: Path
 
 
@@ -349,17 +325,7 @@ def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[Path, Path]]
     """Yield cells, and where each lies with the updates that apply to it, numbered from .001.
 
     Updates lie beside their cell, or in folders 1, 2 and on beside its folder. A cell that was issued again
-    holds the first of them.
-
-    Args:
-        files: cells, the later editions of which are taken.
-        staging: folder for copies of cells that have updates.
-
-    Raises:
-        GeoError: a file is no S-57 file, is too large, damaged or cut off.
-
-    Warns:
-        ScenarioWarning: see `read_cells`.
+    holds the first of them. Cells that have updates are copied to the folder `staging`.
     """
     latest: dict[str, _Identity] = {}
     for one in sorted(map(_identity, files)):
@@ -369,11 +335,9 @@ def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[Path, Path]]
     for number, cell in enumerate(latest.values()):
         name = f"{escape(cell.path.stem)}.[0-9][0-9][0-9]"
         beside = {*cell.path.parent.glob(name), *cell.path.absolute().parent.parent.glob(f"[1-9]*/{name}")}
-        updates = sorted(
-            (_identity(entry) for entry in beside if entry.suffix != ".000"), key=lambda u: u.update
-        )
+        updates = [_identity(entry) for entry in beside if entry.suffix != ".000"]
         applied, cancelled = [], False
-        for update in updates:
+        for update in sorted(updates, key=lambda one: one.update):
             due = cell.update + len(applied) + 1
             if update.update < due and update.edition == cell.edition:
                 continue  # the cell holds it already
@@ -404,15 +368,7 @@ def _warn(line: str) -> None:
 
 
 def _header(path: Path, source: Path) -> _Cell:
-    """Return a cell without its objects.
-
-    Args:
-        path: of the cell.
-        source: where it lies with its updates.
-
-    Raises:
-        GeoError: it is no cell, is damaged, has no coverage, or is not in degrees of WGS 84 and metres.
-    """
+    """Return a cell without its objects; `source` is where it lies with its updates."""
     try:
         from pyogrio import list_layers
     except ImportError:
@@ -446,9 +402,6 @@ def _identity(path: Path) -> _Identity:
     """Return what a file says it is, whose records must follow each other up to its end.
 
     GDAL reads what is left of a damaged one.
-
-    Raises:
-        GeoError: it is no S-57 file, is too large, damaged or cut off.
     """
     if not is_cell(path):
         raise GeoError(f"{path}: is no S-57 cell")
@@ -460,7 +413,7 @@ def _identity(path: Path) -> _Identity:
         length = int(head[:5]) if head[:5].isdigit() and len(head) == 24 else -1
         second = place > 0 and found is None
         fields = _fields(data, place) if second or length == 0 else []
-        if length == 0:  # a record of 100,000 bytes or more cannot tell its length
+        if length == 0:  # a record of 100,000 bytes or more cannot state its length
             length = max((end for _, _, end in fields), default=0)
         if length < 24 and len(set(data[place:])) > 1:  # else it is filled up
             raise GeoError(f"{path}: is damaged: no record begins at byte {place}")
@@ -483,7 +436,7 @@ def _identity(path: Path) -> _Identity:
 def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
     """Return tag, begin and end of each field of the record at a place (ISO/IEC 8211), from its directory.
 
-    Bytes are counted from the record's first. A directory that is damaged has no fields.
+    Bytes count from the record's first. A directory that is damaged has no fields.
     """
     head = data[place : place + 24]
     sizes = head[20:24]
@@ -502,16 +455,7 @@ def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
 
 
 def _read(path: Path, source: Path, layer: str) -> Iterator[Feature]:
-    """Yield the objects of a class.
-
-    Args:
-        path: of the cell, as messages name it.
-        source: of the file that is read.
-        layer: acronym of the class.
-
-    Raises:
-        GeoError: they cannot be read, or one lacks its geometry.
-    """
+    """Yield the objects of a class of a cell, from the file `source`."""
     from pyogrio import raw
 
     with _unharmed(f"{path}: {layer}"):
@@ -520,7 +464,8 @@ def _read(path: Path, source: Path, layer: str) -> Iterator[Feature]:
     shapes = [None] * count if geometries is None else shapely.from_wkb(geometries)
     for row, shape in enumerate(shapes):
         values = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
-        stated = {name: value for name, value in values.items() if not _absent(value)}
+        empty = {k for k, v in values.items() if v is None or (isinstance(v, float) and np.isnan(v))}
+        stated = {name: value for name, value in values.items() if name not in empty}
         where = f"{path}: {layer} {stated.get('FIDN', row + 1)}"
         if layer != "DSID" and (shape is None or shape.is_empty):
             raise GeoError(f"{where}: is damaged: it has no place")
@@ -543,10 +488,6 @@ def _unharmed(what: str) -> Iterator[None]:
         said = " ".join(str(one.message).split())
         if not any(words in said for words in _HARMLESS):
             raise GeoError(f"{what} is damaged ({said[:200]})")
-
-
-def _absent(value: Any) -> bool:
-    return value is None or (isinstance(value, float | np.floating) and bool(np.isnan(value)))
 
 
 def _grown(local: Any, points: float, lines: float) -> Any:
@@ -578,25 +519,10 @@ def _depth(found: _Found, dry: NDArray[np.bool_], grid: LocalGrid) -> NDArray[np
     return np.where(np.isfinite(least_around), least_around, 0.0).astype(np.float32)
 
 
-def _in_water(hazards: Sequence[KnownObstacle], shut: Any, grid: LocalGrid) -> tuple[KnownObstacle, ...]:
-    """Return the obstacles that reach into the rectangle and out of what is closed anyhow."""
-    shapely.prepare(shut)
-    box, found = _box(grid), []
-    for one in hazards:
-        disc = shapely.Point(one.position).buffer(one.radius)
-        if shapely.intersects(disc, box) and not shapely.covers(shut, disc):
-            found.append(one)
-    return tuple(found)
-
-
 def _refuse_uncovered(
     path: Path, covered: Any, coverages: Sequence[Any], site: Site, grid: LocalGrid
 ) -> None:
-    """Refuse a rectangle that reaches beyond what cells cover.
-
-    Raises:
-        GeoError: one line that says how much of it lies beyond, on which side and how far.
-    """
+    """Refuse a rectangle that reaches beyond what cells cover: how much of it, on which side and how far."""
     box = _box(grid)
     beyond = _areas(box.difference(covered).buffer(-_GAP / 2.0))
     if beyond.is_empty:

@@ -39,7 +39,7 @@ def read_spans(
         where: the file and the row or feature, as messages name it.
         stated: its cells or properties: `from` and `to`, or several `windows`, as pairs or as text,
             "from/to, from/to", or the word daylight or night.
-        site: tells the departure that moments count from.
+        site: has the departure that moments count from.
         until: s, when missions are over; times of day are taken on all days until then.
 
     Raises:
@@ -75,7 +75,7 @@ def read_falls(
         where: the file and the row or feature, as messages name it.
         stated: its cells or properties: `priority_after`, as pairs [moment, priority] or as text,
             "moment/priority, moment/priority".
-        site: tells the departure that moments count from.
+        site: has the departure that moments count from.
         priority: before the first of them.
 
     Raises:
@@ -127,7 +127,7 @@ def read_windows(
         where: the file and the row or feature, as messages name it.
         stated: as for `read_spans`; `windows` may be "slack < speed" too. And `window`: "whole" where all
             of the task must lie in a window, which is the default, or "begin".
-        site: tells the departure that moments count from.
+        site: has the departure that moments count from.
         duration: s, of the task at a point; None for a survey line, whose windows stay as they are.
         until: s, when missions are over; times of day are taken on all days until then.
         speed: m/s, of the current at the place at times [n] s, for slack water; None where no current is
@@ -186,9 +186,13 @@ def _by_current(
             f"{where}: the current is never below {limit:g} m/s there in the time of the mission: "
             f"{found.min():.2f} m/s is the least"
         )
-    change = np.flatnonzero(np.diff(np.concatenate([[False], slack, [False]]).astype(int)))
-    ends = zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)
-    return [(float(moments[first]), float(moments[last])) for first, last in ends if last > first]
+    return [(float(moments[i]), float(moments[j])) for i, j in _runs(slack) if j > i]
+
+
+def _runs(wanted: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of every unbroken run of True."""
+    change = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
+    return list(zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True))
 
 
 def _pairs(where: str, stated: Mapping[str, Any]) -> list[tuple[Any, Any]]:
@@ -256,12 +260,8 @@ def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tupl
     wanted = (height > _SUNRISE) == (kind == "daylight")
     if not wanted.any():
         raise GeoError(f"{where}: there is no {kind} at the site in the time of the mission")
-    change = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
-    last = len(minutes)
-    spans = [
-        (-float("inf") if i == 0 else float(minutes[i]), float("inf") if j == last else float(minutes[j - 1]))
-        for i, j in zip(change[::2].tolist(), change[1::2].tolist(), strict=True)
-    ]
+    minutes = np.concatenate([[-np.inf], minutes[1:-1], [np.inf]])
+    spans = [(float(minutes[i]), float(minutes[j])) for i, j in _runs(wanted)]
     return [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= until]
 
 
