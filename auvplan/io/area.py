@@ -1,7 +1,7 @@
 """Reads the area of a scenario from its files."""
 
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +30,12 @@ from auvplan.site import Site
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile
 
+#: Fields of a scenario that name files in place of which objects can be given.
+GIVEN = (
+    "current.files", "current.truth", "bathymetry.file", "chart.file", "chart.uncertain", "chart.no_go",
+    "obstacles.file", "mission.jobs",
+)  # fmt: skip
+
 #: The most pieces of files that are kept, those that were read last.
 _KEPT = 12
 
@@ -41,7 +47,10 @@ _shown: dict[Any, int] = {}
 
 
 def load_area(
-    scenario: Scenario, folder: str | Path | None = None, until: float | None = None
+    scenario: Scenario,
+    folder: str | Path | None = None,
+    until: float | None = None,
+    given: Mapping[str, Any] | None = None,
 ) -> OperatingArea:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
@@ -52,14 +61,27 @@ def load_area(
         scenario: settings.
         folder: that relative paths in the scenario start from; that of its file if absent.
         until: s since the epoch, up to which currents are read; the mission's time available if absent.
+        given: objects that are read in place of the files that the scenario names, by field: for
+            "current.files" and "current.truth" an `xarray.Dataset` as the files would hold it, or several;
+            for "bathymetry.file" a `Dataset` or `DataArray`; for "chart.file", "chart.uncertain",
+            "chart.no_go", "obstacles.file" and "mission.jobs" features, as GeoJSON in a mapping or in
+            whatever has a `__geo_interface__`, such as a GeoDataFrame in degrees.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
+        ValueError: `given` has a field that cannot be given, or that the scenario leaves out.
 
     Warns:
         ScenarioWarning: implausible inputs: the files contradict each other, or lack hours or places.
+
+    Example:
+        >>> import auvplan as ap
+        >>> ap.load_area(ap.load_scenario("whitsunday"), given={"current.files": None})
+        Traceback (most recent call last):
+            ...
+        ValueError: given: the scenario has no current.files: name it, such as "in memory"
     """
-    files = AreaFiles(scenario, folder, until)
+    files = AreaFiles(scenario, folder, until, given=given)
     with heard() as lines:
         area = files.area()
     noted = (*scenario.warnings, *scenario.overrides, *lines, *area.notes)
@@ -72,6 +94,7 @@ def load_jobs(
     folder: str | Path,
     until: float | None = None,
     current: Current | None = None,
+    given: Any = None,
 ) -> Jobs | None:
     """Read the scenario's file of jobs, if there is one.
 
@@ -79,6 +102,7 @@ def load_jobs(
         scenario, folder, until: as for `load_area`.
         site: where and when local coordinates begin.
         current: as it is forecast, for windows of slack water; None where it is not.
+        given: features that are read in place of the file.
 
     Raises:
         GeoError: one line that names file, row or feature and reason.
@@ -92,7 +116,7 @@ def load_jobs(
 
     with blaming("mission", "jobs"):
         return geo.read_jobs(
-            in_folder(folder, scenario.mission.jobs),
+            in_folder(folder, scenario.mission.jobs) if given is None else given,
             site,
             default_depth=scenario.box[0][2],
             until=scenario.mission.time_available if until is None else until,
@@ -212,16 +236,23 @@ class AreaFiles:
         *,
         site: Site | None = None,
         unread: Collection[str] = (),
+        given: Mapping[str, Any] | None = None,
     ) -> None:
         """Read nothing yet.
 
         Args:
-            scenario, folder, until: as for `load_area`.
+            scenario, folder, until, given: as for `load_area`.
             site: where and when local coordinates begin; as the scenario has it if absent.
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
         self.until = scenario.mission.time_available if until is None else until
-        self.unread = unread
+        self.unread, self.given = unread, dict(given or {})
+        for field in self.given:
+            section, name = field.split(".") if field in GIVEN else ("", "")
+            if not section:
+                raise ValueError(f"given: {field!r} cannot be given: {', '.join(GIVEN)} can be")
+            if getattr(getattr(scenario, section), name) is None:
+                raise ValueError(f'given: the scenario has no {field}: name it, such as "in memory"')
         self.outcomes: dict[str, tuple[Any, AuvplanError | None]] = {}
         self._given = _site(scenario) if site is None else site
         self._place = self._given and replace(self._given, epoch=None)  # charts do not depend on the epoch
@@ -288,7 +319,12 @@ class AreaFiles:
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
         key = settings, self._place, self._box, self.home, current
-        return _once(lambda: read_land(*key), "land", *key)
+        own = {
+            field.removeprefix("chart."): self.given[field]
+            for field in ("chart.file", "chart.uncertain")
+            if field in self.given
+        }
+        return read_land(*key, own) if own else _once(lambda: read_land(*key), "land", *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -314,7 +350,8 @@ class AreaFiles:
         if settings.no_go is None:
             return ()
         with blaming("chart", "no_go"):
-            zones = geo.read_zones(in_folder(self.home, settings.no_go), self._on_earth, **self._sides)
+            source = self._source("chart.no_go", settings.no_go)
+            zones = geo.read_zones(source, self._on_earth, **self._sides)
         if settings.no_go_windows is None:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
@@ -337,7 +374,7 @@ class AreaFiles:
         if self.scenario.current.source != "file" or files is None:
             return None
         with blaming("current", "files"):
-            return self._current_of(files, self._on_earth)
+            return self._current_of("current.files", files, self._on_earth)
 
     @_Part
     def truth(self) -> "CurrentFile | None":
@@ -346,7 +383,7 @@ class AreaFiles:
             return self.current
         assert self.site is not None
         with blaming("current", "truth"):
-            return self._current_of(self.scenario.current.truth, self.site)
+            return self._current_of("current.truth", self.scenario.current.truth, self.site)
 
     @_Part
     def tide(self) -> HarmonicCurrent | None:
@@ -361,7 +398,8 @@ class AreaFiles:
     def jobs(self) -> Jobs | None:
         """Jobs of a file."""
         forecast = self.readable("forecast")
-        jobs = load_jobs(self.scenario, self.site, self.home, self.until, forecast)
+        own = self.given.get("mission.jobs")
+        jobs = load_jobs(self.scenario, self.site, self.home, self.until, forecast, own)
         if jobs is not None:
             with blaming("mission", "jobs"):
                 check_jobs(jobs, self.site, self.scenario)
@@ -374,7 +412,7 @@ class AreaFiles:
         if file is None:
             return ()
         with blaming("obstacles", "file"):
-            named = geo.read_obstacles(in_folder(self.home, file), self._on_earth)
+            named = geo.read_obstacles(self._source("obstacles.file", file), self._on_earth)
             warn_of_idle_obstacles(named, self.scenario, self.dry_land)
         return named
 
@@ -406,14 +444,14 @@ class AreaFiles:
             depth = cells.depth + np.float32(low)
         else:
             assert settings.file is not None
-            path = in_folder(self.home, settings.file)
+            path = self._source("bathymetry.file", settings.file)
             names = "pixel_size", "variable", "positive", "crs"
             given = {name: getattr(settings, name) for name in names}
             with blaming("bathymetry", "file"):
                 found = geo.read_bathymetry(path, self._on_earth, **self._sides, **given)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
-                        f"{path}: no pixel of the area lies below the sea surface: say by "
+                        f"{settings.file}: no pixel of the area lies below the sea surface: say by "
                         "bathymetry.positive which way its values count"
                     )
             corner, size = found.origin, found.pixel_size
@@ -435,7 +473,11 @@ class AreaFiles:
         assert self._given is not None
         return self._given
 
-    def _current_of(self, files: str | tuple[str, ...], site: Site) -> "CurrentFile":
+    def _source(self, field: str, name: str) -> Any:
+        """Return the path of the file that a field names, or what is given in its place."""
+        return self.given.get(field, in_folder(self.home, name))
+
+    def _current_of(self, field: str, files: str | tuple[str, ...], site: Site) -> "CurrentFile":
         """Read files of a current on the box, clear of the coast."""
         settings, box, chart = self.scenario.current, self._box, self.scenario.chart
         land = "mesh"
@@ -445,11 +487,12 @@ class AreaFiles:
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
         names = (files,) if isinstance(files, str) else files
         paths = [in_folder(self.home, name) for name in names]
+        source = self.given.get(field, paths if len(paths) != 1 else paths[0])
         times = None if site.epoch is None else (0.0, self.until)
 
         def read() -> "CurrentFile":
             return currents.read_current(
-                paths if len(paths) != 1 else paths[0],
+                source,
                 site,
                 lower=box[0],
                 upper=box[1],
@@ -462,9 +505,9 @@ class AreaFiles:
             )
 
         how = settings.spacing, settings.outside, settings.crs, settings.epoch, chart
-        found = _once(read, "current", tuple(paths), site, box, times, how)
+        found = read() if field in self.given else _once(read, "current", tuple(paths), site, box, times, how)
         if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
-            return self._current_of(files, replace(site, epoch=found.epoch))
+            return self._current_of(field, files, replace(site, epoch=found.epoch))
         return found
 
     @_Part

@@ -1,10 +1,11 @@
 """Land of a scenario: its chart, from pictures, polygons, S-57 cells or where a current has no water."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
@@ -50,7 +51,12 @@ class Land(NamedTuple):
 
 
 def read_land(
-    settings: ChartSettings, site: Site | None, box: Corners, home: str, current: "CurrentFile | None"
+    settings: ChartSettings,
+    site: Site | None,
+    box: Corners,
+    home: str,
+    current: "CurrentFile | None",
+    given: Mapping[str, Any] = MappingProxyType({}),
 ) -> Land:
     """Read a chart's file, as far beyond the area as it and `beyond` do.
 
@@ -60,6 +66,7 @@ def read_land(
         box: corners of the area, m.
         home: folder that relative paths start from.
         current: whose files show where water is, where they are the chart.
+        given: what is read in place of the files `file` and `uncertain`.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -70,7 +77,7 @@ def read_land(
     if settings.source == "none":
         return Land()
     size, notes, cells = settings.pixel_size, (), None
-    more, file = beyond(box, size), in_folder(home, settings.file or "")
+    more, file = beyond(box, size), given.get("file", in_folder(home, settings.file or ""))
     place: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size, "beyond": more}
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
@@ -93,10 +100,9 @@ def read_land(
                 colours = settings.colours.given
                 chart, notes = geo.chart_and_notes(file, site, crs=settings.crs, colours=colours, **place)
             else:
-                uncertain = None if settings.uncertain is None else in_folder(home, settings.uncertain)
-                chart = geo.chart_from_polygons(
-                    file, site, fringe=settings.fringe, uncertain=uncertain, **place
-                )
+                reefs = None if settings.uncertain is None else in_folder(home, settings.uncertain)
+                reefs = given.get("uncertain", reefs)
+                chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=reefs, **place)
         coast = chart
     if settings.source in ("raster", "image"):
         dry = float((np.asarray(cropped(chart, settings, box).passability) == 0.0).mean())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
-from auvplan.io.geo.error import GeoError, reading
+from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.grid import LocalGrid, local_grid
 from auvplan.io.geo.nodes import (
     Find,
@@ -21,7 +21,6 @@ from auvplan.io.geo.nodes import (
     Source,
     bilinear,
     is_degrees,
-    label,
     listed,
     placed,
     refuse_beyond,

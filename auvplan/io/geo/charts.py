@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning, blaming
-from auvplan.io.geo.error import GeoError, as_chart, reading
+from auvplan.io.geo.error import GeoError, as_chart, label, reading
+from auvplan.io.geo.features import Features
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
-from auvplan.io.geo.nodes import Nodes, Source, label, nearest, placed, refuse_beyond, steps
+from auvplan.io.geo.nodes import Nodes, Source, nearest, placed, refuse_beyond, steps
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.io.geo.raster import read_raster
 from auvplan.io.geo.windows import read_spans
@@ -105,14 +106,14 @@ def chart_from_raster(source: Source, site: Site, **options: Any) -> Chart:
 
 
 def chart_from_polygons(
-    path: str | Path,
+    source: Features,
     site: Site,
     *,
     lower: Any,
     upper: Any,
     pixel_size: float = 10.0,
     fringe: float = 0.0,
-    uncertain: str | Path | None = None,
+    uncertain: Features | None = None,
     beyond: float = 0.0,
 ) -> Chart:
     """Return a chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
@@ -120,7 +121,7 @@ def chart_from_polygons(
     Land beyond what the chart covers has its fringe in it, but is not in its distance to the coast.
 
     Args:
-        path: GeoJSON of Polygon or MultiPolygon, in features and collections or bare.
+        source: GeoJSON of Polygon or MultiPolygon, in features and collections or bare: a file or `Features`.
         site: where local coordinates count from.
         lower: south-western corner (north, east), m.
         upper: north-eastern corner, m; the last pixels may reach beyond it.
@@ -135,13 +136,14 @@ def chart_from_polygons(
     Warns:
         ScenarioWarning: none of the polygons reaches into the rectangle.
     """
+    path = label(source)
     with as_chart(), reading(path):
         grid = local_grid(lower, upper, pixel_size)
         if not (np.isfinite(fringe) and fringe >= 0.0):
             raise GeoError(f"fringe must not be negative, got {fringe}")
         wide = grid.widened(beyond)
         area = around(site, wide, fringe + pixel_size)
-        shapes = [land.shape for land in read_polygons(path, area)]
+        shapes = [land.shape for land in read_polygons(source, area)]
         land = near(shapes, site, wide, fringe + pixel_size)
         if shapely.is_empty(land):
             _warn_beyond(path, "land", shapes, site, grid)
@@ -151,7 +153,7 @@ def chart_from_polygons(
                 reefs = [reef.shape for reef in read_polygons(uncertain, area)]
             shoals = near(reefs, site, wide, pixel_size)
             if shapely.is_empty(shoals):
-                _warn_beyond(uncertain, "uncertain area", reefs, site, grid)
+                _warn_beyond(label(uncertain), "uncertain area", reefs, site, grid)
             doubtful |= touched(shoals, wide)
         coast = touched(land, wide)
         return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), wide)
@@ -196,7 +198,7 @@ def with_no_go(
     return replace(chart, passability=burnt.passability, signed_distance=distance)
 
 
-def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
+def read_zones(source: Features, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
     """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
 
     One that is closed at some hours only states them by `from` and `to`, or by `windows`, as jobs do.
@@ -213,8 +215,9 @@ def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = 
     Warns:
         ScenarioWarning: none of them reaches into the area.
     """
+    path = label(source)
     with reading(path):
-        found = read_polygons(path)
+        found = read_polygons(source)
         if lower is not None and upper is not None:
             grid, shapes = local_grid(lower, upper, None), [feature.shape for feature in found]
             if shapely.is_empty(near(shapes, site, grid, 0.0)):
@@ -268,7 +271,7 @@ def closures_of(
     return tuple(closures)
 
 
-def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, grid: LocalGrid) -> None:
+def _warn_beyond(path: str, what: str, shapes: list[Any], site: Site, grid: LocalGrid) -> None:
     """Warn of polygons none of which reaches into a grid."""
     west, south, east, north = shapely.total_bounds(np.asarray(shapes, object))
     hint = swapped_hint(site, lambda other: not shapely.is_empty(near(shapes, other, grid, 0.0)))

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from auvplan.errors import AuvplanError, reason_of
 from auvplan.ocean.chart import ChartError
@@ -76,6 +77,11 @@ def reading(path: str | Path) -> Iterator[None]:
         raise
     except Exception as error:  # readers answer a damaged file with whatever their layers stumble over
         raise GeoError(f"{path}: {reason_of(error)}") from None
+
+
+def label(source: Any) -> str:
+    """Return what messages call a file or an object that is given in its place."""
+    return str(source) if isinstance(source, str | Path) else f"the given {type(source).__name__}"
 
 
 @contextmanager

@@ -6,7 +6,7 @@ Every fault is one line with the file and the number of the feature, waypoint, p
 import json
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.geo.error import Faults, GeoError, PlaceError, read_text
+from auvplan.io.geo.error import Faults, GeoError, PlaceError, label, read_text
 from auvplan.site import is_place
 
 #: Larger files are no charts of a mission's area, and hold no jobs.
@@ -64,26 +64,36 @@ class Feature:
 
 
 Reader = Callable[[Path, Faults, list[str]], Iterator[Feature]]
+#: A file, GeoJSON as a mapping, or what gives that as its `__geo_interface__`, such as a GeoDataFrame.
+Features = str | Path | Mapping[str, Any] | Any
 
 
-def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
-    """Return the features of a GeoJSON file, a bare geometry being one without properties.
+def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
+    """Return the features of GeoJSON, a bare geometry being one without properties.
 
     Args:
+        source: a file or an object in its place.
         kinds: the types of geometry that are wanted, in collections too; any other is refused.
 
     Raises:
         GeoError: the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds something
             else; its `lines` are all that is wrong.
     """
-    with Path(path).open("rb") as file:
-        start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
-    other = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
-    if other == "XML":
-        other = next((name for name in ("GPX", "KML", "GML") if f"<{name.lower()}".encode() in start), other)
-    if other is not None:
-        raise GeoError(f"{path}: is no GeoJSON but {other}, which `ogr2ogr -f GeoJSON` or QGIS brings to it")
-    root = _json(path, MAX_BYTES)
+    path = label(source)
+    if isinstance(source, str | Path):
+        with Path(source).open("rb") as file:
+            start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
+        other = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
+        if other == "XML":
+            names = ("GPX", "KML", "GML")
+            other = next((name for name in names if f"<{name.lower()}".encode() in start), other)
+        if other is not None:
+            raise GeoError(
+                f"{path}: is no GeoJSON but {other}, which `ogr2ogr -f GeoJSON` or QGIS brings to it"
+            )
+        root = _json(source, MAX_BYTES)
+    else:
+        root = json.loads(json.dumps(getattr(source, "__geo_interface__", source)))
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
     _check_crs(path, root.get("crs"))

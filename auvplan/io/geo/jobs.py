@@ -14,8 +14,16 @@ from typing import Any
 import numpy as np
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.geo.error import Faults, GeoError, read_text, reading
-from auvplan.io.geo.features import MAX_JOBS_BYTES, READERS, Feature, check_place, positions, read_features
+from auvplan.io.geo.error import Faults, GeoError, label, read_text, reading
+from auvplan.io.geo.features import (
+    MAX_JOBS_BYTES,
+    READERS,
+    Feature,
+    Features,
+    check_place,
+    positions,
+    read_features,
+)
 from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.runtime.formatting import counted
@@ -81,7 +89,7 @@ _UNIT = re.compile(
 
 
 def read_jobs(
-    path: str | Path,
+    source: Features,
     site: Site | None,
     *,
     default_depth: float = 0.0,
@@ -104,7 +112,7 @@ def read_jobs(
     at which moments the priority falls, and to what: see `read_falls`.
 
     Args:
-        path: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON.
+        source: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON; or features (`Features`).
         site: where local coordinates count from; None where the file has local metres.
         default_depth: m, of places for which the file gives none.
         until: s since the departure, when missions are over at the latest.
@@ -123,17 +131,17 @@ def read_jobs(
     """
     if not (np.isfinite(default_depth) and default_depth >= 0.0):
         raise GeoError(f"default_depth must not be negative, got {default_depth}")
-    path = Path(path)
+    path = label(source)
     with reading(path):
         faults, notes = Faults(), []
-        suffix = path.suffix.lower()
+        suffix = Path(path).suffix.lower() if isinstance(source, str | Path) else ""
         if suffix in (".csv", ".txt", ".tsv"):
-            features = _table(path, site, faults)
+            features = _table(Path(path), site, faults)
         elif suffix in READERS:
-            features = list(READERS[suffix](path, faults, notes))
-            notes += _defaults(path, features, default_depth)
+            features = list(READERS[suffix](Path(path), faults, notes))
+            notes += _defaults(Path(path), features, default_depth)
         else:
-            features = read_features(path, ("Point", "MultiPoint", "LineString"))
+            features = read_features(source, ("Point", "MultiPoint", "LineString"))
         if site is None and (placed := [feature.where for feature in features if not feature.local]):
             raise GeoError(f"{placed[0]}: longitude and latitude need a site")
         found = _built(features, site, default_depth, until, speed, faults)

@@ -395,11 +395,6 @@ def bilinear(values: NDArray, row: Array, column: Array) -> Array:
     return total
 
 
-def label(source: Any) -> str:
-    """Return what messages call a file or an object of xarray."""
-    return str(source) if isinstance(source, str | Path) else f"the given {type(source).__name__}"
-
-
 def listed(names: Any) -> str:
     """Return names for a message, a dozen at most."""
     every = [str(name) for name in names]

@@ -1,14 +1,13 @@
 """Known obstacles from GeoJSON (RFC 7946): points with a radius, that stand or move."""
 
 import difflib
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from auvplan.io.geo.error import Faults, GeoError, reading
-from auvplan.io.geo.features import Feature, positions, read_features
+from auvplan.io.geo.error import Faults, GeoError, label, reading
+from auvplan.io.geo.features import Feature, Features, positions, read_features
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 
@@ -36,7 +35,7 @@ class _Properties(BaseModel):
         return self
 
 
-def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
+def read_obstacles(source: Features, site: Site) -> tuple[KnownObstacle, ...]:
     """Read obstacles that are known before the mission.
 
     GeoJSON points with the properties `radius` m, and `name`, `depth_min` and `depth_max` m, `course` degrees
@@ -49,10 +48,9 @@ def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
     Raises:
         GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
     """
-    path = Path(path)
-    with reading(path):
+    with reading(label(source)):
         found, faults = [], Faults()
-        features = read_features(path, ("Point",))
+        features = read_features(source, ("Point",))
         for feature in features:
             with faults.kept():
                 found.append(_obstacle(feature, site))

@@ -14,8 +14,8 @@ from pyproj import CRS, Transformer
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning, reason_of
-from auvplan.io.geo.error import Faults, GeoError
-from auvplan.io.geo.features import Feature, check_place, positions, read_features
+from auvplan.io.geo.error import Faults, GeoError, label
+from auvplan.io.geo.features import Feature, Features, check_place, positions, read_features
 
 #: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
 _CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
@@ -34,7 +34,7 @@ _AREAS = ("Polygon", "Surface", "Unknown", "GeometryCollection")
 _SUFFIXES = (".shp", ".gpkg", ".fgb", ".zip")
 
 
-def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
+def read_polygons(source: Features, area: Any = None) -> list[Feature]:
     """Return the polygons of a GeoJSON, GeoPackage or Shapefile, whose shapes are in degrees.
 
     Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there, and
@@ -51,12 +51,14 @@ def read_polygons(path: str | Path, area: Any = None) -> list[Feature]:
     Warns:
         ScenarioWarning: a ring that was parted or repaired.
     """
-    if is_vector_file(path):
-        features = read_vector_polygons(path)
+    if isinstance(source, str | Path) and is_vector_file(source):
+        features = read_vector_polygons(source)
     else:
-        features = [one for one in read_features(path, ("Polygon", "MultiPolygon")) if one.coordinates != []]
+        features = [
+            one for one in read_features(source, ("Polygon", "MultiPolygon")) if one.coordinates != []
+        ]
         if not features:
-            raise GeoError(f"{path}: every polygon is empty")
+            raise GeoError(f"{label(source)}: every polygon is empty")
         features = _each(features, lambda one: replace(one, shape=_shape(one)))
 
     def sound(feature: Feature) -> Feature | None:

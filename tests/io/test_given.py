@@ -1,0 +1,88 @@
+"""Objects in place of the files that a scenario names: the area is the same."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+import xarray as xr
+
+import auvplan as ap
+from auvplan.ocean.chart import ChartError
+from tests.io.small_site import SmallSite
+
+
+class Frame:
+    """What has features, as a GeoDataFrame does: with tuples, not lists."""
+
+    def __init__(self, collection: dict) -> None:
+        self.__geo_interface__ = json.loads(json.dumps(collection), object_hook=self._with_tuples)
+
+    @staticmethod
+    def _with_tuples(part: dict) -> dict:
+        def frozen(value):
+            return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+        return {k: frozen(v) if k == "coordinates" else v for k, v in part.items()}
+
+
+def point(place, properties):
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": "Point", "coordinates": place},
+    }
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    site = SmallSite(tmp_path_factory.mktemp("given") / "site")
+    places = [[148.955, -20.350], [148.967, -20.350]]
+    jobs = [point(place, {"name": name, "depth": 5}) for name, place in zip("ab", places, strict=True)]
+    site.write("jobs.geojson", json.dumps({"type": "FeatureCollection", "features": jobs}))
+    site.write(
+        "buoys.geojson",
+        json.dumps({"type": "FeatureCollection", "features": [point(places[0], {"radius": 20})]}),
+    )
+    site.set(mission={"jobs": "jobs.geojson"}, obstacles={"file": "buoys.geojson"})
+    return site
+
+
+def features(site, name):
+    return json.loads((site.folder / name).read_text())
+
+
+def test_an_area_of_objects_is_that_of_the_files(site):
+    scenario = ap.load_scenario(site.folder / "scenario.yaml")
+    with xr.open_dataset(site.folder / "tide.nc") as tide, xr.open_dataset(site.folder / "bed.nc") as bed:
+        given = {"current.files": tide.load(), "bathymetry.file": bed.load()}
+    given |= {
+        "chart.file": Frame(features(site, "coast.geojson")),
+        "chart.no_go": features(site, "closed.geojson"),
+        "obstacles.file": Frame(features(site, "buoys.geojson")),
+        "mission.jobs": Frame(features(site, "jobs.geojson")),
+    }
+    fields = [field.split(".") for field in given]
+    elsewhere = ap.load_scenario(site.folder / "scenario.yaml")
+    for section, field in fields:
+        part = getattr(elsewhere, section).model_copy(update={field: "nowhere"})
+        elsewhere = elsewhere.model_copy(update={section: part})
+    of_files, of_objects = ap.load_area(scenario), ap.load_area(elsewhere, given=given)
+    for name in ("chart", "coast", "seabed", "forecast", "truth"):
+        one, other = (jax.tree.leaves(getattr(area, name)) for area in (of_files, of_objects))
+        for left, right in zip(one, other, strict=True):
+            np.testing.assert_array_equal(left, right, err_msg=name)
+    assert of_objects.jobs is not None
+    assert of_objects.jobs.points == of_files.jobs.points
+    assert of_objects.obstacles == of_files.obstacles
+    assert of_objects.site == of_files.site
+    assert [zone.name for zone in of_objects.zones] == [zone.name for zone in of_files.zones]
+
+
+def test_what_is_wrong_with_an_object_names_it(site):
+    scenario = ap.load_scenario(site.folder / "scenario.yaml")
+    with pytest.raises(ChartError, match="the given dict: 'Box' is no type of GeoJSON") as caught:
+        ap.load_area(scenario, given={"chart.file": {"type": "Box"}})
+    assert caught.value.field == "chart.file"
+    with pytest.raises(ValueError, match=r"given: 'chart\.image' cannot be given: current\.files, "):
+        ap.load_area(scenario, given={"chart.image": 0})
