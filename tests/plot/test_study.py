@@ -95,7 +95,7 @@ def what_is_drawn(figure):
         parts += [axes.get_title(), *(text.get_text() for text in axes.texts)]
         parts += [line.get_xydata().tolist() for line in axes.lines]
         parts += [
-            patch.get_path().vertices.tolist() + [*patch.get_extents().bounds] for patch in axes.patches
+            [*patch.get_path().vertices.tolist(), *patch.get_extents().bounds] for patch in axes.patches
         ]
         parts += [np.asarray(marks.get_offsets()).tolist() for marks in axes.collections]
     assert len(parts) > 3
