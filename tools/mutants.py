@@ -41,7 +41,6 @@ TARGETS = {
     "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py", "tests/mission/test_timetable.py"),
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
     "auvplan/executive/loop.py": (
-        "tests/executive/test_loop_limits.py",
         "tests/executive/test_loop.py",
         "tests/executive/test_clock.py",
         "tests/executive/test_visits.py",

@@ -95,7 +95,6 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "tests": (
             "tests/executive/test_executive.py",
             "tests/executive/test_loop.py",
-            "tests/executive/test_loop_limits.py",
             "tests/executive/test_route_calls.py",
             "tests/executive/test_visits.py",
             "tests/executive/test_whole_lines.py",

@@ -90,14 +90,6 @@ def test_a_mission_does_not_depend_on_those_beside_it(three):
             np.testing.assert_array_equal(mine.times, theirs.times)
 
 
-def test_missions_without_key_or_seed_are_refused():
-    for call in (ap.run_mission, ap.run_missions):
-        with pytest.raises(ValueError, match="key"):
-            call(scenario())
-    with pytest.raises(ValueError, match="2 and 3"):
-        ap.run_missions(scenario(), keys=seed_keys(range(2)), seeds=range(3))
-
-
 def test_windows_plan_anew_always_never_or_where_the_sea_changed():
     def windows(**settings):
         run = ap.run_mission(planning(**settings), key=jax.random.key(1))
@@ -108,27 +100,21 @@ def test_windows_plan_anew_always_never_or_where_the_sea_changed():
     assert every > changed >= none
 
 
-def test_same_key_same_mission_and_the_second_one_compiles_nothing():
+def test_same_key_same_mission_and_later_ones_compile_nothing():
+    """Nor does a scenario with other numbers of things."""
     first = ap.run_mission(scenario(), key=jax.random.key(5))
     compiled = compilations()
     again = ap.run_mission(scenario(), key=jax.random.key(5))
-    other = ap.run_mission(scenario(), key=jax.random.key(6))
-    assert compiled == compilations()
-    assert first.t_mission == again.t_mission
-    np.testing.assert_array_equal(first.legs[-1].positions, again.legs[-1].positions)
-    assert other.t_mission != first.t_mission
-
-
-def test_a_scenario_with_other_numbers_of_things_compiles_nothing():
-    ap.run_mission(scenario(), key=jax.random.key(5))
-    compiled = compilations()
-    other = scenario(
+    larger = scenario(
         current=SMALL["current"] | {"vortices": 4},
         simulation={"obstacles": {"static": 2, "afloat": 1, "self_motivated": 1}},
         mission=SMALL["mission"] | {"waypoints": 11},
     )
-    ap.run_mission(other, key=jax.random.key(5))
+    others = [ap.run_mission(one, key=jax.random.key(6)) for one in (scenario(), larger)]
     assert compiled == compilations()
+    assert first.t_mission == again.t_mission
+    np.testing.assert_array_equal(first.legs[-1].positions, again.legs[-1].positions)
+    assert len({first.t_mission, *(run.t_mission for run in others)}) == 3
 
 
 def test_planning_time_is_charged_only_when_asked():

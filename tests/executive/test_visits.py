@@ -1,7 +1,5 @@
 """What may be visited again, and the rules that bring the vehicle home: each fails without its rule."""
 
-from types import SimpleNamespace
-
 import jax
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from auvplan.executive import loop, route_calls
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.io.results import to_dataset
 from auvplan.mission import task_graph
-from auvplan.records import LegRecord
 from tests.executive.small import SMALL, planning
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -86,22 +83,6 @@ def test_no_route_uses_the_reserve(reserve, expected):
     assert mission.graph.leg_times(2.5)[[0, 1], [1, GOAL]].sum() == pytest.approx(1470.0)
     plan_routes(context, [mission])
     assert mission.rest == expected
-
-
-def refused(travel_time: float, slow: float = 0.0, available: float = 2000.0, **settings) -> str:
-    """Why a leg of `travel_time` s from 0 to 1 is refused; from 1 it is 1,200 s, and a task of `slow` s."""
-    tasks = [(1, GOAL, 1.0, slow)] if slow else []
-    context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], tasks, available=available, **settings)
-    plan_routes(context, [mission])
-    plan = SimpleNamespace(travel_time=travel_time, broken=lambda: ())
-    leg = SimpleNamespace(record=LegRecord(0, 1, 200.0, 100.0, 1.0), followed=plan)
-    return loop.why_refused(context, mission, leg, mission.timed.leg_times(2.5))
-
-
-def test_a_leg_is_refused_that_would_strand_the_vehicle():
-    assert refused(690.0) == ""
-    assert "10 s too little for the way back" in refused(710.0)
-    assert refused(710.0, guard_return=False) == ""
 
 
 def test_the_kept_population_is_what_routes_are_planned_from(monkeypatch):

@@ -1,7 +1,9 @@
 """The executor on a vehicle with faults: every mission ends with a verdict, no task is done twice."""
 
 from collections import Counter
+from copy import copy
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -31,9 +33,22 @@ def one_size(monkeypatch):
 SITE = {"longitude": 148.96, "latitude": -20.34}
 
 
-def made(seed: int = 1, **script):
-    """A plan, and a vehicle at its start that keeps the planned speed."""
-    plan = RollingPlan(scenario(site=SITE), seed)
+@cache
+def planned() -> RollingPlan:
+    """A mission that is planned, and made ready, for all tests."""
+    plan = RollingPlan(scenario(site=SITE), 1)
+    assert plan.plan()
+    plan.make_ready()
+    return plan
+
+
+def made(**script):
+    """A plan that is there when it is asked for, and a vehicle at its start that keeps the planned speed."""
+    plan = copy(planned())
+    plan._context = copy(plan._context)  # obstacles are added to it
+    plans, usual = plan.plan, Allowance()
+    plan.plan = lambda given=usual, away=0.0: (given == usual and not away) or plans(given, away)
+    plan.make_ready = lambda: None
     start = np.asarray(plan.run.graph.positions[plan.run.start], float)
     return plan, ScriptedVehicle(start, **script)
 
@@ -65,8 +80,8 @@ class Tell:
 
 
 def test_a_mission_without_faults_is_uploaded_once_and_done():
-    plan, vehicle = made()
-    record = executed(plan, vehicle)
+    _, vehicle = made()
+    record = executed(RollingPlan(scenario(site=SITE), 1), vehicle)
     assert record.success
     assert record.safe == "at the surface"
     assert len(record.tasks) == len(vehicle.tasks)
@@ -114,7 +129,7 @@ def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current
 @pytest.mark.parametrize("radius", [17.0, 40.0, 140.0])
 def test_a_reported_obstacle_compiles_nothing_under_way(monkeypatch, radius):
     monkeypatch.setattr(rolling, "REPORTED", ALL)
-    plan, _ = made()
+    plan = RollingPlan(scenario(site=SITE), 1)
     assert plan.plan()
     plan.make_ready()
     before, leg = compilations(), plan.legs[1]
@@ -258,8 +273,7 @@ class Slow(ScriptedVehicle):
         return report if hidden is None else replace(report, done=hidden)
 
 
-@pytest.mark.parametrize("further", [0, 90])
-@pytest.mark.parametrize("mute", [False, True])
+@pytest.mark.parametrize(("mute", "further"), [(False, 90), (True, 0)])
 def test_a_leg_that_ends_before_the_vehicle_holds_is_not_done_again(mute, further):
     plan, vehicle = made()
     vehicle = Slow(vehicle.start_at, push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
@@ -345,15 +359,20 @@ def test_what_a_vehicle_says_to_have_done_counts_only_where_it_was():
     assert len(record.tasks) == len(vehicle.tasks)
 
 
-@pytest.mark.parametrize("place", [[np.nan] * 3, [np.inf, 0.0, 5.0], None])
-def test_a_place_that_is_none_is_not_taken_in(place):
+def test_a_place_that_is_none_is_not_taken_in():
     def blind(vehicle, report):
-        found = None if place is None else np.asarray(place)
-        return replace(report, position=found) if 200.0 < vehicle.now < 260.0 else report
+        for begins, place in (
+            (200.0, np.full(3, np.nan)),
+            (300.0, np.array([np.inf, 0.0, 5.0])),
+            (400.0, None),
+        ):
+            if begins < vehicle.now < begins + 60.0:
+                return replace(report, position=place)
+        return report
 
     plan, vehicle = odd(blind)
     record = executed(plan, vehicle)
-    assert (record.count("lost"), record.count("heard")) == (1, 1)
+    assert (record.count("lost"), record.count("heard")) == (3, 3)
     assert record.success
     assert len(record.tasks) == len(vehicle.tasks)
     assert np.isfinite(record.track).all()

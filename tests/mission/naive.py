@@ -1,10 +1,47 @@
-"""Plain NumPy twins of the mission layer, one route at a time, for the tests to compare with."""
+"""Graphs for the tests of the mission layer, and plain twins of it, one route at a time."""
 
+import gzip
+import json
+from pathlib import Path
+
+import jax
 import numpy as np
+import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from auvplan.mission import MissionGraph
+from auvplan.mission.problem import Edges, Problem, prepare
+
+#: Task graphs of 40 waypoints and their proven optima.
+GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
+needs_graphs = pytest.mark.skipif(
+    not GRAPHS.exists(), reason=f"no task graphs with proven optima at {GRAPHS}"
+)
+prepare_now = jax.jit(prepare)
+
+
+def proven(name: str) -> tuple[dict, MissionGraph]:
+    """A case with `start`, `dest`, time `T`, speed `v` and `optimum`, and its graph."""
+    with gzip.open(GRAPHS) as file:
+        case = next(case for case in json.load(file) if case["name"] == name)
+    square = (case["n"], case["n"])
+    adjacency, priority, duration = np.zeros(square, bool), np.zeros(square), np.zeros(square)
+    travel = np.full(square, np.nan)
+    for i, j, length, rho, delta in case["edges"]:
+        for edge in ((i, j), (j, i)):
+            adjacency[edge], priority[edge], duration[edge] = True, rho, delta
+            travel[edge] = length / case["v"]
+    return case, MissionGraph(np.array(case["nodes"]), adjacency, priority, duration, travel)
+
+
+def problem(
+    graph: MissionGraph, start: int, goal: int, budget: float, visited=None, margin: float = 0.0, speed=2.0
+) -> Problem:
+    """What routes through a graph are searched in."""
+    closed = np.zeros(graph.size, bool) if visited is None else np.asarray(visited)
+    edges = Edges.of(graph.leg_times(speed), graph.priority)
+    return prepare_now(edges, start, goal, budget, closed, margin)
 
 
 def grid_graph(

@@ -1,9 +1,5 @@
 """The upper bound against brute force and proven optima."""
 
-import gzip
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,10 +7,9 @@ from hypothesis import strategies as st
 
 from auvplan.mission import MissionGraph
 from auvplan.mission.bound import common_step, edges_in_time, upper_bound
-from tests.mission.naive import best_priority, grid_graph
+from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
-GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
 SPEED = 2.0
 
 
@@ -142,14 +137,9 @@ def test_bad_arguments_are_refused(change: dict, message: str) -> None:
         upper_bound(**arguments)
 
 
-@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+@needs_graphs
 @pytest.mark.parametrize(("name", "gap"), [("full40-s0", 0.03), ("knn40-s0", 0.03), ("rnd40-s0", 0.06)])
 def test_close_to_the_proven_optimum(name: str, gap: float) -> None:
-    with gzip.open(GRAPHS) as file:
-        case = next(case for case in json.load(file) if case["name"] == name)
-    times, rho = np.full((case["n"], case["n"]), np.inf), np.zeros((case["n"], case["n"]))
-    for i, j, length, worth, delta in case["edges"]:
-        times[[i, j], [j, i]] = length / case["v"] + delta
-        rho[[i, j], [j, i]] = worth
-    bound = upper_bound(times, rho, case["start"], case["dest"], case["T"])
+    case, graph = proven(name)
+    bound = upper_bound(graph.leg_times(case["v"]), graph.priority, case["start"], case["dest"], case["T"])
     assert case["optimum"] <= bound <= (1.0 + gap) * case["optimum"]

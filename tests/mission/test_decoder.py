@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from auvplan.mission import MissionGraph, check_route, objective
 from auvplan.mission.decoder import Decoded, decode, encode, greedy_habitat, shortest_route, siv_count
-from auvplan.mission.problem import Edges, prepare
+from auvplan.mission.problem import Edges
 from tests.mission.naive import decode as naive_decode
-from tests.mission.naive import grid_graph
+from tests.mission.naive import grid_graph, prepare_now, problem
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 from tests.mission.test_timetable import clocked, looked_up, worth
 
@@ -23,11 +23,6 @@ DECODERS = ["paper", "timely", "rate"]
 decode_now = jax.jit(partial(decode, rate_weight=100.0), static_argnames="decoder")
 encode_now = jax.jit(encode, static_argnums=2)
 shortest_now = jax.jit(shortest_route)
-
-
-def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=None):
-    closed = np.zeros(graph.size, bool) if visited is None else np.asarray(visited)
-    return jax.jit(prepare)(Edges.of(graph.leg_times(SPEED), graph.priority), start, goal, budget, closed)
 
 
 def shortest_habitat(given_, decoder: str):
@@ -180,7 +175,7 @@ def test_times_and_priorities_by_the_clock_are_those_of_a_walk(decoder: str) -> 
     """Tasks wait for windows, and are worth less the later they are begun."""
     graph, gone = clocked(7, 0.05, 2, falls=2), 0
     edges = Edges.of(graph.leg_times(1.5), graph.priority, timetable=graph.timetable, duration=graph.duration)
-    given_ = jax.jit(prepare)(edges, 0, N - 1, 2500.0, np.zeros(N, bool))
+    given_ = prepare_now(edges, 0, N - 1, 2500.0, np.zeros(N, bool))
     rng = np.random.default_rng(1)
     population = rng.integers(-200, 101, (40, siv_count(N, decoder)))
     routes = jax.device_get(decode_now(population, given_, decoder=decoder))

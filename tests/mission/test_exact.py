@@ -1,10 +1,7 @@
 """The exact search against brute force and proven optima."""
 
-import gzip
-import json
 import sys
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +9,10 @@ import pytest
 from auvplan.mission import check_route
 from auvplan.mission.bound import upper_bound
 from auvplan.mission.exact import in_ticks, solve_exact
-from tests.mission.naive import best_priority, grid_graph
+from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 
 pytest.importorskip("ortools", reason="the exact search needs OR-Tools")
 
-GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
 SPEED = 2.0
 
 
@@ -128,13 +124,9 @@ def test_without_or_tools_one_line_says_what_to_install(monkeypatch: pytest.Monk
         solve_exact(*diamond(), 0, 3, 40.0)
 
 
-@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+@needs_graphs
 def test_the_proven_optimum_of_a_task_graph() -> None:
-    with gzip.open(GRAPHS) as file:
-        case = next(case for case in json.load(file) if case["name"] == "knn40-s0")
-    times, rho = np.full((case["n"], case["n"]), np.inf), np.zeros((case["n"], case["n"]))
-    for i, j, length, worth, delta in case["edges"]:
-        times[[i, j], [j, i]] = length / case["v"] + delta
-        rho[[i, j], [j, i]] = worth
-    route = solve_exact(times, rho, case["start"], case["dest"], case["T"], time_limit=30.0)
+    case, graph = proven("knn40-s0")
+    asked = case["start"], case["dest"], case["T"]
+    route = solve_exact(graph.leg_times(case["v"]), graph.priority, *asked, time_limit=30.0)
     assert (route.priority, route.bound, route.proved) == (case["optimum"], case["optimum"], True)

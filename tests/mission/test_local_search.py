@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from auvplan.mission import MissionGraph, check_route
 from auvplan.mission.decoder import decode
 from auvplan.mission.local_search import CUT, improve
-from auvplan.mission.problem import Edges, prepare
-from tests.mission.naive import grid_graph
+from tests.mission.naive import grid_graph, problem
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
 N, SPEED = 9, 2.0
@@ -21,11 +20,10 @@ decode_now = jax.jit(decode, static_argnames="decoder")
 
 
 def random_routes(graph: MissionGraph, budget: float, margin: float, seed: int):
-    edges = Edges.of(graph.leg_times(SPEED), graph.priority)
-    problem = jax.jit(prepare)(edges, 0, N - 1, budget, jnp.zeros(N, bool), margin)
+    given_ = problem(graph, 0, N - 1, budget, margin=margin)
     population = np.random.default_rng(seed).integers(-200, 101, (12, N))
-    routes = decode_now(jnp.asarray(population), problem, decoder="timely")
-    return problem, np.asarray(routes.nodes)[np.asarray(routes.reached)]
+    routes = decode_now(jnp.asarray(population), given_, decoder="timely")
+    return given_, np.asarray(routes.nodes)[np.asarray(routes.reached)]
 
 
 def naive_best_gain(graph: MissionGraph, route: list[int], budget: float, margin: float) -> float:
@@ -63,11 +61,11 @@ def test_the_best_change_is_made(
     seed: int, density: float, directed: bool, budget: float, margin: float
 ) -> None:
     graph = grid_graph(seed, N, density, directed)
-    problem, routes = random_routes(graph, budget, margin, seed)
+    given_, routes = random_routes(graph, budget, margin, seed)
     if len(routes) == 0:
         return
     padded = np.resize(routes, (12, N))
-    after = np.asarray(improve_now(jnp.asarray(padded), problem, problem.priority, rounds=1))
+    after = np.asarray(improve_now(jnp.asarray(padded), given_, given_.priority, rounds=1))
     for old, new in zip(padded, after, strict=True):
         before, now = old[old >= 0].tolist(), new[new >= 0].tolist()
         check = check_route(graph, now, 0, N - 1, budget, SPEED)
@@ -80,7 +78,7 @@ def test_the_best_change_is_made(
 
 def test_many_rounds_end_where_no_change_gains() -> None:
     graph = grid_graph(4, N, 1.0)
-    problem, routes = random_routes(graph, 2500.0, 0.0, 4)
-    after = np.asarray(improve_now(jnp.asarray(routes), problem, problem.priority, rounds=30))
+    given_, routes = random_routes(graph, 2500.0, 0.0, 4)
+    after = np.asarray(improve_now(jnp.asarray(routes), given_, given_.priority, rounds=30))
     for nodes in after:
         assert naive_best_gain(graph, nodes[nodes >= 0].tolist(), 2500.0, 0.0) <= 0.0

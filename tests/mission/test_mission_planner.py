@@ -1,9 +1,6 @@
 """Mission planning as a whole."""
 
-import gzip
-import json
 from itertools import pairwise
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -25,10 +22,9 @@ from auvplan.mission import (
     replan_mission,
 )
 from auvplan.runtime.compiled import compilations
-from tests.mission.naive import best_priority, grid_graph
+from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
-GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
 SPEED = 2.0
 QUICK = MissionConfig(
     bbo=MissionConfig().bbo.replace(population=20, iterations=10),
@@ -257,25 +253,14 @@ def test_bad_settings_are_refused(setting: dict) -> None:
         MissionConfig(**setting)
 
 
-@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+@needs_graphs
 @pytest.mark.parametrize("name", ["full40-s0", "knn40-s0", "rnd40-s0"])
 def test_close_to_the_proven_optimum(name: str) -> None:
-    with gzip.open(GRAPHS) as file:
-        case = next(case for case in json.load(file) if case["name"] == name)
-    size = case["n"]
-    adjacency = np.zeros((size, size), bool)
-    priority, duration, travel = np.zeros((size, size)), np.zeros((size, size)), np.full((size, size), np.nan)
-    for i, j, length, rho, delta in case["edges"]:
-        for edge in ((i, j), (j, i)):
-            adjacency[edge], priority[edge], duration[edge] = True, rho, delta
-            travel[edge] = length / case["v"]
-    graph = MissionGraph(np.array(case["nodes"]), adjacency, priority, duration, travel)
-    route = plan_mission(
-        graph, case["start"], case["dest"], case["T"], speed=case["v"], key=jax.random.key(0)
-    )
-    assert check_route(graph, route.nodes, case["start"], case["dest"], case["T"], case["v"])
-    assert route.priority <= case["optimum"]
-    assert route.priority >= 0.93 * case["optimum"]
+    case, graph = proven(name)
+    asked = case["start"], case["dest"], case["T"]
+    route = plan_mission(graph, *asked, speed=case["v"], key=jax.random.key(0))
+    assert check_route(graph, route.nodes, *asked, case["v"])
+    assert 0.93 * case["optimum"] <= route.priority <= case["optimum"]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -94,41 +94,37 @@ def looked_up(graph: MissionGraph, i: int, j: int, time: float) -> float:
     if not table.enters.shape[-1]:
         return begun(graph, i, j, crossed(graph, i, j, time))
     ends = []
-    for enters, until in zip(table.enters[i, j], table.until[i, j], strict=True):
+    for enters, until in zip(table.enters[i, j].tolist(), table.until[i, j].tolist(), strict=True):
         if not table.waiting and time < enters:
             continue
-        entered = max(time, enters)
-        if crossed(graph, i, j, entered) + graph.duration[i, j] <= until:
-            ends.append(begun(graph, i, j, crossed(graph, i, j, entered)))
+        arrival = crossed(graph, i, j, max(time, enters))
+        if arrival + graph.duration[i, j] <= until:
+            ends.append(begun(graph, i, j, arrival))
     return min(ends, default=np.inf)
 
 
 def crossed(graph: MissionGraph, i: int, j: int, time: float) -> float:
     """When an edge is passed that is entered at a time or later."""
     table = graph.timetable
-    travel = [plane[i, j] for plane in table.travel_time]
-    before = [k for k in range(DEPARTURES) if table.departures[k] <= time][-1]
-    arrivals = []
-    if table.departures[before] == time or before == DEPARTURES - 1:
-        arrivals.append(time + travel[before])
-    else:
-        weights = np.interp(time, table.departures, np.arange(DEPARTURES)) - before
+    travel, departures = table.travel_time[:, i, j].tolist(), table.departures.tolist()
+    before = max(k for k, departs in enumerate(departures) if departs <= time)
+    arrivals = [time + travel[before]]
+    if departures[before] < time and before < DEPARTURES - 1:
+        weight = (time - departures[before]) / (departures[before + 1] - departures[before])
         ends = travel[before], travel[before + 1]
-        arrivals.append(
-            time + (1.0 - weights) * ends[0] + weights * ends[1] if np.isfinite(ends).all() else np.inf
-        )
+        arrivals = [np.inf if np.inf in ends else time + (1.0 - weight) * ends[0] + weight * ends[1]]
     if table.waiting:
-        arrivals += [table.departures[k] + travel[k] for k in range(before + 1, DEPARTURES)]
+        arrivals += [departures[k] + travel[k] for k in range(before + 1, DEPARTURES)]
     return min(arrivals)
 
 
 def begun(graph: MissionGraph, i: int, j: int, arrival: float) -> float:
     """When the task at the end of an edge is done after an arrival."""
     table, done = graph.timetable, []
-    for opens, closes in zip(table.opens[i, j], table.closes[i, j], strict=True):
+    for opens, closes in zip(table.opens[i, j].tolist(), table.closes[i, j].tolist(), strict=True):
         if arrival <= closes and (table.waiting or arrival >= opens):
             done.append(max(arrival, opens))
-    return (min(done, default=np.inf) if table.opens.shape[-1] else arrival) + graph.duration[i, j]
+    return (min(done, default=np.inf) if table.opens.shape[-1] else arrival) + float(graph.duration[i, j])
 
 
 def best_priority(graph: MissionGraph, budget: float) -> float:
@@ -177,14 +173,6 @@ def test_routes_are_as_good_as_the_exhaustive_search(seed, closing, budget):
     check_against_the_exhaustive_search(seed, closing, budget)
 
 
-@pytest.mark.slow
-def test_five_hundred_more_cases_are_as_good_as_the_exhaustive_search():
-    rng = np.random.default_rng(99)
-    for _ in range(500):
-        seed, closing = int(rng.integers(20_000, 90_000)), float(rng.choice([0.0, 0.1, 0.3]))
-        check_against_the_exhaustive_search(seed, closing, float(rng.uniform(300.0, 1700.0)))
-
-
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     seed=st.integers(20_000, 30_000),
@@ -193,14 +181,6 @@ def test_five_hundred_more_cases_are_as_good_as_the_exhaustive_search():
 )
 def test_windows_along_edges_and_falling_priorities_are_kept(seed, closing, budget):
     check_against_the_exhaustive_search(seed, closing, budget, along=2, falls=2)
-
-
-@pytest.mark.slow
-def test_500_cases_with_windows_along_edges_and_falling_priorities_equal_the_exhaustive_search():
-    rng = np.random.default_rng(31)
-    for seed in range(300_000, 300_500):
-        closing, budget = rng.choice([0.0, 0.1, 0.3]), rng.uniform(300.0, 1700.0)
-        check_against_the_exhaustive_search(seed, closing, budget, along=2, falls=2)
 
 
 #: Cases of routes that may not wait, from so many seeds on.
@@ -234,9 +214,13 @@ def test_routes_without_waiting_are_as_good_as_the_exhaustive_search(first):
 
 
 @pytest.mark.slow
-def test_1000_cases_without_waiting_equal_the_exhaustive_search():
+def test_2000_more_cases_equal_the_exhaustive_search():
     for seed in range(1000, 2000):
         check_without_waiting(UNWAITING + seed)
+        rng = np.random.default_rng(seed)
+        closing, budget = float(rng.choice([0.0, 0.1, 0.3])), float(rng.uniform(300.0, 1700.0))
+        more = {"along": 2, "falls": 2} if seed % 2 else {}
+        check_against_the_exhaustive_search(20_000 + seed, closing, budget, **more)
 
 
 def test_a_route_that_may_not_wait_takes_an_edge_that_opens_under_way():
@@ -281,6 +265,7 @@ def check_against_the_exhaustive_search(
     if found.feasible:
         assert found.priority == best
         assert found.bound >= found.priority - 1e-6
+        assert graph.timetable.waiting or not found.waits.any()
         time = 0.0
         for (i, j), seconds in zip(pairwise(found.nodes.tolist()), found.leg_times, strict=True):
             assert time + seconds == pytest.approx(looked_up(graph, i, j, time), abs=1e-6)
@@ -309,20 +294,6 @@ def test_labels_prove_the_best_route_from_nothing_and_the_bound_holds(seed):
         for i, j in pairwise(proved.nodes.tolist()):
             now = looked_up(graph, i, j, now)
         assert now == pytest.approx(proved.time)
-
-
-@pytest.mark.slow
-def test_without_waiting_a_task_is_reached_in_its_window_or_left():
-    """No route is late or early anywhere, whatever the search does with a problem that is not monotone."""
-    for seed in range(12):
-        graph = clocked(seed, 0.1, 2, waiting=False)
-        found = plan_mission(graph, 0, SIZE - 1, 1500.0, speed=1.5, key=jax.random.key(0), config=QUICK)
-        time = 0.0
-        for i, j in pairwise(found.nodes.tolist()):
-            time = looked_up(graph, i, j, time)
-        assert np.isfinite(time)
-        assert not found.feasible or time == pytest.approx(found.time)
-        assert found.waits.sum() == 0.0
 
 
 @pytest.mark.slow

@@ -23,9 +23,13 @@ def dense(plan, count=3000):
     return points, np.interp(share, index, plan.times)
 
 
-def test_plan_is_feasible_and_truly_clear():
+@pytest.fixture(scope="module")
+def plan():
+    return ap.plan_path(START, GOAL, world(), key=jax.random.key(0), config=CONFIG)
+
+
+def test_plan_is_feasible_and_truly_clear(plan):
     env = world()
-    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
     assert plan.feasible
     assert plan.status is ap.PathStatus.OK
     np.testing.assert_allclose(plan.positions[[0, -1]], [START, GOAL], atol=1e-2)
@@ -40,15 +44,13 @@ def test_plan_is_feasible_and_truly_clear():
     assert plan.travel_time == pytest.approx(plan.times[-1] - plan.times[0], rel=1e-5)
 
 
-def test_same_key_same_plan_and_second_call_compiles_nothing():
-    env = world()
-    first = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
-    compiled = compilations()
-    again = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
-    np.testing.assert_array_equal(first.positions, again.positions)
+def test_same_key_same_plan_and_second_call_compiles_nothing(plan):
+    env, compiled = world(), compilations()
+    again = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
+    np.testing.assert_array_equal(plan.positions, again.positions)
     other = ap.plan_path(START + 50.0, GOAL - 50.0, env, key=jax.random.key(2), config=CONFIG, depart=60.0)
     assert compilations() == compiled
-    assert not np.array_equal(first.positions, other.positions)
+    assert not np.array_equal(plan.positions, other.positions)
 
 
 def test_batched_legs_equal_single_ones():
@@ -118,9 +120,8 @@ def test_current_that_wins_everywhere_is_named_with_its_place():
     assert np.isfinite(plan.travel_time)
 
 
-def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
+def test_replanning_starts_at_the_vehicle_and_keeps_the_quality(plan):
     env = world()
-    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
     here, now = plan.positions[25], float(plan.times[25])
     rest = ap.replan_path(plan, here, now, env, key=jax.random.key(1), config=CONFIG)
     np.testing.assert_allclose(rest.positions[0], here, atol=1e-2)
@@ -136,11 +137,9 @@ def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
     assert compilations() == compiled
 
 
-def test_given_population_is_used():
-    env = world()
-    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
+def test_given_population_is_used(plan):
     lazy = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=0), refine_steps=0, passage_steps=0)
-    kept = ap.plan_path(START, GOAL, env, key=jax.random.key(9), config=lazy, population=plan.population)
+    kept = ap.plan_path(START, GOAL, world(), key=jax.random.key(9), config=lazy, population=plan.population)
     assert kept.travel_time == pytest.approx(plan.travel_time, rel=1e-5)
 
 

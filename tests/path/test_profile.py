@@ -1,5 +1,6 @@
 """Depths along a path against closed forms, a plain programme and the limits of the vehicle."""
 
+from functools import cache
 from itertools import pairwise
 
 import jax
@@ -106,22 +107,33 @@ def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
     assert plan.travel_time < WAY / 2.0
 
 
-def plans_of(vehicle, env, goal_depth=60.0):
-    """A plan, and one from half way on."""
-    settings = {"key": jax.random.key(0), "config": ap.PathConfig.quick().replace(finer=1)}
-    plan = ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, **settings)
-    half = len(plan.times) // 2
-    return plan, ap.replan_path(plan, plan.positions[half], float(plan.times[half]), env, vehicle, **settings)
+def plan_of(vehicle, env, goal_depth=60.0):
+    config = ap.PathConfig.quick().replace(finer=1)
+    return ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, key=jax.random.key(0), config=config)
+
+
+def from_half_way(plan):
+    """The plan of the rest of the way."""
+    half, given = len(plan.times) // 2, plan.conditions
+    where = plan.positions[half], float(plan.times[half]), given.env, given.vehicle
+    return ap.replan_path(plan, *where, key=jax.random.key(0), config=given.config)
+
+
+@cache
+def in_two_layers():
+    ends, config = ((0, 0, 10), (WAY, 0, 10)), ap.PathConfig.quick()
+    return ap.plan_path(*ends, sea(), UNLIMITED, key=jax.random.key(0), config=config)
 
 
 def test_a_transit_depth_is_kept_between_the_ends_whatever_the_current():
     vehicle = ap.Vehicle(SPEED, transit_depth=30.0)
-    for plan in plans_of(vehicle, sea()):
+    whole = plan_of(vehicle, sea())
+    for plan in (whole, from_half_way(whole)):
         assert plan.feasible, plan.reason
         assert plan.positions[-1, 2] == pytest.approx(60.0, abs=0.1)
         assert np.median(plan.positions[:, 2]) == pytest.approx(30.0, abs=0.1)
         assert np.degrees(np.abs(plan.pitch)).max() < 30.0
-    shallower, _ = plans_of(vehicle, sea(bottom=25.0), goal_depth=10.0)
+    shallower = plan_of(vehicle, sea(bottom=25.0), goal_depth=10.0)
     assert shallower.positions[:, 2].max() == pytest.approx(25.0, abs=0.1)
 
 
@@ -136,16 +148,16 @@ def test_a_transit_altitude_follows_the_terrain_and_climbs_before_a_bank():
     env = ap.Environment(
         ap.UniformCurrent(0.3, 0.2), seabed=bed, lower=(-500, -2000, 0), upper=(5500, 2000, 120)
     )
-    plan, rest = plans_of(ap.Vehicle(SPEED, transit_altitude=15.0), env)
+    plan = plan_of(ap.Vehicle(SPEED, transit_altitude=15.0), env)
     assert plan.feasible
-    assert rest.feasible
+    assert from_half_way(plan).feasible
     altitude = bed.altitude(plan.positions)
     ahead = (plan.positions[:, 0] > 300.0) & (plan.positions[:, 0] < WAY - 300.0)
     assert altitude[ahead].min() > 14.0
     assert np.median(altitude) == pytest.approx(15.0, abs=0.5)
     assert np.degrees(np.abs(plan.pitch)).max() < 30.0
     with pytest.raises(ValueError, match="transit_altitude needs a sea bed"):
-        plans_of(ap.Vehicle(SPEED, transit_altitude=15.0), sea())
+        plan_of(ap.Vehicle(SPEED, transit_altitude=15.0), sea())
 
 
 def test_edges_are_timed_at_the_transit_depth():
@@ -154,7 +166,7 @@ def test_edges_are_timed_at_the_transit_depth():
     for depth in (20.0, 60.0):
         vehicle = ap.Vehicle(SPEED, transit_depth=depth)
         seconds, passable = travel_times(*ends, sea(), vehicle, np.zeros(1), TravelTimeConfig())
-        plan, _ = plans_of(vehicle, sea(), goal_depth=10.0)
+        plan = plan_of(vehicle, sea(), goal_depth=10.0)
         assert passable.all()
         assert seconds[0] == pytest.approx(plan.travel_time, rel=0.02)
 
@@ -228,11 +240,7 @@ def test_profile_is_as_quick_as_a_plain_programme_finds():
 
 def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
     """Of the vertical plane: down at once, along below the interface, up at the end."""
-    env = sea()
-    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
-    plan = ap.plan_path(
-        (0, 0, 10), (WAY, 0, 10), env, vehicle, key=jax.random.key(0), config=ap.PathConfig.quick()
-    )
+    plan = in_two_layers()
     assert plan.feasible
     depths = np.r_[10.0, np.arange(4.0, 100.0, 6.0)]
     depths.sort()
@@ -295,15 +303,12 @@ def test_a_gradual_sea_needs_no_finer_path_for_its_time():
 
 
 def test_a_replan_in_two_layers_stays_below():
-    env, config, key = sea(), ap.PathConfig.quick(), jax.random.key(0)
-    plan = ap.plan_path((0, 0, 10), (WAY, 0, 10), env, UNLIMITED, key=key, config=config)
-    half = plan.positions[len(plan.positions) // 2]
-    assert half[2] > 45.0
-    now = float(plan.times[len(plan.times) // 2])
-    rest = ap.replan_path(plan, half, now, env, UNLIMITED, key=key, config=config)
+    plan = in_two_layers()
+    rest = from_half_way(plan)
+    assert rest.positions[0, 2] > 45.0
     assert rest.feasible
     assert np.median(rest.positions[:, 2]) > 45.0
-    assert rest.travel_time < 1.01 * (plan.times[-1] - now)
+    assert rest.travel_time < 1.01 * (plan.times[-1] - rest.times[0])
 
 
 @pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), (60.0, 20.0, 80.0)])

@@ -1,6 +1,7 @@
 """Paths searched for in samples of a current, timed and judged in the current."""
 
 from dataclasses import replace
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -15,18 +16,23 @@ START, GOAL = (0.0, 0.0, 10.0), (4000.0, 0.0, 10.0)
 KEY = jax.random.key(0)
 
 
-def sea(scale, bottom=10.0):
+@cache
+def sea(scale):
     """Eddies of some size, a function of its own in each."""
 
     def current(x, y, z, t):
         return 0.4 * jnp.sin(y / scale), 0.4 * jnp.sin(x / scale), 0.0 * z
 
-    return ap.Environment(current, lower=(-500, -2000, 10.0), upper=(4500, 2000, bottom))
+    return ap.Environment(current, lower=(-500, -2000, 10.0), upper=(4500, 2000, 10.0))
+
+
+@cache
+def planned(scale=600.0):
+    return ap.plan_path(START, GOAL, sea(scale), key=KEY, config=CONFIG)
 
 
 def test_a_path_found_in_samples_is_as_quick_and_timed_in_the_current():
-    env = sea(600.0)
-    found = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG)
+    env, found = sea(600.0), planned()
     exact = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG.replace(sampled=False))
     assert 0.0 < found.sampling_error < 0.025
     assert 0.0 < found.sampling_time_error < found.travel_time * found.sampling_error
@@ -40,11 +46,10 @@ def test_a_path_found_in_samples_is_as_quick_and_timed_in_the_current():
 
 
 def test_another_function_compiles_none_of_the_costly_programs():
-    ap.plan_path(START, GOAL, sea(700.0), key=KEY, config=CONFIG)
+    planned()
     costly = [program._ready for program in (stages._trace, stages._begin, stages._descend, stages._evolve)]
     before = [len(ready) for ready in costly]
-    plan = ap.plan_path(START, GOAL, sea(800.0), key=KEY, config=CONFIG)
-    assert plan.sampling_error > 0.0
+    assert planned(800.0).sampling_error > 0.0
     assert [len(ready) for ready in costly] == before
 
 
@@ -59,8 +64,7 @@ def test_plans_in_a_batch_and_alone_agree_in_samples():
 
 
 def test_a_replan_keeps_to_samples_of_its_own():
-    env = sea(600.0)
-    plan = ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG)
+    env, plan = sea(600.0), planned()
     half = len(plan.times) // 2
     rest = ap.replan_path(plan, plan.positions[half], float(plan.times[half]), env, key=KEY, config=CONFIG)
     assert rest.feasible

@@ -48,6 +48,12 @@ def plan(env, start=START, goal=GOAL, config=CONFIG):
     return ap.plan_path(start, goal, env, key=jax.random.key(0), config=config)
 
 
+@pytest.fixture(scope="module")
+def climbed():
+    """A plan over the ridge."""
+    return plan(over(RIDGE))
+
+
 def walked(path, env):
     """Altitudes every metre or less along a plan."""
     share, index = np.linspace(0.0, len(path.times) - 1, 4000), np.arange(len(path.times))
@@ -83,11 +89,10 @@ def test_over_a_flat_bottom_the_way_is_the_straight_one():
     assert found.altitude == pytest.approx(150.0 - found.positions[:, 2].max(), abs=0.5)
 
 
-def test_a_ridge_is_climbed():
-    env = over(RIDGE)
-    found = plan(env)
+def test_a_ridge_is_climbed(climbed):
+    found = climbed
     assert found.feasible, found.reason
-    altitude, points = walked(found, env)
+    altitude, points = walked(found, over(RIDGE))
     assert CLEARANCE <= found.altitude <= altitude.min() + 1e-2
     assert points[:, 2].min() < 40.0 - CLEARANCE
     # Climbing is a hundredth of the way; the ridge cannot be rounded.
@@ -124,9 +129,8 @@ def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
     assert compilations() == compiled
 
 
-def test_a_vehicle_under_way_is_planned_anew_over_the_bank():
-    env = over(RIDGE)
-    first = plan(env)
+def test_a_vehicle_under_way_is_planned_anew_over_the_bank(climbed):
+    env, first = over(RIDGE), climbed
     rest = ap.replan_path(
         first, first.positions[20], float(first.times[20]), env, key=jax.random.key(1), config=CONFIG
     )

@@ -84,12 +84,19 @@ def test_dates_are_utc():
     assert num2date(figure.axes[-1].convert_xunits(first)) == datetime(2026, 3, 1, 22, tzinfo=UTC)
 
 
-@pytest.mark.parametrize("count", [1, 2, 200])
-@pytest.mark.parametrize("dated", [True, False])
-@pytest.mark.parametrize("closed", ["none", "first", "all"])
+@pytest.mark.parametrize(
+    ("count", "dated", "closed"),
+    [
+        (1, True, ()),
+        (1, False, (0,)),
+        (2, True, (0,)),
+        (2, False, (0, 1)),
+        (200, True, range(200)),
+        (200, False, ()),
+    ],
+)
 def test_any_number_of_departures_can_be_drawn(tmp_path, count, dated, closed):
-    chosen = {"none": (), "first": (0,), "all": range(count)}[closed]
-    found = make(count, dated, chosen)
+    found = make(count, dated, closed)
     assert save(plot_departures(found), tmp_path / "departures.png").stat().st_size > 10_000
 
 

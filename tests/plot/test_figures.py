@@ -37,15 +37,6 @@ def data_axes(figure):
     return [axes for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.get_visible()]
 
 
-def assert_pictures(paths):
-    assert [path.name for path in paths] == NAMES
-    for path in paths:
-        with Image.open(path) as picture:
-            pixels = np.asarray(picture.convert("RGB"))
-        assert min(pixels.shape[:2]) > 250
-        assert len(np.unique(pixels @ [1, 256, 256**2])) > 20, f"{path.name} is empty"
-
-
 def a_run(legs):
     """A made run of three legs, of one in open water, or with a leg that was refused among them or alone."""
     if legs == "open water":
@@ -58,11 +49,20 @@ def a_run(legs):
     return run
 
 
-@pytest.mark.parametrize("legs", ["three", "open water", "refused", "only refused"])
-def test_all_figures(tmp_path, legs):
-    assert_pictures(draw_run(a_run(legs), tmp_path))
+@pytest.mark.parametrize(
+    ("legs", "dpi"), [("three", 150), ("open water", 50), ("refused", 50), ("only refused", 50)]
+)
+def test_all_figures(tmp_path, monkeypatch, legs, dpi):
+    monkeypatch.setattr(style, "DPI", dpi)
+    paths = draw_run(a_run(legs), tmp_path)
+    assert [path.name for path in paths] == NAMES
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(NAMES)
-    assert legs != "three" or all(path.stat().st_size > 20_000 for path in tmp_path.iterdir())
+    for path in paths:
+        with Image.open(path) as picture:
+            pixels = np.asarray(picture.convert("RGB"))
+        assert min(pixels.shape[:2]) > 250 / 150 * dpi
+        assert len(np.unique(pixels @ [1, 256, 256**2])) > 20, f"{path.name} is empty"
+        assert legs != "three" or path.stat().st_size > 20_000
 
 
 def test_mission_that_never_began(tmp_path):

@@ -254,7 +254,6 @@ def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
 @pytest.mark.parametrize(
     ("text", "values"),
     [
-        ("sensors.prior_std=1e1,2e1", [10.0, 20.0]),
         ("planning.charge_compute=true,false", ["True", "False"]),
         ("mission.start=[[100, 100, 5], [200, 100, 5]]", ["[100, 100, 5]", "[200, 100, 5]"]),
     ],
@@ -303,23 +302,17 @@ def test_missions_that_end_before_they_begin_are_rows_too(tmp_path):
     json.dumps(summary, allow_nan=False)
 
 
-def test_an_unfinished_study_is_not_begun_anew_unasked(tmp_path):
-    design = Design(small(), 3)
-    break_off(design, tmp_path, after=2)
+def test_an_unfinished_study_is_resumed_where_that_is_asked_for_and_ends_the_same(three, tmp_path):
+    design, stated = Design(small(), 3), []
+    break_off(design, tmp_path, after=1)
     before = pieces(tmp_path)
+    assert len(before) == 1
     # What a killed writer leaves is no mission.
     (tmp_path / "missions" / ".0000-00000002-0123456789ab.npz").write_bytes(b"half")
-    with pytest.raises(StudyError, match=r"unfinished study, 2 missions done: .*--resume") as refused:
+    with pytest.raises(StudyError, match=r"unfinished study, 1 mission done: .*--resume") as refused:
         run_here(design, tmp_path)
     assert len(str(refused.value).splitlines()) == 1
     assert [name for name in pieces(tmp_path) if not name.startswith(".")] == before
-
-
-def test_a_resumed_study_runs_what_is_missing_and_ends_the_same(three, tmp_path):
-    design, stated = Design(small(), 3), []
-    break_off(design, tmp_path, after=1)
-    assert len(pieces(tmp_path)) == 1
-    (tmp_path / "missions" / ".0000-00000002-0123456789ab.npz").write_bytes(b"half")
     dataset = run_here(design, tmp_path, resume=True, progress=lambda *words: stated.append(words))
     assert_same(dataset, three[1])
     assert names(tmp_path) == RESULTS
@@ -433,19 +426,15 @@ def test_another_study_is_not_resumed(three, other, field):
     xr.testing.assert_identical(load_study(out), dataset)
 
 
-def test_a_sweep_that_is_no_longer_asked_for_is_another_study(tmp_path):
-    swept = Design(small(), 1, sweeps=(Sweep("planning.replan", ("late", "deviation")),))
-    break_off(swept, tmp_path, after=1)
-    with pytest.raises(StudyError, match=r"sweeps.* differs"):
-        run_here(Design(small(), 1), tmp_path, resume=True)
+REPLAN, RATE = Sweep("planning.replan", ("late", "deviation")), Sweep("current.update_rate", (0, 1))
 
 
-def test_the_route_of_sweeps_makes_another_study(tmp_path):
-    """The dataset's dimensions and the numbers of its cases follow it."""
-    sweeps = (Sweep("planning.replan", ("late", "deviation")), Sweep("current.update_rate", (0, 1)))
-    break_off(Design(small(), 1, sweeps=sweeps), tmp_path, after=2)
+@pytest.mark.parametrize("other", [(), (RATE, REPLAN)])
+def test_other_sweeps_or_another_order_of_them_make_another_study(tmp_path, other):
+    """The dataset's dimensions and the numbers of its cases follow the order."""
+    break_off(Design(small(), 1, sweeps=(REPLAN, RATE)), tmp_path, after=1)
     with pytest.raises(StudyError, match=r"sweeps.* differs"):
-        run_here(Design(small(), 1, sweeps=sweeps[::-1]), tmp_path, resume=True)
+        run_here(Design(small(), 1, sweeps=other), tmp_path, resume=True)
 
 
 def test_nothing_is_resumed_where_there_is_no_study(tmp_path):
@@ -500,19 +489,25 @@ def test_what_cannot_be_built_writes_nothing(tmp_path, bad, sweeps, reason):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("work", [light.work_and_die, light.work_and_die_speaking])
-def test_a_worker_that_dies_is_told_and_the_study_can_be_resumed(three, tmp_path, monkeypatch, work):
+WORDS = "a worker process died.*--resume"
+
+
+@pytest.mark.parametrize(
+    ("work", "error", "words"),
+    [
+        (light.work_and_die, StudyError, WORDS),
+        (light.work_and_die_speaking, StudyError, WORDS),
+        (light.work_and_fail, ScenarioError, "lies on land"),
+    ],
+)
+def test_what_ends_a_worker_is_stated_and_the_study_can_be_resumed(
+    three, tmp_path, monkeypatch, work, error, words
+):
     design = Design(small(), 3)
     break_off(design, tmp_path, after=1)
     monkeypatch.setattr(runner_module, "work", work)
-    with pytest.raises(StudyError, match=r"a worker process died.*--resume") as stated:
+    with pytest.raises(error, match=words) as stated:
         run_study(design, tmp_path, workers=2, resume=True)
     assert len(str(stated.value).splitlines()) == 1
     assert len(pieces(tmp_path)) == 1
     assert_same(run_here(design, tmp_path, resume=True), three[1])
-
-
-def test_an_error_in_a_worker_reaches_the_caller(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner_module, "work", light.work_and_fail)
-    with pytest.raises(ScenarioError, match="lies on land"):
-        run_study(Design(small(), 2), tmp_path, workers=2)
