@@ -20,17 +20,7 @@ from auvplan.plot.maps import Map
 from auvplan.plot.section import SECTION, add_section
 from auvplan.plot.style import Array
 from auvplan.records import LegRecord, MissionRun
-from auvplan.view.scene import (
-    boundaries,
-    busiest_leg,
-    chosen_plans,
-    extent_points,
-    leg_title,
-    near_obstacles,
-    plan_name,
-    until_next,
-    window,
-)
+from auvplan.view import scene
 from auvplan.view.section import plan_section
 
 #: Panels at most.
@@ -108,15 +98,15 @@ def plot_currents(
     Returns:
         The axes of the panels.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return np.array([style.annotate_empty(ax, "no path was planned")])
-    chosen = chosen_plans(leg, PANELS)
+    chosen = scene.chosen_plans(leg, PANELS)
     columns = 3 if len(chosen) == 3 else min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
     figure = style.figure_for(ax, 4.6 * columns + 1.0, 4.3 * rows + 0.9)
     grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-    low, high = window(extent_points(leg))
+    low, high = scene.window(scene.extent_points(leg))
     depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
     plans = [leg.plans[index] for index in chosen]
     fields = [Field.of(plan.current, low, high, depth, plan.made_at) for plan in plans]
@@ -128,7 +118,7 @@ def plot_currents(
         pen.coast(run.coast, see_through=True)
         coast = pen.handles[:]
         _draw_paths(pen, leg, index)
-        axes.set_title(plan_name(leg, index), fontsize=9)
+        axes.set_title(scene.plan_name(leg, index), fontsize=9)
     for axes in grid[len(chosen) :]:
         axes.set_visible(False)
     for axes in grid:
@@ -143,7 +133,7 @@ def plot_currents(
         style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle"),
         style.mark(style.GOAL, "target"), *coast,
     ])  # fmt: skip
-    figure.suptitle(f"Paths and current, {leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
+    figure.suptitle(f"Paths and current, {scene.leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])
 
 
@@ -173,21 +163,21 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         run: as executed.
         leg: that of `busiest_leg` where not given.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
     plans = leg.followed_plans
-    low, high = window(extent_points(leg), 0.06, run.chart)
+    low, high = scene.window(scene.extent_points(leg), 0.06, run.chart)
     tall, wide = high - low
     figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)
     pen = Map(figure.subplots(), low, high)
     pen.coast(run.coast)
     pen.closures(run)
-    kinds = [leg.obstacle_kinds[m] for m in near_obstacles(leg)]
+    kinds = [leg.obstacle_kinds[m] for m in scene.near_obstacles(leg)]
     for number, plan in enumerate(plans, 1):
         strength = 0.25 + 0.6 * number / len(plans)
-        places, radii = boundaries(run, leg, plan.made_at)
-        for place, radius, m in zip(places, radii, near_obstacles(leg), strict=True):
+        places, radii = scene.boundaries(run, leg, plan.made_at)
+        for place, radius, m in zip(places, radii, scene.near_obstacles(leg), strict=True):
             colour = style.KIND_COLOURS.get(leg.obstacle_kinds[m], style.GREY)
             pen.disc(place, leg.obstacle_radii[m], fc=colour, alpha=strength, lw=0, zorder=2)
             pen.disc(place, radius, fill=False, ec=colour, alpha=strength, lw=1.1, zorder=2)
@@ -204,7 +194,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         if number == 0:
             pen.line(plan.positions, **first)
             continue
-        executed, given_up = until_next(plans, number)
+        executed, given_up = scene.until_next(plans, number)
         pen.line(given_up, **dropped)
         pen.line(executed, **followed)
         pen.dots(plan.positions[0], **(style.VEHICLE | {"zorder": 7}))
@@ -251,7 +241,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
         return ax
     world = plan.conditions.world()
     positions = np.asarray(plan.positions, float)
-    low, high = window(positions)
+    low, high = scene.window(positions)
     section = plan_section(plan) if ax is None else None
     axes = style.own_axes(ax, 7.4, 7.2 + (0.0 if section is None else SECTION))
     below = add_section(axes, [] if section is None else [section])

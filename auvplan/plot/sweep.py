@@ -12,15 +12,7 @@ from matplotlib.figure import Figure
 
 from auvplan.plot import style
 from auvplan.runtime.formatting import counted
-from auvplan.study.statistics import (
-    cost_per_metre,
-    mean_interval,
-    over_finite,
-    relative_errors,
-    sweep_dims,
-    use_of_time,
-    wilson_interval,
-)
+from auvplan.study import statistics
 
 Array = style.Array
 
@@ -55,7 +47,7 @@ def setting_value(value: Any) -> str:
 
 def set_title(figure: Figure, dataset: xr.Dataset, text: str) -> None:
     """What is shown, under the study's title and the settings that were chosen from a sweep."""
-    chosen = [dim for dim in sweep_dims(dataset) if dim not in dataset.dims]
+    chosen = [dim for dim in statistics.sweep_dims(dataset) if dim not in dataset.dims]
     settings = [f"{setting_name(dataset, dim)} = {setting_value(dataset[dim].values[()])}" for dim in chosen]
     title = dataset.attrs.get("title")
     figure.suptitle(f"{title}\n" * bool(title) + "; ".join([*settings, text]), fontsize=11)
@@ -66,14 +58,14 @@ def _plain(name: str, factor: float = 1.0) -> Callable[[xr.Dataset], Array]:
 
 
 MEASURES = (
-    Measure("use of the time available [%]", use_of_time),
+    Measure("use of the time available [%]", statistics.use_of_time),
     Measure("total priority [-]", _plain("total_priority")),
     Measure("missions on time [%]", _plain("success", 100.0), share=True),
     Measure(
         "median |$T_{path}$ / ($t_{ij}$ − $δ_{ij}$) − 1| [%]",
-        lambda dataset: 100.0 * over_finite(relative_errors(dataset), np.nanmedian),
+        lambda dataset: 100.0 * statistics.over_finite(statistics.relative_errors(dataset), np.nanmedian),
     ),
-    Measure("path cost per metre of straight line [s/m]", cost_per_metre),
+    Measure("path cost per metre of straight line [s/m]", statistics.cost_per_metre),
     Measure("path re-plans per mission [-]", _plain("path_replans")),
     Measure("mission re-plans per mission [-]", _plain("mission_replans")),
 )
@@ -92,7 +84,7 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
     figure, panels = _panels()
     for axes, measure in zip(panels, MEASURES, strict=False):
         by_line = _by_line(dataset, measure)
-        found = (wilson_interval if measure.share else mean_interval)(by_line)
+        found = (statistics.wilson_interval if measure.share else statistics.mean_interval)(by_line)
         for k, (mean, low, high) in enumerate(zip(*found, strict=True)):
             order = np.argsort(places)
             at = (places + _shift(k, len(lines), places, 0.06 if numeric else 0.4))[order]
@@ -133,7 +125,7 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
             # Whether a mission was on time is yes or no: a box says nothing.
             if not measure.share:
                 _boxes(axes, at, line, 0.6 / len(lines), colour)
-            mean, low, high = mean_interval(line)
+            mean, low, high = statistics.mean_interval(line)
             axes.errorbar(
                 at, mean, np.maximum(np.stack([mean - low, high - mean]), 0.0), color="black", mfc=colour,
                 marker=marker, ms=5, capsize=3.5, lw=1.5, ls="none", zorder=4,
@@ -151,7 +143,7 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
 
 
 def _first_setting(dataset: xr.Dataset) -> str:
-    dims = sweep_dims(dataset)
+    dims = statistics.sweep_dims(dataset)
     if not dims:
         raise ValueError("the study has no sweep")
     return dims[0]
@@ -159,7 +151,7 @@ def _first_setting(dataset: xr.Dataset) -> str:
 
 def _line_names(dataset: xr.Dataset) -> list[str]:
     """Return a name for each combination of the settings after the first; one empty name without any."""
-    rest = sweep_dims(dataset)[1:]
+    rest = statistics.sweep_dims(dataset)[1:]
     names = [
         [f"{setting_name(dataset, dim)} = {setting_value(value)}" for value in dataset[dim].values]
         for dim in rest

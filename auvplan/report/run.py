@@ -14,16 +14,8 @@ from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
 from auvplan.runtime.formatting import hours
 from auvplan.scenario.provenance import changed_settings
+from auvplan.view import scene
 from auvplan.view.margins import Margins
-from auvplan.view.scene import (
-    as_filed,
-    looks,
-    sensing_data,
-    shown_obstacles,
-    true_obstacles,
-    waypoint_name,
-    window,
-)
 from auvplan.view.sheet import leg_depths, sheet_of
 from auvplan.view.timeline import Bar, closed_areas, executed_bars, lateness, planned_bars
 
@@ -51,9 +43,9 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
     legs = [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
-    planned = [as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
+    planned = [scene.as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
-    low, high = window(points, 0.07, run.chart, slender=0.55, least=200.0)
+    low, high = scene.window(points, 0.07, run.chart, slender=0.55, least=200.0)
     least, safety = way.margins.least(), run.safety
     margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
     margins["bed"] = safety.seabed
@@ -95,7 +87,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
             for area in closed_areas(run)
         ],
         "known": [asdict(obstacle) for obstacle in run.obstacles],
-        "sensing": sensing_data(run),
+        "sensing": scene.sensing_data(run),
         "routes": _routes(run),
         "tasks": task_data(run, stated),
         "limits": [
@@ -164,7 +156,7 @@ def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
     visited = set(run.route)
     return [
         {
-            "name": waypoint_name(run, node) if run.names else str(node),
+            "name": scene.waypoint_name(run, node) if run.names else str(node),
             "place": np.round(place, 2),
             "state": "task" if node in done else "visited" if node in visited else "left",
         }
@@ -207,7 +199,7 @@ def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
         "feasible": plan.feasible,
         "violation": float(broken[-1]) if len(broken) else None,
         "cpu": plan.cpu,
-        "places": packed(np.round(as_filed(plan.positions), 2)),
+        "places": packed(np.round(scene.as_filed(plan.positions), 2)),
         "times": packed(plan.times),
     }
 
@@ -243,16 +235,16 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
         leg: as executed.
         rows: [k] records of the leg at which places are given.
     """
-    shown = shown_obstacles(leg)
+    shown = scene.shown_obstacles(leg)
     if not shown or not len(rows):
         return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
-    tracks, radii = true_obstacles(leg)
+    tracks, radii = scene.true_obstacles(leg)
     return {
         "kinds": [leg.obstacle_kinds[m] for m in shown],
         "radii": radii,
         "times": packed(leg.times[rows]),
         "places": packed(tracks[rows]),
-        "looks": looks(run, leg),
+        "looks": scene.looks(run, leg),
     }
 
 
@@ -292,7 +284,7 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
         detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
         rows.append(
             {
-                "name": waypoint_name(run, node),
+                "name": scene.waypoint_name(run, node),
                 "priority": float(priority[:, node].max()),
                 "done": False,
                 "at": None,

@@ -22,16 +22,9 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.files import write_atomically
 from auvplan.runtime.formatting import clearance, figure, hours
 from auvplan.scenario.provenance import SourceFile, source_files
+from auvplan.view import timeline
 from auvplan.view.margins import Margins
 from auvplan.view.scene import waypoint_name
-from auvplan.view.timeline import (
-    END_BEHAVIOURS,
-    closures_in_words,
-    moment_in_words,
-    spans_in_words,
-    time_in_words,
-    time_zone,
-)
 
 
 @dataclass(frozen=True)
@@ -224,12 +217,12 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
-        "departure": "no date" if epoch is None else moment_in_words(run, 0.0),
-        "arrival": moment_in_words(run, run.t_mission),
+        "departure": "no date" if epoch is None else timeline.moment_in_words(run, 0.0),
+        "arrival": timeline.moment_in_words(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
-        "at the end": END_BEHAVIOURS[run.safety.end],
+        "at the end": timeline.END_BEHAVIOURS[run.safety.end],
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
         "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
@@ -240,7 +233,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     if lines := _lines(run):
         facts["survey lines"] = "; ".join(lines)
     if run.closures:
-        facts["closed areas"] = "; ".join(closures_in_words(run))
+        facts["closed areas"] = "; ".join(timeline.closures_in_words(run))
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
         facts,
@@ -249,7 +242,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         tuple(_warnings(run, stops)),
         source_files(run.scenario, run.folder),
         run.assumed,
-        time_zone(run),
+        timeline.time_zone(run),
         float((run.scenario.get("chart") or {}).get("accuracy") or 0.0),
         run.coast_reach,
     )
@@ -379,11 +372,13 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
         return ""
     if start is not None and table.enters.shape[-1]:
         along = zip(table.enters[start, node], table.until[start, node], strict=True)
-        if words := spans_in_words(run, along):
+        if words := timeline.spans_in_words(run, along):
             return words
     if not table.opens.shape[-1]:
         return ""
-    return spans_in_words(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
+    return timeline.spans_in_words(
+        run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True)
+    )
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
@@ -513,7 +508,7 @@ def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
         closes = float(table.closes[i, node].max())
         return (
             f"its window is {_windows(run, node)}: the route could be there "
-            f"{time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
+            f"{timeline.time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
         )
     wait = min(begins)
     return (

@@ -38,26 +38,6 @@
     ["length", "way, m", 0],
     ["planning", "planning, s", 2],
   ].filter(([name]) => cases.some((one) => (one.figures[name] || []).some((value) => value !== null)));
-  const DESCRIBED = [
-    ["use_of_time_percent", "use of the available time, %"],
-    ["t_residual_s", "time left at the end, s"],
-    ["tasks", "tasks done"],
-    ["total_priority", "total priority"],
-    ["priority_gap_percent", "gap to the bound on it, %"],
-    ["path_replans", "path re-plans a mission"],
-    ["mission_replans", "mission re-plans a mission"],
-    ["cost_mission", "cost of a mission (Eq. 15)"],
-    ["cost_total", "total cost with re-planning (Eq. 16)"],
-    ["t_expected_s", "expected time of a leg, s"],
-    ["t_path_s", "T_path of a leg, s"],
-    ["coast_clearance_m", "least distance to the coast, m"],
-    ["obstacle_clearance_m", "least distance to an obstacle, m"],
-    ["seabed_altitude_m", "least altitude above the bed, m"],
-    ["path_cpu_s", "path planning a mission, s"],
-    ["mission_cpu_s", "mission planning a mission, s"],
-    ["path_call_cpu_s", "time of a path planning call, s"],
-    ["mission_call_cpu_s", "time of a mission planning call, s"],
-  ];
 
   // --- head ----------------------------------------------------------------------------------------------
 
@@ -123,7 +103,7 @@
 
   /** Mean of a figure, with its 95 % interval, over the values that a setting takes. */
   function sweepSection(list) {
-    const names = DESCRIBED.filter(([name]) =>
+    const names = study.described.filter(([name]) =>
       cases.some((one) => one.summary.figures[name] && report.isNumber(one.summary.figures[name].mean)),
     );
     const choices = [["on_time", "missions on time, %"], ...names];
@@ -221,7 +201,7 @@
   report.section("statistics", "Statistics", null, statistics);
   follow(() => {
     const { summary } = now();
-    const rows = DESCRIBED.map(([name, words]) => [words, summary.figures[name]]).filter(
+    const rows = study.described.map(([name, words]) => [words, summary.figures[name]]).filter(
       ([, found]) => found && report.isNumber(found.mean),
     );
     const legs = summary.expected_against_executed;
