@@ -48,7 +48,7 @@
     ["time_s", leg ? "travel time [min]" : "mission time [min]", "plan", 1 / 60],
     ["current_m_s", "current [m/s]", "earlier", 1],
   ];
-  const host = report.element("div", { id: "departures" });
+  const host = element("div", { id: "departures" });
   report.section(
     "when",
     "When to leave",
@@ -152,9 +152,9 @@
       report.number("current, m/s", "current_m_s", 2),
       !leg && report.words("waypoints", (one) => one.waypoints, { class: "long" }),
       feasible.length < departures.length && report.words("why not", (one) => one.reason, { class: "long" }),
-    ].filter(Boolean),
+    ],
     departures,
-    { id: "departures-table" },
+    "departures-table",
   );
   report.section("table", "Departures", null, table);
   report.provenance(provenance);

@@ -95,21 +95,15 @@
   /** The plan that is followed at a time, and all others made until then, as numbers in `plans`. */
   function plansAt(time) {
     const number = legAt(time);
-    const own = plans.map((plan, k) => k).filter((k) => plans[k].leg === number);
-    const followed =
-      number < 0
-        ? []
-        : run.legs[number].followed.map((k) => own[k]).filter((k) => plans[k].made <= time + 1e-6);
-    const now = followed.length ? followed[followed.length - 1] : -1;
-    const earlier = plans
-      .map((_, k) => k)
-      .filter((k) => k !== now && plans[k].made <= time + 1e-6 && plans[k].leg <= number);
-    return { now, earlier };
+    const made = [...plans.keys()].filter((k) => plans[k].made <= time + 1e-6 && plans[k].leg <= number);
+    const own = [...plans.keys()].filter((k) => plans[k].leg === number);
+    const followed = number < 0 ? [] : run.legs[number].followed.map((k) => own[k]);
+    const now = followed.filter((k) => made.includes(k)).at(-1) ?? -1;
+    return { now, earlier: made.filter((k) => k !== now) };
   }
 
   function routeAt(time) {
-    const made = run.routes.filter((route) => route.made !== undefined && route.made <= time + 1e-6);
-    return made.length ? made[made.length - 1] : null;
+    return run.routes.filter((route) => route.made <= time + 1e-6).at(-1);
   }
 
   /** Obstacles at a time with their collision boundaries: { kind, north, east, radius, boundary }. */
@@ -217,25 +211,15 @@
         ["path", { d: "M18 4 L24 8 L18 12", fill: "none", "stroke-width": 1.6 }],
       ],
       area: [["rect", { x: 3, y: 2, width: 22, height: 12, rx: 2, stroke: "none" }]],
-      ring: [
-        ["circle", { cx: 14, cy: 8, r: 6, fill: "none", "stroke-width": 1.6, "stroke-dasharray": "2 2" }],
-      ],
+      ring: [["circle", { cx: 14, cy: 8, r: 6, fill: "none", "stroke-width": 1.6, "stroke-dasharray": "2 2" }]],
       disc: [["circle", { cx: 14, cy: 8, r: 6, stroke: "none" }]],
       halo: [["circle", { cx: 14, cy: 8, r: 7, "fill-opacity": 0.25, "stroke-dasharray": "2 2" }]],
       text: [["path", { d: "M9 13 L14 3 L19 13 M11 9.5 H17", fill: "none", "stroke-width": 1.6 }]],
       square: [["rect", { x: 8, y: 2, width: 12, height: 12, fill: "none", "stroke-width": 2 }]],
     }[shape];
-    return report.element(
-      "svg",
-      {
-        width: 28,
-        height: 16,
-        viewBox: "0 0 28 16",
-        "aria-hidden": "true",
-        style: `stroke: var(--${colour}); fill: var(--${colour})`,
-      },
-      parts.map(([tag, attributes]) => report.element(tag, attributes)),
-    );
+    const style = `stroke: var(--${colour}); fill: var(--${colour})`;
+    const frame = { width: 28, height: 16, viewBox: "0 0 28 16", "aria-hidden": "true", style };
+    return element("svg", frame, parts.map((part) => element(...part)));
   }
 
   const layers = [
@@ -301,15 +285,12 @@
 
   /** What the map shows of a time, from the lowest to the highest. */
   function painted(x, y) {
-    const { time } = state,
-      here = vehicle(time),
-      all = obstaclesAt(time),
-      { hidden } = state.map;
-    const small = narrow() ? 0.72 : 1,
-      pixels = Math.abs(x(1) - x(0));
+    const [{ time }, { hidden }] = [state, state.map];
+    const [here, all] = [vehicle(time), obstaclesAt(time)];
+    const [small, pixels] = [narrow() ? 0.72 : 1, Math.abs(x(1) - x(0))];
     const made = [];
     const show = (layer, tag, name, attributes) => {
-      if (!hidden.has(layer)) made.push(report.element(tag, { class: name, ...attributes }));
+      if (!hidden.has(layer)) made.push(element(tag, { class: name, ...attributes }));
     };
     const node = (chosen) => (k) => [waypoints[chosen[k]].place[1], waypoints[chosen[k]].place[0]];
     const plan = (k) =>
@@ -325,14 +306,10 @@
       const longest = rings.reduce((one, other) => (other.length > one.length ? other : one), []);
       const mean = (axis) => longest.reduce((sum, place) => sum + place[axis], 0) / longest.length;
       if (longest.length && !hidden.has("closures") && !hidden.has("names"))
-        made.push(
-          report.element("text", { class: "closure-name", x: x(mean(1)), y: y(mean(0)) }, name),
-        );
+        made.push(element("text.closure-name", { x: x(mean(1)), y: y(mean(0)) }, name));
     }
 
-    const number = legAt(time),
-      route = routeAt(time),
-      rest = route ? route.nodes : [];
+    const [number, rest] = [legAt(time), routeAt(time)?.nodes ?? []];
     const target = number < 0 ? run.start : run.legs[number].to;
     const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
     if (run.kind !== "leg" && run.simulated)
@@ -395,41 +372,33 @@
       [run.start, "start", mark("circle", 12, colours.start, { color: "#000000", width: 1.2 })],
       [run.goal, "destination", mark("star", 16, colours.task, { color: "#000000", width: 1 })],
     ];
-    const one = (nodes, words, marker) => ({
-      type: "scatter",
-      mode: "markers",
-      meta: "waypoints",
-      name: words,
-      marker,
-      visible: !hidden.has("waypoints"),
-      hoverinfo: "text",
-      x: nodes.map((node) => waypoints[node].place[1] / unit),
-      y: nodes.map((node) => waypoints[node].place[0] / unit),
-      text: nodes.map((node) => {
-        const { name, place } = waypoints[node];
-        const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
-        return report.joined(
-          "<br>",
-          `<b>${report.literal(name)}</b>`,
-          words,
-          why && report.literal(why),
-          `depth ${report.fixed(place[2])} m`,
-          where(place[0], place[1]),
-        );
-      }),
-    });
+    const about = (node, words) => {
+      const { name, place } = waypoints[node];
+      const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
+      const lines = [`<b>${report.literal(name)}</b>`, words, why && report.literal(why)];
+      return report.joined("<br>", ...lines, `depth ${report.fixed(place[2])} m`, where(place[0], place[1]));
+    };
+    const one = (nodes, words, marker) => {
+      const [x, y] = [1, 0].map((axis) => nodes.map((node) => waypoints[node].place[axis] / unit));
+      return report.points(x, y, {
+        meta: "waypoints",
+        name: words,
+        marker,
+        visible: !hidden.has("waypoints"),
+        hoverinfo: "text",
+        text: nodes.map((node) => about(node, words)),
+      });
+    };
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
+    const of = (mark) => inner.filter((node) => waypoints[node].state === mark);
     return [
-      ...groups.map(([mark, words, marker]) => {
-        const nodes = inner.filter((node) => waypoints[node].state === mark);
-        return one(nodes, words, marker);
-      }),
+      ...groups.map(([mark, words, marker]) => one(of(mark), words, marker)),
       ...ends.map(([node, words, marker]) => one([node], words, marker)),
     ];
   }
 
-  const stage = report.element("div", { id: "map" });
-  const now = report.element("dl", { class: "now", id: "now" });
+  const stage = element("div", { id: "map" });
+  const now = element("dl.now", { id: "now" });
   const marks = [
     ["●", run.simulated ? "task done" : "task", "task"],
     ["○", "passed", "text"],
@@ -438,54 +407,26 @@
   const signs = (entries) =>
     entries.map(([sign, words, colour], k) => [
       k ? ", " : "",
-      report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
+      element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
       words,
     ]);
-  const boxes = report.element(
-    "fieldset",
-    { class: "layers" },
-    report.element("legend", {}, "Layers"),
-    layers.map(([layer, words, shape, colour]) =>
-      report.element(
-        "label",
-        {},
-        report.element("input", {
-          type: "checkbox",
-          checked: true,
-          "data-layer": layer,
-          onchange: (event) => state.map.toggle(layer, event.target.checked),
-        }),
-        swatch(shape, colour),
-        words,
-      ),
-    ),
-    report.element("div", { class: "small quiet", style: "margin-top: .4rem" }, "Waypoints: ", signs(marks)),
-    present.length > 1
-      ? report.element(
-          "div",
-          { class: "small quiet" },
-          "Obstacles: ",
-          signs(present.map(([name, colour]) => ["●", name, colour])),
-        )
-      : null,
+  const box = ([layer, words, shape, colour]) => {
+    const onchange = (event) => state.map.toggle(layer, event.target.checked);
+    const input = element("input", { type: "checkbox", checked: true, "data-layer": layer, onchange });
+    return element("label", input, swatch(shape, colour), words);
+  };
+  const kinds = present.map(([name, colour]) => ["●", name, colour]);
+  const boxes = element(
+    "fieldset.layers",
+    element("legend", "Layers"),
+    layers.map(box),
+    element("div.small.quiet", { style: "margin-top: .4rem" }, "Waypoints: ", signs(marks)),
+    kinds.length > 1 ? element("div.small.quiet", "Obstacles: ", signs(kinds)) : null,
   );
-  const note = report.element("p", { class: "quiet small", id: "map-note" });
-  const where = report.section(
-    "where",
-    "Map",
-    null,
-    report.element(
-      "div",
-      { class: "mapgrid" },
-      report.element("div", {}, stage, note),
-      report.element(
-        "div",
-        { class: "beside" },
-        report.element("div", {}, report.element("h3", { id: "doing" }), now),
-        boxes,
-      ),
-    ),
-  );
+  const note = element("p.quiet.small", { id: "map-note" });
+  const beside = element("div.beside", element("div", element("h3", { id: "doing" }), now), boxes);
+  const grid = element("div.mapgrid", element("div", stage, note), beside);
+  const where = report.section("where", "Map", null, grid);
 
   const ranks = { task: 1, visited: 2, left: 3 };
   const labels = waypoints.map(({ name, place, state: mark }, node) => ({
@@ -500,7 +441,7 @@
 
   const length = Math.max(run.end - run.begin, 1);
   const nice = report.ticks(0, length, 700).step;
-  const slider = report.element("input", {
+  const slider = element("input", {
     type: "range",
     id: "time",
     min: 0,
@@ -510,34 +451,18 @@
     "aria-label": "Time since departure",
     oninput: () => show(run.begin + Number(slider.value)),
   });
-  const button = report.element(
-    "button",
-    {
-      type: "button",
-      class: "play",
-      id: "play",
-      title: "Space",
-      "aria-keyshortcuts": "Space",
-      "aria-pressed": "false",
-      onclick: () => play(!state.playing),
-    },
-    "▶ Play",
-  );
-  const clock = report.element("output", { for: "time", id: "clock" });
+  const space = { title: "Space", "aria-keyshortcuts": "Space", "aria-pressed": "false" };
+  const pressed = { type: "button", id: "play", ...space, onclick: () => play(!state.playing) };
+  const button = element("button.play", pressed, "▶ Play");
+  const clock = element("output", { for: "time", id: "clock" });
   const speeds = { 60: "60 ×", 180: "180 ×", 600: "600 ×", 1800: "1800 ×" };
   const usual = Object.keys(speeds).reduce((best, speed) =>
     Math.abs(length / speed - 45) < Math.abs(length / best - 45) ? speed : best,
   );
   const speed = report.select({ id: "speed", "aria-label": "Speed of play" }, Object.entries(speeds), usual);
-  const transport = report.element(
-    "div",
-    { class: "transport", role: "group", "aria-label": "Time" },
-    button,
-    slider,
-    clock,
-    speed,
-  );
-  document.getElementById("where").before(transport);
+  const group = { role: "group", "aria-label": "Time" };
+  const transport = element("div.transport", group, button, slider, clock, speed);
+  where.before(transport);
 
   /** Scroll until the whole map is seen, right below the bar. */
   function reveal() {
@@ -547,25 +472,15 @@
   }
   const jump = Math.max(1, nice);
   slider.addEventListener("keydown", (event) => {
-    const moves = {
-      ArrowRight: jump,
-      ArrowUp: jump,
-      ArrowLeft: -jump,
-      ArrowDown: -jump,
-      PageUp: 10 * jump,
-      PageDown: -10 * jump,
-    };
-    if (!(event.key in moves)) return;
+    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
+    if (!(event.key in steps)) return;
     event.preventDefault();
-    show(state.time + moves[event.key]);
+    show(state.time + steps[event.key] * jump);
   });
   document.addEventListener("keydown", (event) => {
-    const busy = event.target.closest(
-      "button, select, summary, a, input:not([type='range']):not([type='radio'])",
-    );
-    if (event.key !== " " || event.ctrlKey || event.metaKey || event.altKey || (busy && busy !== button))
-      return;
-    if (busy === button) return;
+    const busy = "button, select, summary, a, input:not([type='range']):not([type='radio'])";
+    const held = event.ctrlKey || event.metaKey || event.altKey;
+    if (event.key !== " " || held || event.target.closest(busy)) return;
     event.preventDefault();
     play(!state.playing);
   });
@@ -595,7 +510,7 @@
     slider.setAttribute("aria-valuetext", `${report.hours(since(state.time))}, ${doing(state.time)}`);
     clock.replaceChildren(
       `${report.clock(since(state.time))} `,
-      report.element("small", {}, report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
+      element("small", report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
     );
     if (!state.due) {
       state.due = true;
@@ -617,8 +532,8 @@
   }
 
   function tell() {
-    const here = vehicle(state.time),
-      level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
+    const here = vehicle(state.time);
+    const level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
     const number = legAt(state.time);
     const moving = number >= 0 && state.time < run.legs[number].end;
@@ -636,7 +551,7 @@
     now.replaceChildren(
       ...entries
         .filter(([, value]) => value !== null)
-        .flatMap(([name, value]) => [report.element("dt", {}, name), report.element("dd", {}, value)]),
+        .flatMap(([name, value]) => [element("dt", name), element("dd", value)]),
     );
     note.replaceChildren(
       report.joined(
@@ -664,10 +579,9 @@
 
   const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
   const legendOf = (entries) =>
-    report.element(
-      "div",
-      { class: "choices small quiet" },
-      entries.map(([words, shape, colour]) => report.element("span", inline, swatch(shape, colour), words)),
+    element(
+      "div.choices.small.quiet",
+      entries.map(([words, shape, colour]) => element("span", inline, swatch(shape, colour), words)),
     );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
@@ -676,7 +590,7 @@
     ["bed", "above the sea bed", "task"],
   ];
   if (track.time.length) {
-    const side = report.element("div", { id: "side" });
+    const side = element("div", { id: "side" });
     const near = CLEARANCES.filter(([name]) => track[name]);
     const axes = { time: "over time", distance: "over distance" };
     const choice = report.segments("axis", "Horizontal axis", axes, "time", (value) => {
@@ -819,7 +733,7 @@
   // --- route --------------------------------------------------------------------------------------
 
   if (run.kind !== "leg" && run.routes.some((route) => route.bars.length)) {
-    const timeline = report.element("div", { id: "timeline" });
+    const timeline = element("div", { id: "timeline" });
     const made = report.section(
       "routes",
       "Route",
@@ -902,14 +816,9 @@
       if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
     });
     const late = rows.map((route, k) => ({ route, k })).filter(({ route }) => route.why);
-    const why = ({ route, k }) => report.element("li", {}, `${title(route, k)}: ${route.why}`);
+    const why = ({ route, k }) => element("li", `${title(route, k)}: ${route.why}`);
     if (late.length)
-      made.append(
-        report.details(
-          "Why the route was re-planned",
-          report.element("ul", { class: "small" }, late.map(why)),
-        ),
-      );
+      made.append(report.details("Why the route was re-planned", element("ul.small", late.map(why))));
   }
 
   // --- tables ----------------------------------------------------------------------------------------------
@@ -933,7 +842,7 @@
       reveal();
     };
     const attributes = { type: "button", class: "link", "aria-label": `Show leg ${k + 1}`, onclick };
-    return report.element("button", attributes, String(k + 1));
+    return element("button", attributes, String(k + 1));
   };
   const behind = ({ executed, expected }) =>
     `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
@@ -979,9 +888,9 @@
               key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
             }),
           report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
-        ].filter(Boolean),
+        ],
         run.legs,
-        { id: "legs-table" },
+        "legs-table",
       ),
     );
   }
@@ -1004,14 +913,14 @@
             report.number("on station, s", "duration"),
           ],
           done,
-          { id: "done-table" },
+          "done-table",
         ),
         left.length &&
           report.table(
             `Left: ${report.fixed(left.length)}`,
             [called(), priority, report.words("why", (task) => task.why, { class: "long" })],
             left,
-            { id: "left-table" },
+            "left-table",
           ),
       ),
     );
@@ -1071,9 +980,9 @@
               report.weight("violation", (plan) => plan.violation),
               report.yesNo("limits kept", (plan) => plan.feasible, true),
               cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
-            ].filter(Boolean),
+            ],
             plans,
-            { id: "plans-table" },
+            "plans-table",
           ),
         )
       : null,

@@ -94,10 +94,7 @@
       state.mission = null;
       for (const follow of followers) follow();
     };
-    const list = report.select(
-      { id: "case", onchange: change },
-      cases.map((one, k) => [k, caseName(one)]),
-    );
+    const list = report.select({ id: "case", onchange: change }, cases.map((one, k) => [k, caseName(one)]));
     sweepSection(list);
   }
 
@@ -107,18 +104,13 @@
       cases.some((one) => one.summary.figures[name] && report.isNumber(one.summary.figures[name].mean)),
     );
     const choices = [["on_time", "missions on time, %"], ...names];
-    const host = report.element("div", { id: "sweep" });
+    const host = element("div", { id: "sweep" });
     const measure = report.select({ id: "sweep-measure", onchange: () => figure.draw() }, choices);
     report.section(
       "settings",
       "Settings compared",
       "Means with 95 % intervals. The setting that is chosen here is shown in all that follows.",
-      report.element(
-        "div",
-        { class: "choices" },
-        report.element("label", {}, "Figure", measure),
-        report.element("label", {}, "Shown below", list),
-      ),
+      element("div.choices", element("label", "Figure", measure), element("label", "Shown below", list)),
       host,
     );
     const of = (one) => {
@@ -192,12 +184,12 @@
           report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
         ],
         rehearsal.jobs,
-        { id: "jobs-table" },
+        "jobs-table",
       ),
     );
   }
 
-  const statistics = report.element("div");
+  const statistics = element("div");
   report.section("statistics", "Statistics", null, statistics);
   follow(() => {
     const { summary } = now();
@@ -226,7 +218,7 @@
           ...["mean", "low", "high", "q05", "median", "q95"].map(cell),
         ],
         rows,
-        { id: "statistics-table" },
+        "statistics-table",
       ),
       ...words.map((text) => report.remark(text)),
     );
@@ -238,7 +230,7 @@
     action();
   }
   function figure(id, title, note, draw, after) {
-    const host = report.element("div", { id });
+    const host = element("div", { id });
     report.section(`${id}-section`, title, note, host);
     const made = report.drawn(host, title, draw, after);
     followers.push(() => made.draw());
@@ -295,12 +287,7 @@
         height: 440,
         data: [
           report.line(numbers(), figures.t_available, available, { name: "time available" }),
-          ...groups(
-            colours,
-            (k) => k,
-            (k) => figures.t_mission[k],
-            "%{y:,.0f} s",
-          ),
+          ...groups(colours, (k) => k, (k) => figures.t_mission[k], "%{y:,.0f} s"),
           {
             type: "bar",
             yaxis: "y2",
@@ -449,20 +436,15 @@
 
   // --- missions ------------------------------------------------------------------------------------------
 
-  const scatter = report.element("div", { id: "scatter" });
+  const scatter = element("div", { id: "scatter" });
   const pick = (id, chosen) => report.select({ id, onchange: () => cloud.draw() }, MEASURES, chosen);
   const [across, up] = [pick("across", "t_residual"), pick("up", "total_priority")];
-  const table = report.element("div");
+  const table = element("div");
   report.section(
     "missions",
     "Missions",
     "A click on a point or a seed shows the mission below.",
-    report.element(
-      "div",
-      { class: "choices" },
-      report.element("label", {}, "Across", across),
-      report.element("label", {}, "Up", up),
-    ),
+    element("div.choices", element("label", "Across", across), element("label", "Up", up)),
     scatter,
     table,
   );
@@ -504,7 +486,7 @@
             title: "seed",
             key: (k) => seeds[k],
             text: (k) =>
-              report.element(
+              element(
                 "button",
                 {
                   type: "button",
@@ -525,7 +507,7 @@
           ),
         ],
         numbers(),
-        { id: "missions-table" },
+        "missions-table",
       ),
     );
     if (cloud.made) cloud.draw();
@@ -533,7 +515,7 @@
 
   // --- one mission ---------------------------------------------------------------------------------------
 
-  const detail = report.element("div", { id: "mission", tabindex: "-1" });
+  const detail = element("div", { id: "mission", tabindex: "-1" });
   const part = report.section("mission-section", "One mission", null, detail);
   let route = null;
 
@@ -552,7 +534,7 @@
         report.fixed(one.figures[name][number], decimals),
       ]),
     ];
-    const title = report.element(
+    const title = element(
       "h3",
       { id: "mission-title" },
       `Seed ${seed}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
@@ -560,7 +542,7 @@
     const columns = report.pair(report.facts("Figures", facts), ways(one, number, seed));
     detail.replaceChildren(title, columns);
     if (mission) {
-      const host = report.element("div", { class: "map", id: "route" });
+      const host = element("div.map", { id: "route" });
       const list = report.select({ id: "route-made", onchange: () => route.figure.draw() }, [
         ["-1", "way taken"],
         ...mission.routes.map(([cause, made], k) => [
@@ -581,7 +563,7 @@
           report.yesNo("reached", (leg) => leg[7] === 1, true),
         ],
         mission.legs,
-        { id: "mission-legs" },
+        "mission-legs",
       );
       const made = report.table(
         "Routes",
@@ -594,11 +576,11 @@
           report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
         ],
         mission.routes,
-        { id: "mission-routes" },
+        "mission-routes",
       );
       const beside = report.pair(
         [
-          report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
+          element("div.choices", element("label", "Shown", list)),
           host,
           report.remark("Straight lines between waypoints: a study keeps no tracks."),
         ],
@@ -630,28 +612,23 @@
       `--out out/seed-${seed}`,
     ].join(" ");
     return [
-      report.element("h3", {}, "The whole mission"),
+      element("h3", "The whole mission"),
       study.runs.includes(name)
         ? [
-            report.element(
-              "p",
-              {},
-              "It is saved in this folder. Its page, with map and track, is written by",
-            ),
-            report.element("pre", { class: "code" }, `auvplan report runs/${name}`),
+            element("p", "It is saved in this folder. Its page, with map and track, is written by"),
+            element("pre.code", `auvplan report runs/${name}`),
           ]
         : null,
-      report.element(
+      element(
         "p",
-        {},
         `${study.runs.includes(name) ? "Or simulate" : "Simulate"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
       ),
-      report.element(
-        "pre",
-        { class: "code", id: "again" },
+      element(
+        "pre.code",
+        { id: "again" },
         again
           .split(" ")
-          .map((word, k) => [k ? " " : null, report.element("span", { style: "white-space: nowrap" }, word)]),
+          .map((word, k) => [k ? " " : null, element("span", { style: "white-space: nowrap" }, word)]),
       ),
     ];
   }
