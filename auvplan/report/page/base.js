@@ -178,6 +178,12 @@ report.table = function (caption, columns, rows, id = null) {
   return element("div.scroll", region, element("table", { id }, made));
 };
 
+/** Mark the row of a number in a table. */
+report.mark = function (table, number) {
+  for (const row of table.querySelectorAll("tbody tr"))
+    row.classList.toggle("chosen", Number(row.dataset.row) === number);
+};
+
 /** A column of numbers: of a field or a function of a row, to some decimals. */
 report.number = function (title, of, decimals = 0, more = {}) {
   const key = typeof of === "function" ? of : (row) => row[of];
@@ -213,6 +219,10 @@ report.joined = (between, ...parts) => parts.filter(Boolean).join(between);
 /** What is shown on demand. */
 report.details = (summary, ...children) =>
   element("details", element("summary", summary), ...children);
+
+/** A button that looks like a link. */
+report.link = (label, words, onclick, more = {}) =>
+  element("button.link", { type: "button", "aria-label": label, onclick, ...more }, words);
 
 /** A remark in small letters. */
 report.remark = (...children) => element("p.small.quiet", ...children);

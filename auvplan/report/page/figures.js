@@ -55,7 +55,11 @@ report.rule = function (axis, value, line) {
 };
 
 /** A layout with its legend above the figure. */
-report.legendAbove = { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
+report.legendAbove = {
+  showlegend: true,
+  legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+  margin: { l: 62, r: 14, t: 34, b: 46 },
+};
 
 /** Error bars from values to their ends, none where an end is not known. */
 report.errors = (values, low, high, more) => ({

@@ -688,6 +688,8 @@
         if (drawn && margin > 0) shapes.push(report.rule("y2", margin, line));
       }
       const two = near.length > 0;
+      const shown = near.flatMap(([name]) => safe(track[name]));
+      const lower = { domain: [0, section ? 0.35 : 0.43], automargin: false };
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
       return {
         data,
@@ -705,14 +707,7 @@
             range: [floor, Math.min(0, ...track.depth)],
             automargin: false,
           }),
-          ...(two && {
-            yaxis2: report.logAxis(
-              colours,
-              "clearance [m]",
-              near.flatMap(([name]) => safe(track[name])),
-              { domain: [0, section ? 0.35 : 0.43], automargin: false },
-            ),
-          }),
+          ...(two && { yaxis2: report.logAxis(colours, "clearance [m]", shown, lower) }),
         },
       };
     };
@@ -721,33 +716,25 @@
       host.on("plotly_click", ({ points }) => show(track.time[points[0].pointIndex]));
       state.followers.push(report.cursor(host, () => along(state.time)));
     });
-    if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name))) {
-      made.append(
-        report.remark(
-          "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.",
-        ),
-      );
-    }
+    const dashed = "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.";
+    if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name)))
+      made.append(report.remark(dashed));
   }
 
   // --- route --------------------------------------------------------------------------------------
 
   if (run.kind !== "leg" && run.routes.some((route) => route.bars.length)) {
     const timeline = element("div", { id: "timeline" });
-    const made = report.section(
-      "routes",
-      "Route",
-      run.simulated
-        ? "Each row is the route as it was planned at that moment, the lowest one what was done. Wide bars are travel, narrow ones time on station; darker is of higher priority."
-        : "Wide bars are travel, narrow ones time on station; darker is of higher priority.",
-      timeline,
-    );
+    const each = "Each row is the route as it was planned at that moment, the lowest one what was done.";
+    const wide = "Wide bars are travel, narrow ones time on station; darker is of higher priority.";
+    const made = report.section("routes", "Route", run.simulated ? `${each} ${wide}` : wide, timeline);
     const rows = run.routes;
     const title = (route, k, brief) => {
       if (route.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
       const cause = report.literal(route.cause);
       if (!k) return brief ? "first" : "first route";
-      return brief ? `R${k} ${cause}` : `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || cause}`;
+      if (brief) return `R${k} ${cause}`;
+      return `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || cause}`;
     };
     const draw = (colours, width) => {
       const narrow = width < 620;
@@ -781,9 +768,8 @@
         hovertemplate:
           "%{customdata[0]} → %{customdata[1]}<br>priority %{customdata[2]:.3g}<br>travel %{customdata[3]:,} s, on station %{customdata[4]:,} s<extra></extra>",
       });
-      const last =
-        Math.max(run.available, since(run.end), ...bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4])) /
-        3600;
+      const ends = bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4]);
+      const last = Math.max(run.available, since(run.end), ...ends) / 3600;
       const available = { x: run.available / 3600, y: 1, xref: "x", yref: "paper", showarrow: false };
       Object.assign(available, { yanchor: "bottom", xanchor: "right" });
       return {
@@ -824,10 +810,9 @@
   // --- tables ----------------------------------------------------------------------------------------------
 
   const nodeName = (node) => waypoints[node].name;
+  const cause = (name) => CAUSES[name] || name;
   const causes = (leg) =>
-    Object.entries(leg.replans)
-      .map(([cause, count]) => `${count} ${CAUSES[cause] || cause}`)
-      .join(", ");
+    Object.entries(leg.replans).map(([name, count]) => `${count} ${cause(name)}`).join(", ");
   const inside = (value) => (report.isNumber(value) && value < 0 ? "bad-cell" : "");
   const clearance = (name, title) =>
     run.legs.some((leg) => report.isNumber(leg[name])) && {
@@ -841,89 +826,58 @@
       show(leg.begin);
       reveal();
     };
-    const attributes = { type: "button", class: "link", "aria-label": `Show leg ${k + 1}`, onclick };
-    return element("button", attributes, String(k + 1));
+    return report.link(`Show leg ${k + 1}`, String(k + 1), onclick);
   };
   const behind = ({ executed, expected }) =>
     `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
   if (run.legs.length) {
-    report.section(
-      "legs",
-      "Legs",
-      `Times in seconds, distances in metres: the least on the leg. ${run.simulated ? "Re-plans by their cause: a window of the leg, or a hazard ahead." : ""}`,
-      report.table(
-        `${report.counted(run.legs.length, "leg")}`,
-        [
-          {
-            title: "leg",
-            key: (leg) => run.legs.indexOf(leg),
-            text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
-          },
-          report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
-            key: (leg) => nodeName(leg.from),
-          }),
-          run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
-          report.number("expected", "expected"),
-          report.number("planned", "planned"),
-          run.simulated && report.number("executed", "executed"),
-          run.simulated && {
-            title: "executed − expected",
-            key: (leg) => leg.executed - leg.expected,
-            text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
-          },
-          report.number("task", "task"),
-          report.number("way", "length"),
-          {
-            title: "depth",
-            key: (leg) => leg.depths && leg.depths[1],
-            text: ({ depths }) =>
-              depths ? [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–") : "–",
-          },
-          clearance("coast", "coast"),
-          clearance("closed", "closed area"),
-          clearance("obstacle", "obstacle"),
-          clearance("bed", "bed"),
-          run.simulated &&
-            report.words("re-plans", (leg) => causes(leg) || "none", {
-              key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
-            }),
-          report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
-        ],
-        run.legs,
-        "legs-table",
-      ),
-    );
+    const levels = ({ depths }) => [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–");
+    const replans = (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0);
+    const columns = [
+      {
+        title: "leg",
+        key: (leg) => run.legs.indexOf(leg),
+        text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
+      },
+      report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
+        key: (leg) => nodeName(leg.from),
+      }),
+      run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
+      report.number("expected", "expected"),
+      report.number("planned", "planned"),
+      run.simulated && report.number("executed", "executed"),
+      run.simulated && {
+        title: "executed − expected",
+        key: (leg) => leg.executed - leg.expected,
+        text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
+      },
+      report.number("task", "task"),
+      report.number("way", "length"),
+      { title: "depth", key: (leg) => leg.depths?.[1], text: (leg) => (leg.depths ? levels(leg) : "–") },
+      clearance("coast", "coast"),
+      clearance("closed", "closed area"),
+      clearance("obstacle", "obstacle"),
+      clearance("bed", "bed"),
+      run.simulated && report.words("re-plans", (leg) => causes(leg) || "none", { key: replans }),
+      report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
+    ];
+    const units = "Times in seconds, distances in metres: the least on the leg. ";
+    const why = run.simulated ? "Re-plans by their cause: a window of the leg, or a hazard ahead." : "";
+    const legs = report.table(report.counted(run.legs.length, "leg"), columns, run.legs, "legs-table");
+    report.section("legs", "Legs", units + why, legs);
   }
 
   if (run.tasks.length) {
     const [done, left] = [true, false].map((wanted) => run.tasks.filter((task) => task.done === wanted));
     const priority = report.weight("priority", (task) => task.priority);
     const called = (more) => report.words("task", (task) => task.name, { key: (task) => task.name, ...more });
-    report.section(
-      "tasks",
-      "Tasks",
-      null,
-      report.pair(
-        report.table(
-          `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`,
-          [
-            called({ class: "long" }),
-            priority,
-            { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) },
-            report.number("on station, s", "duration"),
-          ],
-          done,
-          "done-table",
-        ),
-        left.length &&
-          report.table(
-            `Left: ${report.fixed(left.length)}`,
-            [called(), priority, report.words("why", (task) => task.why, { class: "long" })],
-            left,
-            "left-table",
-          ),
-      ),
-    );
+    const after = { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) };
+    const stay = [called({ class: "long" }), priority, after, report.number("on station, s", "duration")];
+    const kept = [called(), priority, report.words("why", (task) => task.why, { class: "long" })];
+    const title = `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`;
+    const tables = [report.table(title, stay, done, "done-table")];
+    if (left.length) tables.push(report.table(`Left: ${report.fixed(left.length)}`, kept, left, "left-table"));
+    report.section("tasks", "Tasks", null, report.pair(...tables));
   }
 
   const { cpu, forecast } = figures;
@@ -944,49 +898,38 @@
     ],
     forecast && ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`],
   ].filter(Boolean);
-  report.section(
-    "costs",
-    "Costs and limits",
-    null,
-    report.pair(report.facts("Costs and planning", costs), [
-      report.table(
-        "Least distances on the whole way, m",
-        [
-          report.words("to", (row) => words[row.name]),
-          { title: "margin of plans", text: (row) => report.fixed(row.margin) },
-          {
-            title: "least",
-            text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
-            class: (row) => inside(row.least),
-          },
-        ],
-        run.limits,
-      ),
-      report.remark(
-        `${report.counted(figures.collisions, "collision")} on the track; ${broken ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit, as the planner saw it` : "every path plan kept all limits, as the planner saw it"}. Margins are the planner's; the true sea may take some of them.`,
-      ),
-    ]),
-    plans.length
-      ? report.details(
-          `Every path plan (${plans.length})`,
-          report.table(
-            "Path plans in the order of the legs",
-            [
-              { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
-              { title: "made after", key: (plan) => plan.made, text: (plan) => report.clock(since(plan.made)) },
-              report.words("cause", (plan) => CAUSES[plan.cause] || plan.cause, { key: (plan) => plan.cause }),
-              report.number("travel time, s", "time"),
-              report.number("cost (Eq. 12), s", "cost", 1),
-              report.weight("violation", (plan) => plan.violation),
-              report.yesNo("limits kept", (plan) => plan.feasible, true),
-              cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
-            ],
-            plans,
-            "plans-table",
-          ),
-        )
-      : null,
-  );
+  const limits = [
+    report.words("to", (row) => words[row.name]),
+    { title: "margin of plans", text: (row) => report.fixed(row.margin) },
+    {
+      title: "least",
+      text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
+      class: (row) => inside(row.least),
+    },
+  ];
+  const collided = `${report.counted(figures.collisions, "collision")} on the track`;
+  const kept = broken
+    ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit`
+    : "every path plan kept all limits";
+  const seen = "as the planner saw it. Margins are the planner's; the true sea may take some of them.";
+  const least = [
+    report.table("Least distances on the whole way, m", limits, run.limits),
+    report.remark(`${collided}; ${kept}, ${seen}`),
+  ];
+  const each = [
+    { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
+    { title: "made after", key: (plan) => plan.made, text: (plan) => report.clock(since(plan.made)) },
+    report.words("cause", (plan) => cause(plan.cause), { key: (plan) => plan.cause }),
+    report.number("travel time, s", "time"),
+    report.number("cost (Eq. 12), s", "cost", 1),
+    report.weight("violation", (plan) => plan.violation),
+    report.yesNo("limits kept", (plan) => plan.feasible, true),
+    cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
+  ];
+  const every = report.table("Path plans in the order of the legs", each, plans, "plans-table");
+  const pair = report.pair(report.facts("Costs and planning", costs), least);
+  const more = plans.length ? report.details(`Every path plan (${plans.length})`, every) : null;
+  report.section("costs", "Costs and limits", null, pair, more);
 
   report.provenance(run.provenance);
 

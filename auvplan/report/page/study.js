@@ -120,8 +120,7 @@
       return [found.mean ?? null, found.low ?? null, found.high ?? null];
     };
     const figure = report.drawn(host, "Settings compared", (colours, width) => {
-      const inner = study.sweeps[0].values,
-        lines = new Map();
+      const [inner, lines] = [study.sweeps[0].values, new Map()];
       cases.forEach((one) => {
         const name = caseName(one, 1);
         if (!lines.has(name)) lines.set(name, []);
@@ -372,7 +371,6 @@
         layout: {
           boxmode: "group",
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, "seed of the mission", {
             domain: wide ? [0, 0.6] : [0, 1],
             tickvals: shown,
@@ -401,9 +399,8 @@
     "Time of planning (Fig. 14)",
     "Wall-clock seconds on a logarithmic scale: all planning of a mission, and its single path planning calls, median with 5 to 95 %.",
     (colours) => {
-      const one = now(),
-        part = (k) => one.calls.map((row) => row[k]);
-      const [low, middle, high] = [0, 1, 2].map(part);
+      const one = now();
+      const [low, middle, high] = [0, 1, 2].map((k) => one.calls.map((row) => row[k]));
       const marks = (name, y, color, symbol, more) =>
         report.points(numbers(), y, {
           name,
@@ -423,7 +420,6 @@
         ],
         layout: {
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: seedAxis(colours),
           yaxis: report.logAxis(colours, "time of planning [s]", [...one.figures.planning, ...low, ...high], {
             automargin: false,
@@ -468,7 +464,6 @@
         ),
         layout: {
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, words(across)),
           yaxis: report.axis(colours, words(up), { automargin: true }),
         },
@@ -486,17 +481,9 @@
             title: "seed",
             key: (k) => seeds[k],
             text: (k) =>
-              element(
-                "button",
-                {
-                  type: "button",
-                  class: "link",
-                  "data-seed": seeds[k],
-                  "aria-label": `Show the mission of seed ${seeds[k]}`,
-                  onclick: () => choose(k, true),
-                },
-                String(seeds[k]),
-              ),
+              report.link(`Show the mission of seed ${seeds[k]}`, String(seeds[k]), () => choose(k, true), {
+                "data-seed": seeds[k],
+              }),
           },
           report.words("outcome", (k) => (one.success[k] ? "on time" : "failed"), {
             key: (k) => Number(one.success[k]),
@@ -521,35 +508,24 @@
 
   function choose(number, scroll) {
     state.mission = number;
-    const one = now(),
-      seed = seeds[number];
-    for (const row of table.querySelectorAll("tbody tr"))
-      row.classList.toggle("chosen", Number(row.dataset.row) === number);
+    const [one, seed] = [now(), seeds[number]];
+    report.mark(table, number);
     cloud.draw();
     const mission = one.missions[number];
-    const facts = [
-      ["outcome", one.reason[number]],
-      ...MEASURES.map(([name, words, decimals]) => [
-        words,
-        report.fixed(one.figures[name][number], decimals),
-      ]),
-    ];
-    const title = element(
-      "h3",
-      { id: "mission-title" },
-      `Seed ${seed}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
-    );
+    const figures = MEASURES.map(([name, words, decimals]) => {
+      return [words, report.fixed(one.figures[name][number], decimals)];
+    });
+    const facts = [["outcome", one.reason[number]], ...figures];
+    const title = report.joined(", ", `Seed ${seed}`, cases.length > 1 && caseName(one));
     const columns = report.pair(report.facts("Figures", facts), ways(one, number, seed));
-    detail.replaceChildren(title, columns);
+    detail.replaceChildren(element("h3", { id: "mission-title" }, title), columns);
     if (mission) {
       const host = element("div.map", { id: "route" });
-      const list = report.select({ id: "route-made", onchange: () => route.figure.draw() }, [
-        ["-1", "way taken"],
-        ...mission.routes.map(([cause, made], k) => [
-          k,
-          k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
-        ]),
-      ]);
+      const routes = mission.routes.map(([cause, made], k) => {
+        return [k, k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route"];
+      });
+      const change = { id: "route-made", onchange: () => route.figure.draw() };
+      const list = report.select(change, [["-1", "way taken"], ...routes]);
       const legs = report.table(
         report.counted(mission.legs.length, "leg"),
         [
