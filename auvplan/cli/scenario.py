@@ -44,8 +44,7 @@ def init(
         float | None, typer.Option("--size", metavar="KM", help="With --at: the area's sides; 10 if absent.")
     ] = None,
     times: Annotated[
-        bool,
-        typer.Option("--times", help="One with tides, time windows and a channel that closes instead."),
+        bool, typer.Option("--times", help="One with tides, time windows and a channel that closes instead.")
     ] = False,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
@@ -103,8 +102,7 @@ def validate(
         str, typer.Argument(help="A scenario file (YAML), a folder of them, or the name of a shipped one.")
     ],
     plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw what the files tell on one map, to this PNG."),
+        Path | None, typer.Option("--plot", help="Draw what the files tell on one map, to this PNG.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

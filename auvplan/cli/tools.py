@@ -305,9 +305,7 @@ def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> boo
     return not faulty
 
 
-def kept(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
-) -> None:
+def kept(clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False) -> None:
     """Show what is kept on disk for later runs: compiled programs and clustered charts."""
     from auvplan.runtime import cache
 

@@ -131,11 +131,7 @@ class PlannedLeg:
         """Return the same leg with the fewest waypoints, see `thin`."""
         few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin, line=line)
         return replace(
-            self,
-            kept=few.indices,
-            kept_times=few.times,
-            time_change=few.time_change,
-            clearance=few.clearance,
+            self, kept=few.indices, kept_times=few.times, time_change=few.time_change, clearance=few.clearance
         )
 
     @property

@@ -157,10 +157,7 @@ class _Film:
         del pen.handles[1:]
         pen.closures(run)
         pen.compass(np.concatenate([self._waypoints, track]))
-        for node, kind, label in (
-            (run.start, style.START, "start"),
-            (run.goal, style.GOAL, "destination"),
-        ):
+        for node, kind, label in ((run.start, style.START, "start"), (run.goal, style.GOAL, "destination")):
             pen.end(self._waypoints[node], kind | {"s": 0.6 * kind["s"]}, label)
         handles = list(pen.handles)
         if not run.simulated:

@@ -27,11 +27,7 @@ from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, run_job,
 Progress = Callable[[int, int, float], None]
 
 #: Settings of JAX that worker processes take over.
-JAX_SETTINGS = (
-    "jax_compilation_cache_dir",
-    "jax_persistent_cache_min_compile_time_secs",
-    "jax_enable_x64",
-)
+JAX_SETTINGS = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs", "jax_enable_x64")
 
 
 @dataclass

@@ -149,10 +149,7 @@ def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
         return positions, positions[:0]
     end = plans[index + 1].positions[0]
     last = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
-    return (
-        np.concatenate([positions[:last], end[None]]),
-        np.concatenate([end[None], positions[last + 1 :]]),
-    )
+    return (np.concatenate([positions[:last], end[None]]), np.concatenate([end[None], positions[last + 1 :]]))
 
 
 def as_filed(positions: ArrayLike) -> Array:
