@@ -245,7 +245,6 @@ def _rows(found: Any) -> list[dict[str, Any]]:
 
 
 def _cell(value: Any) -> Any:
-    """Return a value as CSV has it."""
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else value
@@ -268,11 +267,9 @@ def _table(found: Any, name: str) -> Table:
         if found.feasible[k]:
             best = k == found.best
             clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open") if leg else ""
-            rest = (
-                (f"{found.plans.length[k]:.0f}", clear)
-                if leg
-                else (str(found.tasks[k]), figure(found.priority[k]))
-            )
+            rest = str(found.tasks[k]), figure(found.priority[k])
+            if leg:
+                rest = f"{found.plans.length[k]:.0f}", clear
             cells[1:5] = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
         reason = [] if found.feasible.all() else [found.reasons[k]]
         table.add_row(*cells, *reason, style="bold green" if k == found.best else None)

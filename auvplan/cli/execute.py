@@ -20,7 +20,6 @@ from auvplan.site import at_time
 
 if TYPE_CHECKING:
     from auvplan.link import ExecutionRecord, Limits
-    from auvplan.link.execution import Tell
     from auvplan.link.record import Event
 
 #: s between now and the scenario's departure that are worth a warning: its forecast is of another time.
@@ -126,9 +125,13 @@ def execute(
         if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
             departs = at_time(0.0, epoch)
             shared.say(f"note: the plan is for a departure at {departs}, and the vehicle leaves now")
-    record = execute(
-        plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet), keep=partial(_keep, out=out)
-    )
+
+    def tell(event: "Event") -> None:
+        if not quiet and event.kind != "end":
+            shared.say(f"{event.time:9.0f} s  {event.text}")
+            sys.stdout.flush()
+
+    record = execute(plan, vehicle, limits=limits, notices=heard, tell=tell, keep=partial(_keep, out=out))
     file = record.save(out)
     if as_json:
         shared.print_json(record.summary())
@@ -191,14 +194,3 @@ def _limits(texts: list[str]) -> "Limits":
         except ValueError:
             raise AuvplanError(f"--limit {text!r}: {value!r} is no number") from None
     return replace(Limits(), **given)
-
-
-def _tell(quiet: bool) -> "Tell":
-    """Return what shows events as they happen."""
-
-    def tell(event: "Event") -> None:
-        if not quiet and event.kind != "end":
-            shared.say(f"{event.time:9.0f} s  {event.text}")
-            sys.stdout.flush()
-
-    return tell

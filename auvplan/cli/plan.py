@@ -190,8 +190,8 @@ def rehearse(
 
 
 def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
-    count, share, figures = found["missions"], found["on_time_percent"], found["figures"]
-    plan = found["plan"]
+    count, share = found["missions"], found["on_time_percent"]
+    plan, figures = found["plan"], found["figures"]
     table = Table(title=f"{name}: the plan in {counted(count, 'simulated mission')}", show_header=False)
     table.add_row("on time", f"{found['on_time']} (95 %: {share['low']:.0f} to {share['high']:.0f} %)")
     table.add_row("on time with all planned tasks done", str(found["all_planned_tasks"]))

@@ -21,9 +21,7 @@ def scenarios() -> None:
     """List the shipped scenarios."""
     from auvplan.scenario.file import shipped_scenarios
 
-    table = Table(show_header=True)
-    table.add_column("name")
-    table.add_column("what it is")
+    table = Table("name", "what it is")
     for name, scenario in shipped_scenarios().items():
         table.add_row(name, scenario.description)
     console.print(table)
@@ -131,8 +129,12 @@ def validate(
             typer.echo(f"warning: {line}")
         for note in found.notes if not found.faults else ():
             typer.echo(f"note: {note}")
-        if plot is not None:
-            _draw(found, plot)
+        if plot is not None and (found.scenario is None or found.area is None):
+            typer.echo("no map: the scenario's fields are at fault")
+        elif plot is not None:
+            from auvplan.plot.area import draw_area
+
+            typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, plot)}")
     if not single and not as_json:
         typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):
@@ -153,13 +155,3 @@ def _plain(found: "Examination") -> dict[str, Any]:
         "warnings": found.warnings,
         "notes": found.notes,
     }
-
-
-def _draw(found: "Examination", path: Path) -> None:
-    """Draw a scenario as far as its files could be read."""
-    if found.scenario is None or found.area is None:
-        typer.echo("no map: the scenario's fields are at fault")
-        return
-    from auvplan.plot.area import draw_area
-
-    typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, path)}")

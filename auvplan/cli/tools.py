@@ -226,7 +226,6 @@ def _fetch(
     timeout: float,
     quiet: bool,
 ) -> "Fetched":
-    """Fetch a current from a server."""
     from auvplan.io.forecasts import Request, fetch_current
 
     if box is None or time is None or out is None:

@@ -130,8 +130,7 @@ def plot_currents(
         style.line("new path", color="black", lw=2.4),
         style.line("earlier paths", color=style.RED, ls="--", lw=1.3),
         style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black")),
-        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle"),
-        style.mark(style.GOAL, "target"), *coast,
+        *style.marks(), *coast,
     ])  # fmt: skip
     figure.suptitle(f"Paths and current, {scene.leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])
@@ -190,10 +189,8 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     first, followed, dropped = (
         kind | {"color": "black", "path_effects": style.halo(kind["lw"] + 1.4)} for kind in lines.values()
     )
-    for number, plan in enumerate(plans):
-        if number == 0:
-            pen.line(plan.positions, **first)
-            continue
+    pen.line(plans[0].positions, **first)
+    for number, plan in enumerate(plans[1:], start=1):
         executed, given_up = scene.until_next(plans, number)
         pen.line(given_up, **dropped)
         pen.line(executed, **followed)
@@ -201,9 +198,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     pen.dots(plans[0].positions[0], **(style.START | {"zorder": 6}))
     pen.dots(plans[0].positions[-1], **(style.GOAL | {"zorder": 6}))
     pen.handles += [style.line(label, color="black", **kind) for label, kind in lines.items()]
-    pen.handles += [style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan")]
-    pen.handles.append(style.mark(style.GOAL, "target"))
-    style.legend_below(figure, pen.handles)
+    style.legend_below(figure, pen.handles + style.marks(vehicle="vehicle at a re-plan"))
     causes = [plan.cause for plan in plans[1:]]
     count = ", ".join(f"{causes.count(cause)} by {cause}" for cause in dict.fromkeys(causes)) or "none"
     name = run.scenario.get("name") or "leg"
@@ -249,9 +244,8 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     depth = float(positions[:, 2].mean())
     field = Field.of(world.current, low, high, depth, float(plan.times[0]))
     slowest, fastest, beyond = speed_range([field])
-    bar = axes.figure.colorbar(
-        field.draw(pen, slowest, fastest), ax=axes, shrink=0.8, pad=0.02, extend=beyond
-    )
+    image = field.draw(pen, slowest, fastest)
+    bar = axes.figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, extend=beyond)
     bar.set_label(f"current at {depth:.0f} m depth, at departure [m/s]")
     pen.coast(world.chart, see_through=True)
     _draw_obstacles(pen, plan, world)
@@ -264,11 +258,8 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
 
 
 def _draw_way(pen: Map, plan: PathPlan) -> None:
-    """Draw the path and its ends."""
     places, lines = np.asarray(plan.positions, float), "-" if plan.feasible else "--"
-    pen.axes.plot(
-        *pen.flat(places).T, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5
-    )
+    pen.line(places, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5)
     pen.handles.append(style.line("path", color="black", ls=lines, lw=2.4))
     pen.end(places[0], style.START, "start")
     pen.end(places[-1], style.GOAL, "goal")

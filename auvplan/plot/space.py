@@ -99,7 +99,12 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     axes: Any = style.own_axes(ax, 8.4, 6.4, projection="3d", computed_zorder=False)
     low, high = scene.window(scene.extent_points(leg), 0.1)
     pen, kinds = Space(axes, low, high), leg.obstacle_kinds
-    tracks, nearest = _nearest(leg)
+    # True tracks, and places at the time of least distance to the vehicle.
+    tracks, nearest = np.zeros((0, 0, 3)), np.zeros((0, 3))
+    if len(leg.times) and leg.obstacle_positions.size:
+        tracks = np.asarray(leg.obstacle_positions, float)
+        when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
+        nearest = tracks[when, np.arange(tracks.shape[1])]
     edge, middle = float((high - low).max()), 0.5 * (low + high)
     seen = [k for k in range(len(nearest)) if np.abs(nearest[k, :2] - middle).max() < _FAR * edge]
     depths = [scene.extent_points(leg)[:, 2]]
@@ -142,15 +147,6 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     return axes
 
 
-def _nearest(leg: LegRecord) -> tuple[Array, Array]:
-    """True tracks [n, M, 3] m, and places [M, 3] m at the time of least distance to the vehicle."""
-    tracks = np.asarray(leg.obstacle_positions, float)
-    if not len(leg.times) or not tracks.size:
-        return np.zeros((0, 0, 3)), np.zeros((0, 3))
-    when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
-    return tracks, tracks[when, np.arange(tracks.shape[1])]
-
-
 def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     """Draw a leg's paths among its obstacles, with the current of every time step in a layer of its own.
 
@@ -186,8 +182,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         style.line("first path", color=style.RED, ls="--", lw=1.5),
         style.line("re-planned", color="black", lw=2.8),
         style.line("given up at the next re-plan", color="black", ls=":", lw=1.1),
-        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan"),
-        style.mark(style.GOAL, "target"),
+        *style.marks(vehicle="vehicle at a re-plan"),
         *style.obstacle_patches(kinds, ", boundaries as rings", alpha=0.6),
     ])  # fmt: skip
     times = ", ".join(f"{plan.made_at:,.0f}" for plan in plans)
@@ -209,10 +204,7 @@ def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> No
         edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
         north, east = np.meshgrid(*edges, indexing="ij")
         when = np.full_like(north, plan.made_at)
-        u, v, _ = (
-            np.asarray(part)
-            for part in evaluated(plan.current, north, east, np.full_like(north, depth), when)
-        )
+        u, v, _ = map(np.asarray, evaluated(plan.current, north, east, np.full_like(north, depth), when))
         return east / pen.metres, north / pen.metres, u, v
 
     planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]

@@ -137,6 +137,11 @@ def mark(kind: dict[str, Any], label: str, **more: Any) -> Line2D:
     return line(label, **(shown | {"mec": BLACK} | more))
 
 
+def marks(vehicle: str = "vehicle") -> list[Line2D]:
+    """Return what a legend shows of the ends of a leg, and of the vehicle, by these words."""
+    return [mark(START, "start"), mark(VEHICLE, vehicle), mark(GOAL, "target")]
+
+
 def obstacle_patches(kinds: Sequence[str], words: str, **kind: Any) -> list[Patch]:
     """Return what a legend shows of kinds of obstacles, each once; `words` follow their names."""
     return [

@@ -17,13 +17,8 @@ from auvplan.study import statistics
 Array = style.Array
 
 #: Lines of a second setting, in turn.
-_LINES = list(
-    zip(
-        [style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.RED, style.SKY, style.BLACK],
-        ["o", "s", "^", "D", "v", "P", "X"],
-        strict=True,
-    )
-)
+_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.RED, style.SKY, style.BLACK
+_LINES = list(zip(_COLOURS, "os^DvPX", strict=True))
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,8 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
     values = dataset[dim].values
     numeric = values.dtype.kind in "iuf"
     places = values.astype(float) if numeric else np.arange(len(values), dtype=float)
-    figure, panels = _panels()
+    figure = style.new_figure(14.5, 7.2)
+    panels: list[Axes] = list(figure.subplots(2, 4).flat)
     for axes, measure in zip(panels, MEASURES, strict=False):
         by_line = _by_line(dataset, measure)
         found = (statistics.wilson_interval if measure.share else statistics.mean_interval)(by_line)
@@ -114,7 +110,8 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
     dim, lines = _first_setting(dataset), _line_names(dataset)
     values = dataset[dim].values
     places = np.arange(1.0, len(values))
-    figure, panels = _panels()
+    figure = style.new_figure(14.5, 7.2)
+    panels: list[Axes] = list(figure.subplots(2, 4).flat)
     for axes, measure in zip(panels, MEASURES, strict=False):
         by_line = _by_line(dataset, measure)
         differences = by_line[:, 1:] - by_line[:, :1]
@@ -132,10 +129,11 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
             )  # fmt: skip
         _value_axis(axes, dataset, places, values[1:], named=True)
         axes.set_ylabel("Δ " + measure.label.replace("[%]", "[% points]"), fontsize=9)
-    note = (
-        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval"
+    _explain(
+        panels[-1],
+        lines,
+        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval",
     )
-    _explain(panels[-1], lines, note)
     reference = f"{setting_name(dataset, dim)} = {setting_value(values[0])}"
     count = counted(dataset.sizes["mission"], "mission")
     set_title(figure, dataset, f"differences from {reference}, {count} with the same seeds")
@@ -151,10 +149,9 @@ def _first_setting(dataset: xr.Dataset) -> str:
 
 def _line_names(dataset: xr.Dataset) -> list[str]:
     """Return a name for each combination of the settings after the first; one empty name without any."""
-    rest = statistics.sweep_dims(dataset)[1:]
     names = [
         [f"{setting_name(dataset, dim)} = {setting_value(value)}" for value in dataset[dim].values]
-        for dim in rest
+        for dim in statistics.sweep_dims(dataset)[1:]
     ]
     return [", ".join(parts) for parts in product(*names)]
 
@@ -169,12 +166,6 @@ def _shift(line: int, lines: int, places: Array, share: float) -> float:
     """Return how far to move a line aside so that intervals do not cover each other, in units of the axis."""
     gaps = np.diff(np.unique(places))
     return share * float(gaps.min()) * ((line + 0.5) / lines - 0.5) if gaps.size else 0.1 * line
-
-
-def _panels() -> tuple[Figure, list[Axes]]:
-    figure = style.new_figure(14.5, 7.2)
-    panels: list[Axes] = list(figure.subplots(2, 4).ravel())
-    return figure, panels
 
 
 def _boxes(axes: Axes, places: Array, values: Array, width: float, colour: str) -> None:

@@ -101,9 +101,8 @@ def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
     """Points [n] north and [m] east in squares, `most` along the longer edge."""
     step = float((high - low).max()) / most
     counts = [max(2, round(float(edge) / step)) for edge in high - low]
-    north, east = (
-        low[k] + (np.arange(count) + 0.5) * (high[k] - low[k]) / count for k, count in enumerate(counts)
-    )
+    edges = zip(low, high, counts, strict=True)
+    north, east = (first + (np.arange(count) + 0.5) * (last - first) / count for first, last, count in edges)
     return north, east
 
 
@@ -129,9 +128,9 @@ def current_data(
     moments = np.unique(np.round([*np.linspace(first, last, _MOMENTS), *made[::step]], 3))
     north, east = _grid(low, high, _ARROWS)
     x, y = np.meshgrid(north, east, indexing="ij")
-    levels = (
-        np.interp(moments, times, depths) if len(times) else np.full(len(moments), plans[0].positions[0, 2])
-    )
+    levels = np.full(len(moments), plans[0].positions[0, 2])
+    if len(times):
+        levels = np.interp(moments, times, depths)
     latest = np.searchsorted(made, moments + 1e-3, side="right") - 1
     u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
     for number in np.unique(latest):

@@ -49,9 +49,8 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     least, safety = way.margins.least(), run.safety
     margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
     margins["bed"] = safety.seabed
-    begin = (
-        float(way.times[0]) if len(way.times) else min((route.made_at for route in run.routes), default=0.0)
-    )
+    begin = float(min((route.made_at for route in run.routes), default=0.0))
+    begin = float(way.times[0]) if len(way.times) else begin
     return {
         "kind": "leg" if len(run.graph.positions) == 2 else "mission" if run.simulated else "plan",
         "name": str(run.scenario.get("name") or "mission"),
@@ -90,9 +89,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "sensing": scene.sensing_data(run),
         "routes": _routes(run),
         "tasks": task_data(run, stated),
-        "limits": [
-            {"name": name, "margin": margin, "least": least[name]} for name, margin in margins.items()
-        ],
+        "limits": [{"name": of, "margin": margin, "least": least[of]} for of, margin in margins.items()],
         "provenance": {
             "files": list(stated.get("files", [])),
             "assumed": list(stated.get("assumed", [])),
@@ -151,7 +148,6 @@ def _track(way: _Way) -> dict[str, Any]:
 
 
 def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
-    """Waypoints with what was done there."""
     done = {leg.goal for leg in run.earning}
     visited = set(run.route)
     return [
@@ -261,11 +257,7 @@ def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]
         for stop in stated.get("stops", [])
         if stop["task"]
     ]  # fmt: skip
-    left = [
-        {"name": job["name"], "priority": job["priority"], "done": False, "at": None, "duration": None,
-         "why": job["reason"]}
-        for job in stated.get("left_out", [])
-    ]  # fmt: skip
+    left = [_left(job["name"], job["priority"], job["reason"]) for job in stated.get("left_out", [])]
     return [*done, *(left if run.names else _unvisited(run))]
 
 
@@ -282,17 +274,13 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
     rows = []
     for node in sorted(set(range(len(travel))) - set(route)):
         detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
-        rows.append(
-            {
-                "name": scene.waypoint_name(run, node),
-                "priority": float(priority[:, node].max()),
-                "done": False,
-                "at": None,
-                "duration": None,
-                "why": _why_unvisited(run, float(min(detours, default=np.inf))),
-            }
-        )
+        why = _why_unvisited(run, float(min(detours, default=np.inf)))
+        rows.append(_left(scene.waypoint_name(run, node), float(priority[:, node].max()), why))
     return sorted(rows, key=lambda row: -row["priority"])
+
+
+def _left(name: str, priority: float, why: str) -> dict[str, Any]:
+    return {"name": name, "priority": priority, "done": False, "at": None, "duration": None, "why": why}
 
 
 def _why_unvisited(run: MissionRun, extra: float) -> str:

@@ -51,11 +51,9 @@ def study_data(
     waypoints = dataset["waypoint_position"].values.reshape(-1, 3)
     known = waypoints[np.isfinite(waypoints).all(axis=1)]
     chart = study_chart(dataset)
-    ground = (
-        map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
-        if len(known)
-        else None
-    )
+    ground = None
+    if len(known):
+        ground = map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
     return {
         "kind": "rehearsal" if rehearsal else "study",
         "name": str(settings.get("name") or "study"),
@@ -100,9 +98,7 @@ def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
             name: [_significant(value) for value in np.asarray(values)] for name, values in figures.items()
         },
         "legs": _legs(case),
-        "calls": [
-            [_significant(value) for value in row] for row in np.stack(statistics.call_times(case), axis=-1)
-        ],
+        "calls": [list(map(_significant, row)) for row in np.stack(statistics.call_times(case), axis=-1)],
         "missions": [_mission(case.isel(mission=number)) for number in range(min(count, room))],
     }
 
@@ -124,7 +120,6 @@ def _legs(case: xr.Dataset) -> dict[str, Any]:
 
 
 def _mission(one: xr.Dataset) -> dict[str, Any]:
-    """Return the legs, routes and waypoints of a mission."""
     causes = flag_names(one["route_cause"])
     legs = np.flatnonzero(one["leg_from"].values >= 0)
     columns = ("leg_from", "leg_to", "leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority")
@@ -135,9 +130,7 @@ def _mission(one: xr.Dataset) -> dict[str, Any]:
     for number, nodes in enumerate(one["route_nodes"].values):
         if (nodes >= 0).any():
             figures = (one[f"route_{name}"].values[number] for name in ("made_at", "time", "priority"))
-            routes.append(
-                [causes[number], *(_significant(float(value)) for value in figures), nodes[nodes >= 0]]
-            )
+            routes.append([causes[number], *map(_significant, figures), nodes[nodes >= 0]])
     places = one["waypoint_position"].values
     return {
         "legs": [[*map(_significant, row), *more] for row, more in zip(rows, whole.tolist(), strict=True)],

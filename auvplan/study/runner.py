@@ -140,9 +140,8 @@ def _run_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
                 try:
                     report = pipe.recv()
                 except (EOFError, OSError):
-                    raise StudyError(
-                        "a worker process died (out of memory?); continue the study with --resume"
-                    ) from None
+                    line = "a worker process died (out of memory?); continue the study with --resume"
+                    raise StudyError(line) from None
                 if isinstance(report, Exception):
                     raise report
                 take(report, pipe)

@@ -189,7 +189,9 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     expected, executed = leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     median, least, most = median_interval(relative_errors(dataset))
-    seeds = dataset["seed"].values
+    seeds, correlation = dataset["seed"].values, None
+    if both.sum() > 2:
+        correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
     figures = {
         "use_of_time_percent": use_of_time(dataset),
         "t_residual_s": dataset["t_residual"].values,
@@ -225,9 +227,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "faults": int(dataset["faults"].values.sum()),
         "expected_against_executed": {
             "legs": int(both.sum()),
-            "correlation": float(np.corrcoef(expected[both], executed[both])[0, 1])
-            if both.sum() > 2
-            else None,
+            "correlation": correlation,
             "median_relative_error_percent": 100.0 * median if np.isfinite(median) else None,
             "low": 100.0 * least if np.isfinite(least) else None,
             "high": 100.0 * most if np.isfinite(most) else None,

@@ -157,9 +157,8 @@ def _sections(
     if not parts or reach[0] >= reach[1]:
         return []
     beds = [None if seabed is None else seabed.altitude(way.at * [1.0, 1.0, 0.0]) for _, way, *_ in parts]
-    levels = np.concatenate(
-        [line[:, 1] for leg, way, *_ in parts for line in (way.line, *_earlier(leg, way))]
-    )
+    lines = [line for leg, way, *_ in parts for line in (way.line, *_earlier(leg, way))]
+    levels = np.concatenate([line[:, 1] for line in lines])
     depth = np.linspace(min(0.0, levels.min()), _floor(float(levels.max()), reach[1], beds), _ROWS + 1)
     found = [_section(*part, depth, bed) for part, bed in zip(parts, beds, strict=True)]
     sheared = max(section.shear for section in found) > _SHEAR
@@ -187,11 +186,8 @@ def _section(
     x, y, t = (np.broadcast_to(values, shape) for values in (*way.at[middle, :2].T, way.time[middle]))
     u, v, _ = velocity(x, y, np.broadcast_to(levels[:, None], shape), t)
     water = np.isfinite(u) & (True if bed is None else levels[:, None] < bed[middle])
-    shear = [
-        np.ptp(np.stack([u, v], axis=-1)[rows, k], axis=0).max()
-        for k, rows in enumerate(water.T)
-        if rows.any()
-    ]
+    both = np.stack([u, v], axis=-1)
+    shear = [np.ptp(both[rows, k], axis=0).max() for k, rows in enumerate(water.T) if rows.any()]
     return Section(
         way.distance, way.time, depth, u * course[:, 0] + v * course[:, 1], float(max(shear, default=0.0)),
         bed, way.line, _earlier(leg, way), tuple(cut for cut in cuts if np.isfinite(cut.boundary).any()), leg,
