@@ -46,41 +46,30 @@
   const rehearsal = study.rehearsal;
   const first = cases[0].summary;
   const mean = (name) => (first.figures[name] ? first.figures[name].mean : null);
+  const what = rehearsal ? "rehearsal of a plan" : "study of simulated missions";
+  const [low, high] = ["low", "high"].map((end) => report.fixed(first.on_time_percent[end], 1));
+  const alone = cases.length === 1;
+  const replans = mean("path_replans") + mean("mission_replans");
   report.head({
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
     good: onTime === missions,
-    line: report.joined(
-      " · ",
-      rehearsal ? "rehearsal of a plan" : "study of simulated missions",
-      `seeds ${study.provenance.seeds}`,
-      study.description,
-    ),
+    line: report.joined(" · ", what, `seeds ${study.provenance.seeds}`, study.description),
     tiles: [
       [
         "on time",
         `${report.fixed((100 * onTime) / missions, 1)} %`,
-        cases.length === 1
-          ? `95 %: ${report.fixed(first.on_time_percent.low, 1)} to ${report.fixed(first.on_time_percent.high, 1)} %`
-          : `${report.counted(cases.length, "setting")}`,
+        alone ? `95 %: ${low} to ${high} %` : report.counted(cases.length, "setting"),
       ],
       rehearsal && [
         "all planned tasks done",
         report.fixed(rehearsal.all_planned_tasks),
         `on time, of ${report.counted(rehearsal.missions, "mission")}`,
       ],
-      ...(cases.length > 1
-        ? []
-        : [
-            ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
-            ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
-            ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
-            [
-              "re-plans",
-              report.fixed(mean("path_replans") + mean("mission_replans"), 1),
-              "of paths and route, mean",
-            ],
-          ]),
+      alone && ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
+      alone && ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
+      alone && ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
+      alone && ["re-plans", report.fixed(replans, 1), "of paths and route, mean"],
       ["collisions", report.fixed(total("collisions")), "found by the checker"],
       ["faults", report.fixed(total("faults")), "found by the checker"],
     ],
@@ -88,7 +77,7 @@
 
   // --- choice of the setting -----------------------------------------------------------------------------
 
-  if (cases.length > 1) {
+  if (!alone) {
     const change = () => {
       state.case = Number(list.value);
       state.mission = null;
@@ -121,11 +110,8 @@
     };
     const figure = report.drawn(host, "Settings compared", (colours, width) => {
       const [inner, lines] = [study.sweeps[0].values, new Map()];
-      cases.forEach((one) => {
-        const name = caseName(one, 1);
-        if (!lines.has(name)) lines.set(name, []);
-        lines.get(name).push(one);
-      });
+      for (const one of cases)
+        lines.set(caseName(one, 1), [...(lines.get(caseName(one, 1)) || []), one]);
       const numeric = inner.every(report.isNumber);
       const hues = ["plan", "earlier", "task", "static", "afloat", "route"].map((name) => colours[name]);
       const marks = ["circle", "square", "diamond", "triangle-up", "cross", "x"];
@@ -196,6 +182,7 @@
       ([, found]) => found && report.isNumber(found.mean),
     );
     const legs = summary.expected_against_executed;
+    const failed = summary.failed_seeds.map((seed, k) => `seed ${seed} (${summary.failures[k]})`);
     const cell = (name) => ({
       title: { low: "from", high: "to", q05: "5 %", q95: "95 %" }[name] || name,
       text: ([, found]) => report.figure(found[name]),
@@ -203,22 +190,14 @@
     const words = [
       legs.correlation !== null &&
         `Correlation of executed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
-      summary.failed_seeds.length &&
-        `Failed: ${summary.failed_seeds
-          .map((seed, k) => `seed ${seed} (${summary.failures[k]})`)
-          .slice(0, 20)
-          .join("; ")}${summary.failed_seeds.length > 20 ? "; …" : ""}.`,
+      failed.length && `Failed: ${failed.slice(0, 20).join("; ")}${failed.length > 20 ? "; …" : ""}.`,
     ].filter(Boolean);
+    const share = `${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time`;
+    const title = report.joined(": ", !alone && caseName(now()), share);
+    const figures = ["mean", "low", "high", "q05", "median", "q95"].map(cell);
+    const columns = [report.words("figure", ([name]) => name, { class: "long" }), ...figures];
     statistics.replaceChildren(
-      report.table(
-        `${cases.length > 1 ? `${caseName(now())}: ` : ""}${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time; means with 95 % intervals, and quantiles`,
-        [
-          report.words("figure", ([name]) => name, { class: "long" }),
-          ...["mean", "low", "high", "q05", "median", "q95"].map(cell),
-        ],
-        rows,
-        "statistics-table",
-      ),
+      report.table(`${title}; means with 95 % intervals, and quantiles`, columns, rows, "statistics-table"),
       ...words.map((text) => report.remark(text)),
     );
   });
@@ -554,14 +533,9 @@
         mission.routes,
         "mission-routes",
       );
-      const beside = report.pair(
-        [
-          element("div.choices", element("label", "Shown", list)),
-          host,
-          report.remark("Straight lines between waypoints: a study keeps no tracks."),
-        ],
-        legs,
-      );
+      const straight = report.remark("Straight lines between waypoints: a study keeps no tracks.");
+      const shown = [element("div.choices", element("label", "Shown", list)), host, straight];
+      const beside = report.pair(shown, legs);
       beside.style.marginTop = "1.1rem";
       detail.append(beside, made);
       route = study.map && routeMap(host, list, mission);
@@ -576,36 +550,23 @@
   function ways(one, number, seed) {
     const name = `${String(state.case).padStart(4, "0")}-${String(seed).padStart(8, "0")}`;
     const quoted = (text) => (/^[\w.,=+-]*$/.test(text) ? text : `'${text.replace(/'/g, "'\\''")}'`);
-    const settings = [
-      ...study.changes,
-      ...swept.map((field, k) => `${field}=${JSON.stringify(one.setting[k])}`),
-    ].map((text) => `--set ${quoted(text)}`);
-    const again = [
-      "auvplan mission",
-      study.scenario || "SCENARIO.yaml",
-      `--seed ${seed}`,
-      ...settings,
-      `--out out/seed-${seed}`,
-    ].join(" ");
+    const changed = swept.map((field, k) => `${field}=${JSON.stringify(one.setting[k])}`);
+    const settings = [...study.changes, ...changed].map((text) => `--set ${quoted(text)}`);
+    const what = ["auvplan mission", study.scenario || "SCENARIO.yaml", `--seed ${seed}`];
+    const again = [...what, ...settings, `--out out/seed-${seed}`].join(" ").split(" ");
+    const whole = (word, k) => [k ? " " : null, element("span", { style: "white-space: nowrap" }, word)];
+    const saved = [
+      element("p", "It is saved in this folder. Its page, with map and track, is written by"),
+      element("pre.code", `auvplan report runs/${name}`),
+    ];
+    const kept = study.runs.includes(name);
+    const which = study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)";
+    const verb = kept ? "Or simulate" : "Simulate";
     return [
       element("h3", "The whole mission"),
-      study.runs.includes(name)
-        ? [
-            element("p", "It is saved in this folder. Its page, with map and track, is written by"),
-            element("pre.code", `auvplan report runs/${name}`),
-          ]
-        : null,
-      element(
-        "p",
-        `${study.runs.includes(name) ? "Or simulate" : "Simulate"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
-      ),
-      element(
-        "pre.code",
-        { id: "again" },
-        again
-          .split(" ")
-          .map((word, k) => [k ? " " : null, element("span", { style: "white-space: nowrap" }, word)]),
-      ),
+      kept ? saved : null,
+      element("p", `${verb} it again, with its track, its pictures and its page${which}:`),
+      element("pre.code", { id: "again" }, again.map(whole)),
     ];
   }
 
@@ -617,48 +578,35 @@
       mission.legs.length ? mission.legs[0][0] : 0,
       ...mission.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
     ];
-    const labels = Array.from({ length: count }, (_, node) => ({
-      text: String(node),
-      north: place(node)[0],
-      east: place(node)[1],
-      rank: way.includes(node) ? 1 : 2,
-      colour: way.includes(node) ? "text" : "quiet",
-    }));
-    return report.map(
-      host,
-      "Route of the mission",
-      study.map,
-      (colours, { unit }) => {
-        const route = Number(list.value);
-        const nodes = route < 0 ? way : mission.routes[route][4];
-        const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
-        const at = (chosen, more) =>
-          report.points(
-            chosen.map((node) => place(node)[1] / unit),
-            chosen.map((node) => place(node)[0] / unit),
-            { hoverinfo: "skip", ...more },
-          );
-        const line = (chosen, name, color, width) =>
-          at(chosen, {
-            mode: "lines+markers",
-            name,
-            line: { color, width },
-            marker: { symbol: "arrow", angleref: "previous", size: 11, color },
-          });
-        const end = (node, color, symbol, size) =>
-          at([node], { marker: { symbol, size, color, line: { color: "#000000", width: 1 } } });
-        const every = Array.from({ length: count }, (_, node) => node);
-        const open = { size: 6, color: colours.card, line: { color: colours.quiet, width: 1.3 } };
-        return [
-          at(every, { name: "waypoints", marker: { symbol: "circle", ...open } }),
-          line(until, "executed before", colours.left, 2),
-          line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan, 2),
-          end(nodes[0], colours.start, "circle", 11),
-          end(nodes[nodes.length - 1], colours.task, "star", 15),
-        ];
-      },
-      labels,
-    );
+    const labels = Array.from({ length: count }, (_, node) => {
+      const [[north, east], passed] = [place(node), way.includes(node)];
+      return { text: String(node), north, east, rank: passed ? 1 : 2, colour: passed ? "text" : "quiet" };
+    });
+    const traces = (colours, { unit }) => {
+      const route = Number(list.value);
+      const nodes = route < 0 ? way : mission.routes[route][4];
+      const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
+      const at = (chosen, more) => {
+        const [x, y] = [1, 0].map((axis) => chosen.map((node) => place(node)[axis] / unit));
+        return report.points(x, y, { hoverinfo: "skip", ...more });
+      };
+      const line = (chosen, name, color) => {
+        const marker = { symbol: "arrow", angleref: "previous", size: 11, color };
+        return at(chosen, { mode: "lines+markers", name, line: { color, width: 2 }, marker });
+      };
+      const end = (node, color, symbol, size) =>
+        at([node], { marker: { symbol, size, color, line: { color: "#000000", width: 1 } } });
+      const every = Array.from({ length: count }, (_, node) => node);
+      const open = { size: 6, color: colours.card, line: { color: colours.quiet, width: 1.3 } };
+      return [
+        at(every, { name: "waypoints", marker: { symbol: "circle", ...open } }),
+        line(until, "executed before", colours.left),
+        line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan),
+        end(nodes[0], colours.start, "circle", 11),
+        end(nodes[nodes.length - 1], colours.task, "star", 15),
+      ];
+    };
+    return report.map(host, "Route of the mission", study.map, traces, labels);
   }
 
   /** The mission that is shown at first: the first that failed, or the first of all. */
