@@ -4,8 +4,7 @@ import csv
 import json
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import version
@@ -66,7 +65,13 @@ def departures(
     from auvplan.report import write_departures_report
 
     key = jax.random.key(seed)
-    with _planning_bar(quiet) as progress:
+    with shared.progress_bar("compiling the planners", quiet, of=None) as move:
+
+        def progress(done: int, total: int, doing: str) -> None:
+            known = 0 < done < total  # not where one call plans them all
+            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
+            move(done / total if known else None, words)
+
         found = plan_departures(settings, departs, key=key, folder=folder, area=area, progress=progress)
     files = [
         write_departures(found, out / DEPARTURES),
@@ -274,16 +279,3 @@ def _table(found: Any, name: str) -> Table:
         reason = [] if found.feasible.all() else [found.reasons[k]]
         table.add_row(*cells, *reason, style="bold green" if k == found.best else None)
     return table
-
-
-@contextmanager
-def _planning_bar(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """Progress over departures; how far is not known where one call plans them all."""
-    with shared.progress_bar("compiling the planners", quiet, of=None) as move:
-
-        def advance(done: int, total: int, doing: str) -> None:
-            known = 0 < done < total
-            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
-            move(done / total if known else None, words)
-
-        yield advance

@@ -68,7 +68,7 @@ def init(
 
 
 def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
-    """Write a scenario around a place, and tell what is to be known of it."""
+    """Write a scenario around a place, and print notes on it."""
     from auvplan.io.example_at import write_example_at
 
     try:

@@ -273,7 +273,7 @@ def _plain(report: "CheckReport") -> dict[str, Any]:
 
 
 def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> bool:
-    """Check all saved runs of a study, a line each, and tell whether none has a fault."""
+    """Check all saved runs of a study, a line each, and return whether none has a fault."""
     from auvplan.check.run import CheckReport, check_run
     from auvplan.study.store import saved_runs
 

@@ -28,7 +28,7 @@ def geo_path(itinerary: Itinerary) -> bytes:
     """Return the waypoints with times of arrival, since 1970 or, without a date, since the epoch.
 
     Raises:
-        ExportError: a time is not one that ROS can tell.
+        ExportError: a time is beyond those of ROS.
     """
     rows, cdr = waypoints(itinerary), _Cdr()
     # From north towards east, to the next waypoint; at the last, the course there.

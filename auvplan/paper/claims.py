@@ -51,7 +51,7 @@ class Evidence:
         legs: of `legs.legs_dataset`.
         missions: of a study without a sweep.
         calls: of `calls.call_times`.
-        interval: s between two looks of the vehicle at the sea.
+        interval: s between two measurements by the vehicle's sensors.
     """
 
     legs: xr.Dataset

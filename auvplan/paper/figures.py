@@ -32,7 +32,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
 
     Args:
         legs: runs of the three scenarios.
-        evidence: what they and the missions tell.
+        evidence: of them and of the missions.
         scenario: of the missions, one of which is run again for Fig. 15.
         folder: created if needed.
     """

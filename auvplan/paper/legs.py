@@ -23,7 +23,7 @@ SCENARIOS = ("scenario-1", "scenario-2", "scenario-3")
 #: Values of U_R^C (Eq. 2) that the claim on update rates is tested at; 1 is the shipped scenarios'.
 RATES = (0.0, 1.0, 4.0, 16.0)
 
-#: The one whose paths are drawn in Fig. 8: at 1 the current hardly changes within a leg.
+#: The one whose paths are drawn in Fig. 8: at 1 the current changes little within a leg.
 SHOWN_RATE = 4.0
 
 _HISTORY = {

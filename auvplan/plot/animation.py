@@ -362,7 +362,7 @@ def _write_gif(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> No
     common = Image.fromarray(shown).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
     others = np.reshape(common.getpalette() or [], (-1, 3))[:_COLOURS]
     own = np.rint(255.0 * film.colours()).astype(int)
-    # Pillow does not tell near ones apart: its own would be taken for those.
+    # Pillow confuses colours that are close: its own would replace those.
     apart = np.abs(others[:, None] - own).max(axis=2).min(axis=1) > _NEAR
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.concatenate([own, others[apart]]).ravel().tolist())

@@ -1,4 +1,4 @@
-"""The map of a scenario before anything is planned: what its files tell, on top of each other."""
+"""The map of a scenario before anything is planned: what its files contain, in layers."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -182,7 +182,7 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     Args:
         dataset: without a sweep, missions in order of seed.
         calls: `first_cpu` and `window_cpu` [mission] s, CPU time of single calls in one thread, by `seed`.
-        interval: s between two looks of the vehicle at the sea.
+        interval: s between two measurements by the vehicle's sensors.
     """
     figure = style.new_figure(11.6, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)

@@ -23,7 +23,7 @@ Array = NDArray[np.floating]
 
 #: Records of the track in a page at most; of longer ones some are left out.
 _RECORDS = 20_000
-#: Of the records of a leg every so many hold where the obstacles were.
+#: Records of a leg from one that holds where the obstacles were to the next.
 _EVERY = 5
 #: Figures of the summary that the page's head and its costs show.
 _FIGURES = (
@@ -38,7 +38,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         run: as executed, or a plan; one that failed on the way is fine.
-        summary: of the run, as it is saved; its "sheet" is made anew if absent.
+        summary: of the run, as it is saved; its "sheet" is made if absent.
     """
     stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
@@ -131,7 +131,7 @@ class _Way:
 
 
 def _kept(count: int, stride: int) -> NDArray[np.int_]:
-    """Indices of every so many records, and of the last."""
+    """Indices of every `stride`-th record, and of the last."""
     return np.unique(np.append(np.arange(0, count, stride), count - 1)) if count else np.zeros(0, int)
 
 

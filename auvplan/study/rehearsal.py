@@ -36,7 +36,7 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
         executed: missions of the same scenario, as `run_study` returns them.
 
     Returns:
-        What `summarise` tells of the missions; the plan's figures; how many missions did each job, and how
+        What `summarise` returns of the missions; the plan's figures; how many missions did each job, and how
         many did all that is planned, on time.
     """
     names = planned.names

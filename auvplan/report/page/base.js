@@ -24,7 +24,7 @@ report.unpacked = (one, ...names) =>
 
 report.isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
-/** A number with so many decimals; a dash where there is none. */
+/** A number to some decimals; a dash where there is none. */
 report.fixed = function (value, decimals = 0) {
   if (!report.isNumber(value)) return "–";
   const text = value.toLocaleString("en", {
@@ -34,7 +34,7 @@ report.fixed = function (value, decimals = 0) {
   return text.replace("-", "−");
 };
 
-/** A number with so many significant digits. */
+/** A number to some significant digits. */
 report.figure = function (value, digits = 4) {
   if (!report.isNumber(value)) return "–";
   const large = Math.abs(value) >= 10 ** (digits - 1);

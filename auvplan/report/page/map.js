@@ -247,7 +247,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
   map.refurnish = function () {
     return Plotly.relayout(host, furniture(...size()));
   };
-  /** Show a part of the map that is so many times as wide about the same middle; all of it without a share. */
+  /** Zoom by a factor about the middle of the map; without one show all of it. */
   map.zoom = function (share) {
     const [[[left, right], [bottom, top]]] = size();
     const about = (low, high) => [
@@ -285,7 +285,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
   /**
    * Paint what changes with time, between the sea bed and the waypoints.
    *
-   * It is no trace: to draw a figure with its axes and depth lines anew takes too long for every step of the slider.
+   * It is no trace: to redraw a figure with its axes and depth lines takes too long for every step of the slider.
    * `paint(x, y)` returns SVG elements; `x` and `y` turn metres east and north into the figure's pixels.
    */
   map.repaint = function () {

@@ -344,10 +344,10 @@
       });
     }
     if (run.sensing && number >= 0) disc("sensed", "sensed", here, run.sensing.range);
-    const anew = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
+    const remade = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
     const half = 7.5 * small;
     const box = ([e, n]) => `M${x(e) - half} ${y(n) - half}h${2 * half}v${2 * half}h${-2 * half}z`;
-    show("replans", "path", "replan", { d: anew.map((_, k) => box(node(anew)(k))).join("") });
+    show("replans", "path", "replan", { d: remade.map((_, k) => box(node(remade)(k))).join("") });
     show("vehicle", "path", "vehicle", {
       d: "M0 -10L6.5 8L0 4.5L-6.5 8Z",
       ...told(here),
@@ -528,10 +528,10 @@
   function move() {
     state.map.repaint();
     for (const follow of state.followers) follow();
-    tell();
+    describe();
   }
 
-  function tell() {
+  function describe() {
     const here = vehicle(state.time);
     const level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
