@@ -16,7 +16,6 @@ from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
     from auvplan.check.run import CheckReport
-    from auvplan.io.forecasts import Fetched
     from auvplan.io.geo.raster import PixelSize
     from auvplan.ocean.classify import Classified
     from auvplan.ocean.palette import ChartColours
@@ -189,9 +188,17 @@ def currents(
     notes: tuple[str, ...] = ()
     options = {"--box": box, "--time": time, "--depth": depth, "--out": out}
     if source is not None:
+        from auvplan.io.forecasts import Request, fetch_current
+
         if files:
             raise ScenarioError("--from fetches one file: name no files beside it")
-        fetched = _fetch(source, box, time, depth, out, timeout, quiet or as_json)
+        if box is None or time is None or out is None:
+            lacking = next(name for name in ("--box", "--time", "--out") if options[name] is None)
+            needed = "--box W,S,E,N --time FROM,TO --out FILE"
+            raise ScenarioError(f"--from {source}: needs {lacking} too: {needed}")
+        request = Request.of(source, box, time, depth)
+        with shared.progress_bar("fetching", quiet or as_json) as progress:
+            fetched = fetch_current(request, out, timeout=timeout, progress=progress)
         files, notes = [str(fetched.path)], fetched.notes
     elif given := [name for name, value in options.items() if value is not None]:
         raise ScenarioError(f"{given[0]}: goes with --from alone")
@@ -215,25 +222,6 @@ def currents(
     for written in (out, to):
         if written is not None:
             shared.say(f"written: {written}")
-
-
-def _fetch(
-    source: str,
-    box: str | None,
-    time: str | None,
-    depth: str | None,
-    out: Path | None,
-    timeout: float,
-    quiet: bool,
-) -> "Fetched":
-    from auvplan.io.forecasts import Request, fetch_current
-
-    if box is None or time is None or out is None:
-        lacking = "--box" if box is None else "--time" if time is None else "--out"
-        raise ScenarioError(f"--from {source}: needs {lacking} too: --box W,S,E,N --time FROM,TO --out FILE")
-    request = Request.of(source, box, time, depth)
-    with shared.progress_bar("fetching", quiet) as progress:
-        return fetch_current(request, out, timeout=timeout, progress=progress)
 
 
 def check(

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import MissionRun
 from auvplan.report.page import packed
 from auvplan.site import Site
-from auvplan.view.section import PARTS, run_sections
+from auvplan.view.section import PARTS, run_sections, true_current
 
 Array = NDArray[np.floating]
 
@@ -131,13 +130,8 @@ def current_data(
     levels = np.full(len(moments), plans[0].positions[0, 2])
     if len(times):
         levels = np.interp(moments, times, depths)
-    latest = np.searchsorted(made, moments + 1e-3, side="right") - 1
-    u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
-    for number in np.unique(latest):
-        here = np.flatnonzero(latest == number)
-        z, t = (values[here, None, None] for values in (levels, moments))
-        where = np.broadcast_arrays(x, y, z, t)
-        u[here], v[here], _ = evaluated(plans[number].current, *where)
+    where = np.broadcast_arrays(x, y, levels[:, None, None], moments[:, None, None])
+    u, v, _ = true_current(plans)(*where)
     speed = np.hypot(u, v)
     known = np.isfinite(speed)
     if run.chart is not None:
