@@ -129,12 +129,14 @@ def validate(
             typer.echo(f"warning: {line}")
         for note in found.notes if not found.faults else ():
             typer.echo(f"note: {note}")
-        if plot is not None and (found.scenario is None or found.area is None):
+        if plot is None:
+            continue
+        if found.scenario is None or found.area is None:
             typer.echo("no map: the scenario's fields are at fault")
-        elif plot is not None:
-            from auvplan.plot.area import draw_area
+            continue
+        from auvplan.plot.area import draw_area
 
-            typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, plot)}")
+        typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, plot)}")
     if not single and not as_json:
         typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):
