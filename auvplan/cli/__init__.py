@@ -12,18 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import (
-    departures,
-    execute,
-    export,
-    mission,
-    paper,
-    pictures,
-    plan,
-    scenario,
-    study,
-    tools,
-)
+from auvplan.cli import departures, execute, export, mission, paper, pictures, plan, scenario, study, tools
 from auvplan.cli.shared import complain, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 

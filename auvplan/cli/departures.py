@@ -4,8 +4,7 @@ import csv
 import json
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import version
@@ -16,21 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from auvplan.cli.shared import (
-    JsonOption,
-    OutOption,
-    QuietOption,
-    ScenarioArgument,
-    SeedOption,
-    SetOption,
-    complain,
-    console,
-    load,
-    name_page,
-    print_json,
-    progress_bar,
-    say_notes,
-)
+from auvplan.cli import shared
 from auvplan.errors import ScenarioError
 from auvplan.runtime.formatting import counted, figure
 
@@ -43,7 +28,7 @@ _WIDTH = 160
 
 
 def departures(
-    scenario: ScenarioArgument = "whitsunday",
+    scenario: shared.ScenarioArgument = "whitsunday",
     begin: Annotated[
         str,
         typer.Option(
@@ -56,14 +41,14 @@ def departures(
     step: Annotated[
         str, typer.Option("--step", help="Between departures, such as 30min, 1h or 900s.")
     ] = "1h",
-    out: OutOption = Path("out/departures"),
-    seed: SeedOption = 0,
-    changes: SetOption = None,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    out: shared.OutOption = Path("out/departures"),
+    seed: shared.SeedOption = 0,
+    changes: shared.SetOption = None,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
-    settings, folder = load(scenario, settings=changes)
+    settings, folder = shared.load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.executive.departures import plan_departures
     from auvplan.executive.planning import load_area_at
@@ -71,7 +56,7 @@ def departures(
 
     area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
-        say_notes(area.notes)
+        shared.say_notes(area.notes)
     output_folder(out)
     import jax
 
@@ -79,15 +64,15 @@ def departures(
     from auvplan.plot.style import save
     from auvplan.report import write_departures_report
 
-    with _planning_bar(quiet) as progress:
-        found = plan_departures(
-            settings,
-            departs,
-            key=jax.random.key(seed),
-            folder=folder,
-            area=area,
-            progress=progress,
-        )
+    key = jax.random.key(seed)
+    with shared.progress_bar("compiling the planners", quiet, of=None) as move:
+
+        def progress(done: int, total: int, doing: str) -> None:
+            known = 0 < done < total  # not where one call plans them all
+            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
+            move(done / total if known else None, words)
+
+        found = plan_departures(settings, departs, key=key, folder=folder, area=area, progress=progress)
     files = [
         write_departures(found, out / DEPARTURES),
         _write_origin(settings, folder, seed, area.notes, out / DEPARTED),
@@ -95,7 +80,7 @@ def departures(
         write_departures_report(out),
     ]
     if as_json:
-        print_json(
+        shared.print_json(
             {
                 "scenario": settings.name,
                 "seed": seed,
@@ -107,12 +92,12 @@ def departures(
             }
         )
     elif not quiet:
-        wide = console if console.is_terminal else Console(width=_WIDTH)
+        wide = shared.console if shared.console.is_terminal else Console(width=_WIDTH)
         wide.print(_table(found, f"{settings.name}, seed {seed}"))
-        console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
-        name_page(files[-1])
+        shared.list_files("files", files)
+        shared.name_page(files[-1])
     if found.best is None:
-        complain(f"no departure is feasible; {found.moment(0)}: {found.reasons[0]}")
+        shared.complain(f"no departure is feasible; {found.moment(0)}: {found.reasons[0]}")
         raise typer.Exit(1)
 
 
@@ -265,7 +250,6 @@ def _rows(found: Any) -> list[dict[str, Any]]:
 
 
 def _cell(value: Any) -> Any:
-    """Return a value as CSV has it."""
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else value
@@ -288,25 +272,10 @@ def _table(found: Any, name: str) -> Table:
         if found.feasible[k]:
             best = k == found.best
             clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open") if leg else ""
-            rest = (
-                (f"{found.plans.length[k]:.0f}", clear)
-                if leg
-                else (str(found.tasks[k]), figure(found.priority[k]))
-            )
+            rest = str(found.tasks[k]), figure(found.priority[k])
+            if leg:
+                rest = f"{found.plans.length[k]:.0f}", clear
             cells[1:5] = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
         reason = [] if found.feasible.all() else [found.reasons[k]]
         table.add_row(*cells, *reason, style="bold green" if k == found.best else None)
     return table
-
-
-@contextmanager
-def _planning_bar(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """Progress over departures; how far is not known where one call plans them all."""
-    with progress_bar("compiling the planners", quiet, of=None) as move:
-
-        def advance(done: int, total: int, doing: str) -> None:
-            known = 0 < done < total
-            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
-            move(done / total if known else None, words)
-
-        yield advance

@@ -13,28 +13,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvplan.cli.shared import (
-    JsonOption,
-    OutOption,
-    QuietOption,
-    ScenarioArgument,
-    SeedOption,
-    SetOption,
-    SpeedHeld,
-    complain,
-    load,
-    naming,
-    print_json,
-    say,
-    say_notes,
-)
+from auvplan.cli import shared
 from auvplan.errors import AuvplanError, ScenarioError
 from auvplan.runtime.formatting import counted, figure
 from auvplan.site import at_time
 
 if TYPE_CHECKING:
     from auvplan.link import ExecutionRecord, Limits
-    from auvplan.link.execution import Tell
     from auvplan.link.record import Event
 
 #: s between now and the scenario's departure that are worth a warning: its forecast is of another time.
@@ -49,7 +34,7 @@ class LinkLoss(StrEnum):
 
 
 def execute(
-    scenario: ScenarioArgument = "whitsunday",
+    scenario: shared.ScenarioArgument = "whitsunday",
     link: Annotated[
         str,
         typer.Option(
@@ -58,8 +43,8 @@ def execute(
             "mavlink:udpin:0.0.0.0:14550, imc:HOST:PORT or imc:tcp:HOST:PORT.",
         ),
     ] = "sim",
-    out: OutOption = Path("out/execute"),
-    seed: SeedOption = 0,
+    out: shared.OutOption = Path("out/execute"),
+    seed: shared.SeedOption = 0,
     scale: Annotated[
         float | None,
         typer.Option(
@@ -76,7 +61,7 @@ def execute(
         ),
     ] = None,
     speed: Annotated[
-        SpeedHeld | None,
+        shared.SpeedHeld | None,
         typer.Option(
             "--speed",
             help="What the vehicle holds its speed over: ground, for which it is given what each line is "
@@ -93,9 +78,9 @@ def execute(
             "--limit", metavar="NAME=VALUE", help="Another limit, such as silence=30. See the page."
         ),
     ] = None,
-    changes: SetOption = None,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    changes: shared.SetOption = None,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Plan a mission and execute it on a vehicle: upload, follow, plan the rest anew, end safely."""
     quiet = quiet or as_json
@@ -113,8 +98,8 @@ def execute(
     output_folder(out)
     if link != SIMULATOR:
         _check_ended(out)
-    with naming(scenario):
-        settings, folder = load(scenario, settings=changes)
+    with shared.naming(scenario):
+        settings, folder = shared.load(scenario, settings=changes)
         from auvplan.runtime.compiled import PLANS, preload
 
         preload(PLANS, settings.fingerprint)
@@ -132,28 +117,32 @@ def execute(
         if link == SIMULATOR:
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
         else:
-            over_ground = None if speed is None else speed is SpeedHeld.GROUND
+            over_ground = None if speed is None else speed is shared.SpeedHeld.GROUND
             vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
     if not quiet:
-        say_notes(area.notes)
+        shared.say_notes(area.notes)
         epoch = None if link == SIMULATOR or scale is not None else plan.site.epoch
         if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
             departs = at_time(0.0, epoch)
-            say(f"note: the plan is for a departure at {departs}, and the vehicle leaves now")
-    record = execute(
-        plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet), keep=partial(_keep, out=out)
-    )
+            shared.say(f"note: the plan is for a departure at {departs}, and the vehicle leaves now")
+
+    def tell(event: "Event") -> None:
+        if not quiet and event.kind != "end":
+            shared.say(f"{event.time:9.0f} s  {event.text}")
+            sys.stdout.flush()
+
+    record = execute(plan, vehicle, limits=limits, notices=heard, tell=tell, keep=partial(_keep, out=out))
     file = record.save(out)
     if as_json:
-        print_json(record.summary())
+        shared.print_json(record.summary())
     elif not quiet:
-        say(
+        shared.say(
             f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
             f"{counted(len(record.tasks), 'task')}, total priority {figure(record.total_priority)}"
         )
-        say(f"record in {file}")
+        shared.say(f"record in {file}")
     if not record.success:
-        complain(f"mission failed: {record.reason}; {record.safe}")
+        shared.complain(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
 
 
@@ -205,14 +194,3 @@ def _limits(texts: list[str]) -> "Limits":
         except ValueError:
             raise AuvplanError(f"--limit {text!r}: {value!r} is no number") from None
     return replace(Limits(), **given)
-
-
-def _tell(quiet: bool) -> "Tell":
-    """Return what shows events as they happen."""
-
-    def tell(event: "Event") -> None:
-        if not quiet and event.kind != "end":
-            say(f"{event.time:9.0f} s  {event.text}")
-            sys.stdout.flush()
-
-    return tell

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import QuietOption, SpeedHeld, console, say_notes
+from auvplan.cli.shared import QuietOption, SpeedHeld, list_files, say_notes
 
 
 def export(
@@ -59,4 +59,4 @@ def export(
     files = export(itinerary, out or folder, chosen)
     if not quiet:
         say_notes(notes)
-        console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
+        list_files("files", files)

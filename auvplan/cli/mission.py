@@ -8,42 +8,22 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import (
-    BoundsOption,
-    JsonOption,
-    ObjectiveOption,
-    OutOption,
-    PicturesOption,
-    PresetOption,
-    QuietOption,
-    ScenarioArgument,
-    SeedOption,
-    SetOption,
-    bounded,
-    complain,
-    console,
-    load,
-    name_page,
-    naming,
-    print_json,
-    say_notes,
-    time_bar,
-)
+from auvplan.cli import shared
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Painter, Pictures
 from auvplan.runtime.formatting import figure
 
 
 def mission(
-    scenario: ScenarioArgument = "whitsunday",
-    out: OutOption = Path("out/mission"),
-    seed: SeedOption = 0,
-    preset: PresetOption = None,
-    objective: ObjectiveOption = None,
-    changes: SetOption = None,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
-    pictures: PicturesOption = Pictures.ALL,
+    scenario: shared.ScenarioArgument = "whitsunday",
+    out: shared.OutOption = Path("out/mission"),
+    seed: shared.SeedOption = 0,
+    preset: shared.PresetOption = None,
+    objective: shared.ObjectiveOption = None,
+    changes: shared.SetOption = None,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
+    pictures: shared.PicturesOption = Pictures.ALL,
     certify: Annotated[
         bool, typer.Option("--certify", help="Also say how far the first route can be from the best.")
     ] = False,
@@ -54,45 +34,40 @@ def mission(
     """
     if certify and as_json:
         raise ScenarioError("--certify prints lines: leave out --json")
-    run = _run(scenario, preset, objective, out, seed, quiet, as_json, pictures, changes)
-    if certify:
-        _print_certificate(run.first_route)
-    _exit_where_failed(run)
+    settings = {"preset": preset, "objective": objective, "settings": changes}
+    _run(scenario, out, seed, quiet, as_json, pictures, certify, **settings)
 
 
 def path(
-    scenario: ScenarioArgument = "whitsunday",
-    out: OutOption = Path("out/path"),
-    seed: SeedOption = 0,
-    preset: PresetOption = None,
-    changes: SetOption = None,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
-    pictures: PicturesOption = Pictures.ALL,
-    bounds: BoundsOption = False,
+    scenario: shared.ScenarioArgument = "whitsunday",
+    out: shared.OutOption = Path("out/path"),
+    seed: shared.SeedOption = 0,
+    preset: shared.PresetOption = None,
+    changes: shared.SetOption = None,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
+    pictures: shared.PicturesOption = Pictures.ALL,
+    bounds: shared.BoundsOption = False,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and simulate it with re-planning windows."""
-    changes = bounded(changes, bounds)
-    run = _run(scenario, preset, None, out, seed, quiet, as_json, pictures, changes, leg=True)
-    _exit_where_failed(run)
+    settings = {"preset": preset, "settings": shared.bounded(changes, bounds)}
+    _run(scenario, out, seed, quiet, as_json, pictures, leg=True, **settings)
 
 
 def _run(
     source: str,
-    preset: str | None,
-    objective: str | None,
     out: Path,
     seed: int,
     quiet: bool,
     as_json: bool,
     pictures: Pictures,
-    changes: list[str] | None,
-    leg: bool = False,
-) -> Any:
-    """Run one mission, or one leg, write its results and print its summary."""
+    certify: bool = False,
+    **settings: Any,
+) -> None:
+    """Run one mission, or one leg, write its results and print its summary; settings as `shared.load`."""
     quiet = quiet or as_json
-    with naming(source), Painter(pictures) as painter, ExitStack() as stack:
-        scenario, folder = load(source, preset, objective, leg, changes)
+    with shared.naming(source), Painter(pictures) as painter, ExitStack() as stack:
+        scenario, folder = shared.load(source, **settings)
         from auvplan.runtime.compiled import MISSIONS, preload
 
         preload(MISSIONS, scenario.fingerprint)
@@ -101,13 +76,13 @@ def _run(
 
         area = load_area(scenario, folder)
         if not quiet:
-            say_notes(area.notes)
+            shared.say_notes(area.notes)
         from auvplan.executive import run_mission
 
         partial = stack.enter_context(whole_result(out))
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
-        with time_bar("loading the planners", available, quiet) as advance:
+        with shared.time_bar("loading the planners", available, quiet) as advance:
             run = run_mission(
                 scenario,
                 seed=seed,
@@ -127,14 +102,18 @@ def _run(
             write_run_report(run, run.summary() | {"sheet": sheet}, partial)
         drawn = [out / picture.name for picture in painter.finish()]
     if as_json:
-        print_json(run.summary() | {"sheet": sheet})
+        shared.print_json(run.summary() | {"sheet": sheet})
     elif not quiet:
         _print_summary(run.summary(), sheet["facts"])
         if drawn:
-            console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
+            shared.list_files("pictures", drawn)
         if pictures != Pictures.NONE:
-            name_page(out / REPORT)
-    return run
+            shared.name_page(out / REPORT)
+    if certify:
+        _print_certificate(run.first_route)
+    if not run.success:
+        shared.complain(f"mission failed: {run.reason}")
+        raise typer.Exit(1)
 
 
 def _load_writers() -> None:
@@ -144,25 +123,19 @@ def _load_writers() -> None:
     xarray.Dataset({"a": ("n", [0.0])}).to_netcdf(engine="h5netcdf")
 
 
-def _exit_where_failed(run: Any) -> None:
-    if not run.success:
-        complain(f"mission failed: {run.reason}")
-        raise typer.Exit(1)
-
-
 def _print_certificate(route: Any) -> None:
     """How far a route can be from the best, by CP-SAT or else by the bound that is always there."""
     from auvplan.mission import certify
 
     if route is None or not route.feasible:
-        console.print("no route to certify")
+        shared.console.print("no route to certify")
         return
     how = "proved by CP-SAT"
     try:
         route = certify(route, time_limit=30.0)
     except ImportError as missing:
         how = f"linear bound; for a proof: {missing}"
-    console.print(
+    shared.console.print(
         f"first route: total priority {figure(route.priority)}, none has more than {figure(route.bound)}: "
         f"gap {route.gap:.1%} ({how})",
         soft_wrap=True,
@@ -170,9 +143,8 @@ def _print_certificate(route: Any) -> None:
 
 
 def _print_summary(summary: dict[str, Any], facts: dict[str, str]) -> None:
-    table = Table(
-        title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False
-    )
+    title = f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}"
+    table = Table(title=title, show_header=False)
     table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
     used = f", {summary['reserve_used']:.0f} s of the reserve used" if summary["reserve_used"] else ""
     table.add_row("time left", f"{summary['t_residual']:.0f} s{used}")
@@ -195,4 +167,4 @@ def _print_summary(summary: dict[str, Any], facts: dict[str, str]) -> None:
     routes = f"routes {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
     table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {routes}")
     table.add_row("compilation", f"{cpu['compile_s']:.1f} s")
-    console.print(table)
+    shared.console.print(table)

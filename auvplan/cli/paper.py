@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import OutOption, QuietOption, SeedOption, console, progress_bar
+from auvplan.cli.shared import OutOption, QuietOption, SeedOption, console, list_files, progress_bar
 
 if TYPE_CHECKING:
     from auvplan.paper import Claim
@@ -37,7 +37,7 @@ def paper(
     if not quiet:
         console.print(table(claims))
         console.print(f"claims: {out / 'claims.md'}, {out / 'claims.json'}", soft_wrap=True)
-        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
+        list_files("pictures", pictures)
 
 
 def table(claims: "list[Claim]") -> Table:

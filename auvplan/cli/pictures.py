@@ -1,11 +1,11 @@
 """Commands that show results: figures, a film, a page."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from auvplan.cli.shared import QuietOption, console, name_page, progress_bar, say
+from auvplan.cli.shared import QuietOption, list_files, name_page, progress_bar, say
 from auvplan.errors import ScenarioError
 
 
@@ -29,6 +29,9 @@ def plot(
     quiet: QuietOption = False,
 ) -> None:
     """Draw the figures of a run, or of a study (Figs 12 to 15, and of a sweep), into its folder."""
+    from auvplan import plot
+    from auvplan.io.restore import restore_run
+    from auvplan.study import StudyError, load_study
     from auvplan.study.store import is_study
 
     study = is_study(folder) or not (folder / "mission.nc").is_file()
@@ -36,28 +39,17 @@ def plot(
         raise ScenarioError(f"--leg {leg}: {folder} holds no single run; name the folder of a run")
     if not study and seed is not None:
         raise ScenarioError(f"--seed {seed}: {folder} holds a single run; leave --seed out")
-    pictures = _draw_study(folder, seed) if study else _draw_run(folder, leg, quiet)
+    if study:
+        dataset = load_study(folder)
+        if seed is not None and seed not in dataset["seed"].values:
+            raise StudyError(f"{folder}: no mission of seed {seed} in the study")
+        pictures = plot.draw_study(dataset, folder, seed)
+    else:
+        number, run = _number(leg), restore_run(folder)
+        with progress_bar("drawing", quiet) as progress:
+            pictures = plot.draw_run(run, folder, leg=number, progress=progress)
     if not quiet:
-        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
-
-
-def _draw_study(folder: Path, seed: int | None) -> list[Path]:
-    from auvplan.plot import draw_study
-    from auvplan.study import StudyError, load_study
-
-    dataset = load_study(folder)
-    if seed is not None and seed not in dataset["seed"].values:
-        raise StudyError(f"{folder}: no mission of seed {seed} in the study")
-    return draw_study(dataset, folder, seed)
-
-
-def _draw_run(folder: Path, leg: str | None, quiet: bool) -> list[Path]:
-    number = _number(leg)
-    from auvplan.plot import draw_run
-
-    run = _restored(folder)
-    with progress_bar("drawing", quiet) as progress:
-        return draw_run(run, folder, leg=number, progress=progress)
+        list_files("pictures", pictures)
 
 
 def _number(leg: str | None) -> int | Literal["all"] | None:
@@ -72,12 +64,6 @@ def _number(leg: str | None) -> int | Literal["all"] | None:
         return int(leg)
     except ValueError:
         raise ScenarioError(f"--leg {leg!r}: give the number of a done leg, from 1, or all") from None
-
-
-def _restored(folder: Path) -> Any:
-    from auvplan.io.restore import restore_run
-
-    return restore_run(folder)
 
 
 def animate(
@@ -95,9 +81,10 @@ def animate(
     quiet: QuietOption = False,
 ) -> None:
     """Write a run as a film: vehicle, plans, obstacles and tasks over time."""
+    from auvplan.io.restore import restore_run
     from auvplan.plot import animate_run
 
-    run = _restored(folder)
+    run = restore_run(folder)
     with progress_bar("drawing the film", quiet) as progress:
         film = animate_run(run, out or folder / "mission.gif", seconds=seconds, fps=fps, progress=progress)
     if not quiet:

@@ -8,29 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import (
-    BoundsOption,
-    ForceOption,
-    JsonOption,
-    OutOption,
-    PicturesOption,
-    PresetOption,
-    QuietOption,
-    ResumeOption,
-    ScenarioArgument,
-    SeedOption,
-    SetOption,
-    bounded,
-    complain,
-    console,
-    load,
-    name_page,
-    naming,
-    print_json,
-    say,
-    say_notes,
-    time_bar,
-)
+from auvplan.cli import shared
 from auvplan.plot.painter import Pictures
 from auvplan.runtime.formatting import counted, figure
 
@@ -40,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def plan(
-    scenario: ScenarioArgument = "whitsunday",
-    out: OutOption = Path("out/plan"),
+    scenario: shared.ScenarioArgument = "whitsunday",
+    out: shared.OutOption = Path("out/plan"),
     depart: Annotated[
         str,
         typer.Option(
@@ -50,13 +28,13 @@ def plan(
             "departure, such as 3 or +3h.",
         ),
     ] = "0",
-    seed: SeedOption = 0,
-    preset: PresetOption = None,
-    quiet: QuietOption = False,
-    pictures: PicturesOption = Pictures.ALL,
-    changes: SetOption = None,
-    bounds: BoundsOption = False,
-    as_json: JsonOption = False,
+    seed: shared.SeedOption = 0,
+    preset: shared.PresetOption = None,
+    quiet: shared.QuietOption = False,
+    pictures: shared.PicturesOption = Pictures.ALL,
+    changes: shared.SetOption = None,
+    bounds: shared.BoundsOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Plan a mission in the forecast and past known obstacles, and write the vehicle's files.
 
@@ -66,20 +44,20 @@ def plan(
     from auvplan.cli.departures import departure_seconds
     from auvplan.runtime.files import REPORT, whole_result
 
-    with naming(scenario):
-        settings, folder = load(scenario, preset, settings=bounded(changes, bounds))
+    with shared.naming(scenario):
+        settings, folder = shared.load(scenario, preset, settings=shared.bounded(changes, bounds))
         now = departure_seconds("--depart", depart, settings, folder)
     from auvplan.runtime.compiled import PLANS, preload
 
     preload(PLANS, settings.fingerprint)
     from auvplan.executive.planning import load_area_at, plan_scenario
 
-    with naming(scenario), whole_result(out) as partial:
+    with shared.naming(scenario), whole_result(out) as partial:
         area = load_area_at(settings, [now], folder)
         if not quiet:
-            say_notes(area.notes)
+            shared.say_notes(area.notes)
         available = settings.mission.time_available
-        with time_bar("loading the planners", available, quiet) as advance:
+        with shared.time_bar("loading the planners", available, quiet) as advance:
             run = plan_scenario(
                 settings,
                 seed=seed,
@@ -108,15 +86,15 @@ def plan(
             write_run_report(run, run.summary() | {"sheet": sheet.plain()}, partial)
         written = sorted(file.name for file in partial.iterdir())
     if as_json:
-        print_json(run.summary() | {"sheet": sheet.plain()})
+        shared.print_json(run.summary() | {"sheet": sheet.plain()})
     elif not quiet:
         print_sheet(sheet)
-        say_notes(notes)
-        say(f"files in {out}: {', '.join(written)}")
+        shared.say_notes(notes)
+        shared.say(f"files in {out}: {', '.join(written)}")
         if pictures != Pictures.NONE:
-            name_page(out / REPORT)
+            shared.name_page(out / REPORT)
     if not run.success:
-        complain(f"no plan: {run.reason}")
+        shared.complain(f"no plan: {run.reason}")
         raise typer.Exit(1)
 
 
@@ -142,11 +120,11 @@ def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
 def print_sheet(sheet: "MissionSheet") -> None:
     """The mission sheet in the terminal."""
     for line in sheet.warnings:
-        complain(f"warning: {line}")
+        shared.complain(f"warning: {line}")
     facts = Table(title=sheet.title, show_header=False)
     for name, value in sheet.facts.items():
         facts.add_row(name, value)
-    console.print(facts)
+    shared.console.print(facts)
     headings, rows = sheet.table(brief=True)
     stops = Table()
     for name in headings:
@@ -154,27 +132,25 @@ def print_sheet(sheet: "MissionSheet") -> None:
         stops.add_column(name, justify="left" if words else "right", overflow="fold", no_wrap=not words)
     for row in rows:
         stops.add_row(*row)
-    console.print(stops)
+    shared.console.print(stops)
     if sheet.left_out:
         left = Table("left out", "priority", "why")
         for job in sheet.left_out:
             left.add_row(job.name, figure(job.priority), job.reason)
-        console.print(left)
+        shared.console.print(left)
 
 
 def rehearse(
-    scenario: ScenarioArgument = "whitsunday",
+    scenario: shared.ScenarioArgument = "whitsunday",
     count: Annotated[int, typer.Option("-n", "--missions", min=1, help="Simulated missions.")] = 100,
-    out: OutOption = Path("out/rehearse"),
-    seed: SeedOption = 0,
-    resume: ResumeOption = False,
-    force: ForceOption = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
-    ] = None,
-    quiet: QuietOption = False,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
+    out: shared.OutOption = Path("out/rehearse"),
+    seed: shared.SeedOption = 0,
+    resume: shared.ResumeOption = False,
+    force: shared.ForceOption = False,
+    workers: shared.WorkersOption = None,
+    quiet: shared.QuietOption = False,
+    changes: shared.SetOption = None,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Plan a mission, simulate it many times, and say how often the plan holds."""
     quiet = quiet or as_json
@@ -188,10 +164,10 @@ def rehearse(
 
     if not (resume or force):
         require_room(out)
-    with naming(scenario):
-        settings, folder = load(scenario, settings=changes)
+    with shared.naming(scenario):
+        settings, folder = shared.load(scenario, settings=changes)
         require_one_sea(settings)
-        with time_bar("planning", settings.mission.time_available, quiet) as advance:
+        with shared.time_bar("planning", settings.mission.time_available, quiet) as advance:
             planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
         how = {"resume": resume, "force": force, "workers": workers}
         executed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
@@ -200,22 +176,22 @@ def rehearse(
     write_atomically(out / REHEARSAL, lambda part: part.write_text(text, encoding="utf-8"))
     page = write_study_report(out)
     if as_json:
-        print_json(found)
+        shared.print_json(found)
     elif not quiet:
-        console.print(_rehearsal_table(settings.name, found))
+        shared.console.print(_rehearsal_table(settings.name, found))
         allowance = settings.planning.allowance
         if found["all_planned_tasks"] < 0.8 * found["missions"]:
-            say(
+            shared.say(
                 f"hint: planning.allowance is {allowance:g}; with planning.allowance={allowance + 0.1:g} "
                 "less is planned, and more of it holds"
             )
-        say(f"figures: {out / REHEARSAL}; missions: {out}")
-        name_page(page)
+        shared.say(f"figures: {out / REHEARSAL}; missions: {out}")
+        shared.name_page(page)
 
 
 def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
-    count, share, figures = found["missions"], found["on_time_percent"], found["figures"]
-    plan = found["plan"]
+    count, share = found["missions"], found["on_time_percent"]
+    plan, figures = found["plan"], found["figures"]
     table = Table(title=f"{name}: the plan in {counted(count, 'simulated mission')}", show_header=False)
     table.add_row("on time", f"{found['on_time']} (95 %: {share['low']:.0f} to {share['high']:.0f} %)")
     table.add_row("on time with all planned tasks done", str(found["all_planned_tasks"]))

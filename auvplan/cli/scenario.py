@@ -21,9 +21,7 @@ def scenarios() -> None:
     """List the shipped scenarios."""
     from auvplan.scenario.file import shipped_scenarios
 
-    table = Table(show_header=True)
-    table.add_column("name")
-    table.add_column("what it is")
+    table = Table("name", "what it is")
     for name, scenario in shipped_scenarios().items():
         table.add_row(name, scenario.description)
     console.print(table)
@@ -44,8 +42,7 @@ def init(
         float | None, typer.Option("--size", metavar="KM", help="With --at: the area's sides; 10 if absent.")
     ] = None,
     times: Annotated[
-        bool,
-        typer.Option("--times", help="One with tides, time windows and a channel that closes instead."),
+        bool, typer.Option("--times", help="One with tides, time windows and a channel that closes instead.")
     ] = False,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
@@ -71,7 +68,7 @@ def init(
 
 
 def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
-    """Write a scenario around a place, and tell what is to be known of it."""
+    """Write a scenario around a place, and print notes on it."""
     from auvplan.io.example_at import write_example_at
 
     try:
@@ -103,8 +100,7 @@ def validate(
         str, typer.Argument(help="A scenario file (YAML), a folder of them, or the name of a shipped one.")
     ],
     plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw what the files tell on one map, to this PNG."),
+        Path | None, typer.Option("--plot", help="Draw what the files tell on one map, to this PNG.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -133,8 +129,14 @@ def validate(
             typer.echo(f"warning: {line}")
         for note in found.notes if not found.faults else ():
             typer.echo(f"note: {note}")
-        if plot is not None:
-            _draw(found, plot)
+        if plot is None:
+            continue
+        if found.scenario is None or found.area is None:
+            typer.echo("no map: the scenario's fields are at fault")
+            continue
+        from auvplan.plot.area import draw_area
+
+        typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, plot)}")
     if not single and not as_json:
         typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):
@@ -155,13 +157,3 @@ def _plain(found: "Examination") -> dict[str, Any]:
         "warnings": found.warnings,
         "notes": found.notes,
     }
-
-
-def _draw(found: "Examination", path: Path) -> None:
-    """Draw a scenario as far as its files could be read."""
-    if found.scenario is None or found.area is None:
-        typer.echo("no map: the scenario's fields are at fault")
-        return
-    from auvplan.plot.area import draw_area
-
-    typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, path)}")

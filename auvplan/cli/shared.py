@@ -60,6 +60,10 @@ ResumeOption = Annotated[
 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the study in the folder.")]
 
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
+]
+
 
 class SpeedHeld(StrEnum):
     """What a vehicle's speed is measured against."""
@@ -158,6 +162,11 @@ def bounded(changes: list[str] | None, wanted: bool) -> list[str] | None:
 def complain(text: str) -> None:
     """Print a line on standard error; names in it may look like markup or, as :100: in a place, emoji."""
     errors.print(f"auvplan: {text}", soft_wrap=True, highlight=False, markup=False, emoji=False)
+
+
+def list_files(what: str, files: Iterable[Path]) -> None:
+    """Print where files were written, a line each."""
+    console.print(f"{what}:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
 
 
 def name_page(page: Path) -> None:

@@ -10,24 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import (
-    ForceOption,
-    JsonOption,
-    ObjectiveOption,
-    OutOption,
-    PresetOption,
-    QuietOption,
-    ResumeOption,
-    ScenarioArgument,
-    SeedOption,
-    SetOption,
-    complain,
-    console,
-    load,
-    name_page,
-    print_json,
-    progress_bar,
-)
+from auvplan.cli import shared
 from auvplan.runtime.formatting import counted, figure
 
 if TYPE_CHECKING:
@@ -35,57 +18,37 @@ if TYPE_CHECKING:
 
     from auvplan.study import Design
 
-#: Figures of a study's summary that the command prints, with the words for them.
-_SHOWN = {
-    "use_of_time_percent": "use of the available time, %",
-    "t_residual_s": "time left at the end, s",
-    "tasks": "tasks done",
-    "total_priority": "total priority",
-    "priority_gap_percent": "gap to the bound on it, %",
-    "path_replans": "path re-plans a mission",
-    "mission_replans": "mission re-plans a mission",
-    "cost_mission": "cost of a mission (Eq. 15)",
-    "cost_total": "total cost with re-planning (Eq. 16)",
-    "t_path_s": "T_path of a leg, s",
-    "path_cpu_s": "path planning a mission, s",
-    "mission_cpu_s": "mission planning a mission, s",
-    "path_call_cpu_s": "time of a path planning call, s",
-    "mission_call_cpu_s": "time of a mission planning call, s",
-}
-
 
 def montecarlo(
-    scenario: ScenarioArgument = "whitsunday",
+    scenario: shared.ScenarioArgument = "whitsunday",
     count: Annotated[
         int, typer.Option("--missions", "-n", min=1, help="Missions; of each swept value.")
     ] = 100,
-    out: OutOption = Path("out/montecarlo"),
-    seed: SeedOption = 0,
-    preset: PresetOption = None,
-    objective: ObjectiveOption = None,
-    changes: SetOption = None,
+    out: shared.OutOption = Path("out/montecarlo"),
+    seed: shared.SeedOption = 0,
+    preset: shared.PresetOption = None,
+    objective: shared.ObjectiveOption = None,
+    changes: shared.SetOption = None,
     sweep: Annotated[
         list[str] | None,
         typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
     ] = None,
-    resume: ResumeOption = False,
-    force: ForceOption = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
-    ] = None,
+    resume: shared.ResumeOption = False,
+    force: shared.ForceOption = False,
+    workers: shared.WorkersOption = None,
     dask: Annotated[
         str | None, typer.Option("--dask", help="Dask scheduler, tcp://host:port or a scheduler file.")
     ] = None,
     save_runs: Annotated[
         bool, typer.Option("--save-runs", help="Also save each mission whole, as the mission command does.")
     ] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Run many missions with consecutive seeds, and summarise them."""
     from auvplan.study import Design, Sweep, summarise
 
-    settings, folder = load(scenario, preset, objective, settings=changes)
+    settings, folder = shared.load(scenario, preset, objective, settings=changes)
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
     how = {"resume": resume, "force": force, "workers": workers, "dask": dask, "save_runs": save_runs}
     dataset = run_with_bar(design, out, quiet, folder=folder, **how)
@@ -95,23 +58,25 @@ def montecarlo(
     summary = summarise(dataset)
     cases = summary.get("cases", [summary])
     if as_json:
-        print_json(summary | {"folder": str(out)})
+        shared.print_json(summary | {"folder": str(out)})
     elif not quiet:
         for case in cases:
-            console.print(_table(case))
-        console.print(f"results: {out / 'missions.nc'}, {out / 'summary.json'}", soft_wrap=True)
-        console.print(f"pictures: auvplan plot {out}", soft_wrap=True)
-        name_page(page)
+            shared.console.print(_table(case))
+        shared.console.print(f"results: {out / 'missions.nc'}, {out / 'summary.json'}", soft_wrap=True)
+        shared.console.print(f"pictures: auvplan plot {out}", soft_wrap=True)
+        shared.name_page(page)
     failed = sum(case["missions"] - case["on_time"] for case in cases)
     if failed:
         seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
         named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
-        complain(f"{counted(failed, 'mission')} failed: {named}")
+        shared.complain(f"{counted(failed, 'mission')} failed: {named}")
         raise typer.Exit(1)
 
 
 def _table(case: dict[str, Any]) -> Table:
     """Return the figures of one case."""
+    from auvplan.study.statistics import DESCRIBED
+
     setting = ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
     share = case["on_time_percent"]
     table = Table(
@@ -121,7 +86,7 @@ def _table(case: dict[str, Any]) -> Table:
     )
     for column in ("figure", "mean", "95 % interval", "5 %", "median", "95 %"):
         table.add_column(column, justify="left" if column == "figure" else "right")
-    for name, words in _SHOWN.items():
+    for name, words in DESCRIBED.items():
         row = case["figures"][name]
         if row:
             known = row["low"] is not None and math.isfinite(row["low"])
@@ -154,7 +119,7 @@ def run_with_bar(design: "Design", out: Path, quiet: bool, **options: Any) -> "x
 @contextmanager
 def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
     """Progress over missions: how many are done, their rate, the time left."""
-    with progress_bar("compiling", quiet, of=None) as move:
+    with shared.progress_bar("compiling", quiet, of=None) as move:
         begun: list[tuple[int, float]] = []
 
         def advance(done: int, total: int, share: float) -> None:

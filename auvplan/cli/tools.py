@@ -10,22 +10,12 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from auvplan.cli.shared import (
-    JsonOption,
-    OutOption,
-    QuietOption,
-    console,
-    print_json,
-    progress_bar,
-    say,
-    say_notes,
-)
+from auvplan.cli import shared
 from auvplan.errors import ScenarioError
 from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
     from auvplan.check.run import CheckReport
-    from auvplan.io.forecasts import Fetched
     from auvplan.io.geo.raster import PixelSize
     from auvplan.ocean.classify import Classified
     from auvplan.ocean.palette import ChartColours
@@ -41,7 +31,7 @@ def _colour_option(what: str) -> Any:
 
 def chart(
     image: Annotated[Path, typer.Argument(help="A chart-like picture: PNG, JPEG or GeoTIFF.")],
-    out: OutOption = Path("out/chart"),
+    out: shared.OutOption = Path("out/chart"),
     pixel_size: Annotated[
         float | None,
         typer.Option(
@@ -53,7 +43,7 @@ def chart(
     water: Annotated[list[str] | None, _colour_option("water")] = None,
     land: Annotated[list[str] | None, _colour_option("land")] = None,
     uncertain: Annotated[list[str] | None, _colour_option("uncertain area")] = None,
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Cluster a picture into coast, uncertain area and water, and draw the result.
 
@@ -88,15 +78,16 @@ def chart(
             other = "--land" if cluster.kind == "water" else "--water"
             row = cluster.colour, f"{cluster.share:.1%}", cluster.kind, f'{other} "{cluster.colour}"'
             table.add_row(Text("    ", style=f"on {cluster.colour}"), *row)
-        console.print(table)
+        shared.console.print(table)
         shares = made.shares()
-        say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
-        say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
-        say_notes(notes)
-        say(f"picture: {picture}")
+        kinds = ("coast", "uncertain", "water")
+        shared.say(", ".join(f"{kind} {shares[kind]:.1%}" for kind in kinds))
+        shared.say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
+        shared.say_notes(notes)
+        shared.say(f"picture: {picture}")
     settled(found, image)
     if not quiet:
-        say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), stated, colours, found)))
+        shared.say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), stated, colours, found)))
 
 
 def _colours(**given: list[str] | None) -> "ChartColours":
@@ -181,8 +172,8 @@ def currents(
     timeout: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="With --from: s that the server may be silent.")
     ] = 60.0,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Look at an ocean model's current: what it covers, and what was assumed in reading it.
 
@@ -195,13 +186,22 @@ def currents(
     from auvplan.runtime.files import write_dataset
 
     notes: tuple[str, ...] = ()
+    options = {"--box": box, "--time": time, "--depth": depth, "--out": out}
     if source is not None:
+        from auvplan.io.forecasts import Request, fetch_current
+
         if files:
             raise ScenarioError("--from fetches one file: name no files beside it")
-        fetched = _fetch(source, box, time, depth, out, timeout, quiet or as_json)
+        if box is None or time is None or out is None:
+            lacking = next(name for name in ("--box", "--time", "--out") if options[name] is None)
+            needed = "--box W,S,E,N --time FROM,TO --out FILE"
+            raise ScenarioError(f"--from {source}: needs {lacking} too: {needed}")
+        request = Request.of(source, box, time, depth)
+        with shared.progress_bar("fetching", quiet or as_json) as progress:
+            fetched = fetch_current(request, out, timeout=timeout, progress=progress)
         files, notes = [str(fetched.path)], fetched.notes
-    elif unused := _given(box=box, time=time, depth=depth, out=out):
-        raise ScenarioError(f"{unused}: goes with --from alone")
+    elif given := [name for name, value in options.items() if value is not None]:
+        raise ScenarioError(f"{given[0]}: goes with --from alone")
     if not files:
         raise ScenarioError("currents: name the files of a current, or a server by --from")
     with open_ocean(files, crs=crs, epoch=epoch) as ocean:
@@ -210,45 +210,18 @@ def currents(
             write_dataset(to_cf(ocean), to)
     notes = tuple(dict.fromkeys((*notes, *ocean.notes)))
     if as_json:
-        print_json(found | {"notes": list(notes)})
+        shared.print_json(found | {"notes": list(notes)})
         return
     if quiet:
         return
     table = Table(show_header=False)
     for name, value in found.items():
         table.add_row(name.replace("_", " "), str(value))
-    console.print(table)
-    say_notes(notes)
+    shared.console.print(table)
+    shared.say_notes(notes)
     for written in (out, to):
         if written is not None:
-            say(f"written: {written}")
-
-
-def _given(**options: Any) -> str:
-    """Return the first option that is given, by its name; empty where none is."""
-    return next((f"--{name}" for name, value in options.items() if value is not None), "")
-
-
-def _fetch(
-    source: str,
-    box: str | None,
-    time: str | None,
-    depth: str | None,
-    out: Path | None,
-    timeout: float,
-    quiet: bool,
-) -> "Fetched":
-    """Fetch a current from a server."""
-    from auvplan.io.forecasts import Request, fetch_current
-
-    if box is None or time is None or out is None:
-        lacking = next(
-            name for name, value in (("--box", box), ("--time", time), ("--out", out)) if value is None
-        )
-        raise ScenarioError(f"--from {source}: needs {lacking} too: --box W,S,E,N --time FROM,TO --out FILE")
-    request = Request.of(source, box, time, depth)
-    with progress_bar("fetching", quiet) as progress:
-        return fetch_current(request, out, timeout=timeout, progress=progress)
+            shared.say(f"written: {written}")
 
 
 def check(
@@ -263,8 +236,8 @@ def check(
             "pyogrio, rasterio and xarray.",
         ),
     ] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: shared.QuietOption = False,
+    as_json: shared.JsonOption = False,
 ) -> None:
     """Check a result independently: re-check the whole track and every time."""
     from auvplan.check.run import check_run
@@ -276,9 +249,9 @@ def check(
         report = check_run(folder, sources)
         sound = report.ok
         if as_json:
-            print_json(_plain(report))
+            shared.print_json(_plain(report))
         elif not quiet:
-            say(str(report))
+            shared.say(str(report))
     if not sound:
         raise typer.Exit(1)
 
@@ -288,7 +261,7 @@ def _plain(report: "CheckReport") -> dict[str, Any]:
 
 
 def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> bool:
-    """Check all saved runs of a study, a line each, and tell whether none has a fault."""
+    """Check all saved runs of a study, a line each, and return whether none has a fault."""
     from auvplan.check.run import CheckReport, check_run
     from auvplan.study.store import saved_runs
 
@@ -296,15 +269,16 @@ def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> boo
     for run in saved_runs(folder):
         report = reports[run.name] = check_run(run, sources)
         if not quiet and not as_json:
-            met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {_collisions(report.collisions)}"
+            met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m"
+            met += f", {counted(report.collisions, 'collision')}"
             faults = "no faults" if report.ok else counted(len(report.faults), "fault")
             first = "" if report.ok else f", first: {report.faults[0]}"
-            say(f"{run.name}: {met}, {faults}{first}")
+            shared.say(f"{run.name}: {met}, {faults}{first}")
     faulty = sum(not report.ok for report in reports.values())
     length = sum(report.length for report in reports.values())
     collisions = sum(report.collisions for report in reports.values())
     if as_json:
-        print_json(
+        shared.print_json(
             {
                 "ok": not faulty,
                 "collisions": collisions,
@@ -313,28 +287,22 @@ def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> boo
             }
         )
     elif not quiet:
-        met = f"{length / 1000.0:,.1f} km, {_collisions(collisions)}"
-        say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
+        met = f"{length / 1000.0:,.1f} km, {counted(collisions, 'collision')}"
+        shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
     return not faulty
 
 
-def _collisions(count: int) -> str:
-    return counted(count, "collision")
-
-
-def kept(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
-) -> None:
+def kept(clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False) -> None:
     """Show what is kept on disk for later runs: compiled programs and clustered charts."""
     from auvplan.runtime import cache
 
     place = cache.folder()
     if place is None:
-        say("nothing is kept: AUVPLAN_CACHE is off")
+        shared.say("nothing is kept: AUVPLAN_CACHE is off")
         return
     if clear:
         removed = cache.trim(limit=0)
-        say(f"{place}: {counted(len(removed), 'entry')} removed, {_megabytes(removed)}")
+        shared.say(f"{place}: {counted(len(removed), 'entry')} removed, {_megabytes(removed)}")
         return
     entries = list(cache.entries())
     table = Table("what", "entries", "size", "last used")
@@ -343,8 +311,8 @@ def kept(
         used = datetime.fromtimestamp(max(entry.used for entry in own))
         table.add_row(name, str(len(own)), _megabytes(own), f"{used:%Y-%m-%d %H:%M}")
     if entries:
-        console.print(table)
-    say(f"{place}: {_megabytes(entries)} of at most {cache.LIMIT / 1e6:.0f} MB")
+        shared.console.print(table)
+    shared.say(f"{place}: {_megabytes(entries)} of at most {cache.LIMIT / 1e6:.0f} MB")
 
 
 def _megabytes(entries: list) -> str:

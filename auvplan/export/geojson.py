@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from auvplan.export.fences import Circle, Fence
+from auvplan.export.fences import Circle
 from auvplan.export.itinerary import DEGREES, Itinerary, elevation, moment, waypoints
 from auvplan.export.speeds import ground_share
 from auvplan.runtime.files import write_atomically
@@ -39,7 +39,11 @@ def geojson(itinerary: Itinerary) -> dict[str, Any]:
     for number, track in enumerate(itinerary.executed, 1):
         about = {"kind": "executed", "leg": number} | _times(track.times, site)
         features.append(_feature(_line(track.positions, site), about))
-    features += [_fence(fence, site) for fence in itinerary.fences]
+    for fence in itinerary.fences:
+        about = {"kind": "exclusion"}
+        if isinstance(fence, Circle):
+            about |= ({"name": fence.name} if fence.name else {}) | {"radius_m": fence.radius}
+        features.append(_feature(_area(fence.corners, site), about))
     return {
         "type": "FeatureCollection",
         "name": itinerary.name,
@@ -88,17 +92,7 @@ def _line(positions: Array, site: Site) -> dict[str, Any]:
         [[round(float(row[0]), DEGREES), round(float(row[1]), DEGREES), elevation(-row[2])] for row in part]
         for part in parts
     ]
-    if len(lines) == 1:
-        return {"type": "LineString", "coordinates": lines[0]}
-    return {"type": "MultiLineString", "coordinates": lines}
-
-
-def _fence(fence: Fence, site: Site) -> dict[str, Any]:
-    about: dict[str, Any] = {"kind": "exclusion"}
-    if isinstance(fence, Circle):
-        about |= {"name": fence.name} if fence.name else {}
-        about["radius_m"] = fence.radius
-    return _feature(_area(fence.corners, site), about)
+    return _one_or_many("LineString", lines)
 
 
 def _area(corners: Array, site: Site) -> dict[str, Any]:
@@ -116,6 +110,9 @@ def _area(corners: Array, site: Site) -> dict[str, Any]:
         for part in parts:
             ring = np.asarray(shapely.orient_polygons(part).exterior.coords) - (turn, 0.0)
             rings.append([np.round(ring, DEGREES).tolist()])
-    if len(rings) == 1:
-        return {"type": "Polygon", "coordinates": rings[0]}
-    return {"type": "MultiPolygon", "coordinates": rings}
+    return _one_or_many("Polygon", rings)
+
+
+def _one_or_many(kind: str, parts: list[Any]) -> dict[str, Any]:
+    one = len(parts) == 1
+    return {"type": kind if one else f"Multi{kind}", "coordinates": parts[0] if one else parts}

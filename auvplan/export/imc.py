@@ -34,7 +34,7 @@ VERSION = "5.4.11"
 #: s, largest number in IMC's fields for timeouts and durations, of 16 bits.
 _LONGEST = 65_535
 
-#: A manoeuvre is given so many times its planned time, and so many s more, before it counts as failed.
+#: A manoeuvre counts as failed after its planned time by this factor, and these s more.
 _PATIENCE, _SLACK = 2.0, 600.0
 
 #: m; a depth that small is the surface.
@@ -76,7 +76,7 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
     end it does so for good: at the surface, or at depth, where keeping station is loitering too.
 
     Raises:
-        ExportError: a leg or task is longer than IMC's fields can tell.
+        ExportError: a leg or task is longer than IMC's fields can hold.
         OutputError: the operating system refused; one line that names the file.
     """
     root = plan_specification(itinerary)
@@ -91,7 +91,7 @@ def plan_specification(itinerary: Itinerary) -> Element:
     """Return the message of an itinerary.
 
     Raises:
-        ExportError: a leg or task is longer than IMC's fields can tell.
+        ExportError: a leg or task is longer than IMC's fields can hold.
     """
     description = f"{itinerary.description}; {speed_note(itinerary)}"
     return _plan(itinerary.name, description, _manoeuvres(itinerary))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.export.fences import Fence, fences_around
+from auvplan.export.fences import Fence, fences_around, nearest_fences
 from auvplan.export.thin import thin
 from auvplan.mission.survey import LinePart
 from auvplan.ocean.chart import Chart
@@ -131,11 +131,7 @@ class PlannedLeg:
         """Return the same leg with the fewest waypoints, see `thin`."""
         few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin, line=line)
         return replace(
-            self,
-            kept=few.indices,
-            kept_times=few.times,
-            time_change=few.time_change,
-            clearance=few.clearance,
+            self, kept=few.indices, kept_times=few.times, time_change=few.time_change, clearance=few.clearance
         )
 
     @property
@@ -213,9 +209,8 @@ class Itinerary:
             for seconds in (legs[0].times[0], legs[-1].times[-1]):
                 self.site.utc(float(seconds))
         except OverflowError:
-            raise ExportError(
-                "the mission reaches beyond the calendar: see to the departure's year"
-            ) from None
+            line = "the mission reaches beyond the calendar: see to the departure's year"
+            raise ExportError(line) from None
         object.__setattr__(self, "name", plain(self.name))
         object.__setattr__(self, "legs", tuple(legs))
         tracks = []
@@ -228,12 +223,15 @@ class Itinerary:
         object.__setattr__(self, "executed", tuple(tracks))
 
     @property
+    def held_fences(self) -> tuple[tuple[Fence, ...], str]:
+        """The fences that the autopilot has room for, and what is left out."""
+        return nearest_fences(self.fences, [leg.positions for leg in self.legs], self.fence_points)
+
+    @property
     def description(self) -> str:
         """What every file says of itself: origin, and what was kept of the paths."""
-        kept, samples = (
-            sum(len(part) for part in parts)
-            for parts in zip(*((leg.kept, leg.positions) for leg in self.legs), strict=True)
-        )
+        kept = sum(len(leg.kept) for leg in self.legs)
+        samples = sum(len(leg.positions) for leg in self.legs)
         worst = max((leg.time_change for leg in self.legs), key=abs)
         return (
             f"auvplan {self.version}, seed {self.seed}: {counted(len(self.legs), 'leg')}, "
@@ -287,9 +285,8 @@ def _track(what: str, positions: ArrayLike, times: ArrayLike) -> tuple[Array, Ar
     """
     places, moments = np.asarray(positions, float), np.asarray(times, float)
     if places.ndim != 2 or places.shape[1] != 3 or moments.shape != places.shape[:1]:
-        raise ExportError(
-            f"{what}: positions must be [n, 3] and times [n], got {places.shape}, {moments.shape}"
-        )
+        shapes = f"{places.shape}, {moments.shape}"
+        raise ExportError(f"{what}: positions must be [n, 3] and times [n], got {shapes}")
     if not (np.isfinite(places).all() and np.isfinite(moments).all()):
         raise ExportError(f"{what}: positions and times must be finite, got NaN or infinity")
     if (np.diff(moments) < 0.0).any():
@@ -336,11 +333,8 @@ class Waypoint:
     @property
     def task(self) -> str:
         """One line on the task, or nothing."""
-        return (
-            f"task of priority {figure(self.priority)}, {self.hold:.0f} s"
-            if self.hold or self.priority
-            else ""
-        )
+        words = f"task of priority {figure(self.priority)}, {self.hold:.0f} s"
+        return words if self.hold or self.priority else ""
 
 
 def waypoints(itinerary: Itinerary) -> list[Waypoint]:

@@ -55,9 +55,8 @@ def write_gpx(itinerary: Itinerary, path: str | Path) -> Path:
         OutputError: the operating system refused; one line that names the file.
     """
     ElementTree.register_namespace("", _GPX)
-    root = ElementTree.Element(
-        f"{{{_GPX}}}gpx", {"version": "1.1", "creator": f"auvplan {itinerary.version}".strip()}
-    )
+    creator = f"auvplan {itinerary.version}".strip()
+    root = ElementTree.Element(f"{{{_GPX}}}gpx", {"version": "1.1", "creator": creator})
     about = _gpx(root, "metadata")
     _gpx(about, "name", itinerary.name)
     _gpx(about, "desc", itinerary.description)
@@ -77,10 +76,8 @@ def write_gpx(itinerary: Itinerary, path: str | Path) -> Path:
             segment = _gpx(track, "trkseg")
             longitude, latitude = site.to_geographic(leg.positions[:, 0], leg.positions[:, 1])
             for k, time in enumerate(leg.times):
-                when = moment(site, float(time))
-                _gpx_point(
-                    segment, "trkpt", float(longitude[k]), float(latitude[k]), -leg.positions[k, 2], when
-                )
+                place = float(longitude[k]), float(latitude[k]), -leg.positions[k, 2]
+                _gpx_point(segment, "trkpt", *place, moment(site, float(time)))
     return write_xml(root, path)
 
 
@@ -126,9 +123,8 @@ def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
         _path(_placemark(plan, title, "plan", leg.note), leg.positions, leg.times, site)
     marks = _folder(document, "waypoints")
     for row in waypoints(itinerary):
-        mark = _placemark(
-            marks, row.name, "plan", f"depth {row.depth:.1f} m, leg {row.leg}. {row.task}".strip()
-        )
+        about = f"depth {row.depth:.1f} m, leg {row.leg}. {row.task}".strip()
+        mark = _placemark(marks, row.name, "plan", about)
         when = moment(site, row.seconds)
         if when is not None:
             # A time comes before a style in the schema's order of elements.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from auvplan.export.fences import Circle, Fence, nearest_fences
+from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, waypoints
 from auvplan.export.speeds import approach, speed_note, stretches
 from auvplan.runtime.files import write_atomically
@@ -55,11 +55,14 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     items: list[dict[str, Any]] = []
     speeds = item_speeds(itinerary)
     for row, speed, before in zip(rows, speeds, [None, *speeds[:-1]], strict=True):
-        if speed != before:
-            items.append(_speed(speed, len(items) + 1))
+        if speed != before:  # of which the throttle is left as it is
+            items.append({
+                "type": "SimpleItem", "autoContinue": True, "command": _CHANGE_SPEED,
+                "doJumpId": len(items) + 1, "frame": _NO_PLACE, "params": [1, speed, -1, 0, 0, 0, 0],
+            })  # fmt: skip
         items.append(_item(row, len(items) + 1))
     items.append(_end(items[-1], itinerary.end))
-    held, left_out = _held_fences(itinerary)
+    held, left_out = itinerary.held_fences
     fences = [_fence(fence, itinerary.site) for fence in held]
     return {
         "fileType": "Plan",
@@ -112,7 +115,7 @@ def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
 
 def qgc_notes(itinerary: Itinerary) -> list[str]:
     """Return what whoever uploads the plan ought to know."""
-    _, left_out = _held_fences(itinerary)
+    _, left_out = itinerary.held_fences
     notes = [f".plan: {left_out}"] if left_out else []
     if itinerary.over_ground:
         notes += [".plan: speeds are over ground, as ArduPilot holds them, line by line as planned"]
@@ -129,23 +132,8 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
     return notes
 
 
-def _held_fences(itinerary: Itinerary) -> tuple[tuple[Fence, ...], str]:
-    """Return the fences that the autopilot has room for, and what is left out."""
-    return nearest_fences(itinerary.fences, [leg.positions for leg in itinerary.legs], itinerary.fence_points)
-
-
-def _speed(speed: float, number: int) -> dict[str, Any]:
-    """Set the ground speed, and leave the throttle."""
-    return {
-        "type": "SimpleItem", "autoContinue": True, "command": _CHANGE_SPEED, "doJumpId": number,
-        "frame": _NO_PLACE, "params": [1, speed, -1, 0, 0, 0, 0],
-    }  # fmt: skip
-
-
 def _item(row: Waypoint, number: int) -> dict[str, Any]:
-    altitude = -row.depth
-    if abs(altitude) <= _SURFACE:
-        altitude = 0.0
+    altitude = 0.0 if abs(row.depth) <= _SURFACE else -row.depth
     if altitude > 0.0:
         raise ExportError(f".plan: {row.name} (leg {row.leg}) lies {altitude:g} m above the surface")
     hold = math.ceil(row.hold)
@@ -190,8 +178,8 @@ def validate_plan(plan: Any) -> None:
         ExportError: one line that names the first field at fault.
     """
     _check(plan, "plan", {
-        "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is_text,
-        "mission": _is_mapping, "geoFence": _is_mapping, "rallyPoints": _is_mapping,
+        "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is(str),
+        "mission": _is(dict), "geoFence": _is(dict), "rallyPoints": _is(dict),
     })  # fmt: skip
     mission = plan["mission"]
     _check(mission, "mission", {
@@ -203,28 +191,28 @@ def validate_plan(plan: Any) -> None:
     for k, item in enumerate(mission["items"]):
         _validate_item(item, k)
     fences = plan["geoFence"]
-    _check(fences, "geoFence", {"version": (2).__eq__, "circles": _is_list, "polygons": _is_list})
+    _check(fences, "geoFence", {"version": (2).__eq__, "circles": _is(list), "polygons": _is(list)})
     for k, fence in enumerate(fences["circles"]):
         _check(fence, f"geoFence.circles[{k}]", {
-            "version": 1 .__eq__, "inclusion": _is_flag,
-            "circle": lambda value: _is_mapping(value) and _is_place(value.get("center"), 2)
+            "version": 1 .__eq__, "inclusion": _is(bool),
+            "circle": lambda value: isinstance(value, dict) and _is_place(value.get("center"), 2)
             and _is_number(value.get("radius")) and value["radius"] > 0,
         })  # fmt: skip
     for k, fence in enumerate(fences["polygons"]):
         _check(fence, f"geoFence.polygons[{k}]", {
-            "version": 1 .__eq__, "inclusion": _is_flag,
-            "polygon": lambda value: _is_list(value) and len(value) >= 3
+            "version": 1 .__eq__, "inclusion": _is(bool),
+            "polygon": lambda value: isinstance(value, list) and len(value) >= 3
             and all(_is_place(v, 2) for v in value),
         })  # fmt: skip
-    _check(plan["rallyPoints"], "rallyPoints", {"version": (2).__eq__, "points": _is_list})
+    _check(plan["rallyPoints"], "rallyPoints", {"version": (2).__eq__, "points": _is(list)})
 
 
 def _validate_item(item: Any, index: int) -> None:
     name = f"mission.items[{index}]"
     _check(item, name, {
-        "type": "SimpleItem".__eq__, "autoContinue": _is_flag, "command": _is_count, "frame": _is_count,
+        "type": "SimpleItem".__eq__, "autoContinue": _is(bool), "command": _is_count, "frame": _is_count,
         "doJumpId": (index + 1).__eq__,
-        "params": lambda value: _is_list(value) and len(value) == 7
+        "params": lambda value: isinstance(value, list) and len(value) == 7
         and all(v is None or _is_number(v) for v in value),
     })  # fmt: skip
     if item["command"] == _CHANGE_SPEED:
@@ -237,7 +225,7 @@ def _validate_item(item: Any, index: int) -> None:
 
 
 def _check(found: Any, name: str, fields: dict[str, Callable[[Any], Any]]) -> None:
-    if not _is_mapping(found):
+    if not isinstance(found, dict):
         raise ExportError(f"{name}: must be a mapping, got {type(found).__name__}")
     for field, holds in fields.items():
         if field not in found:
@@ -246,20 +234,8 @@ def _check(found: Any, name: str, fields: dict[str, Callable[[Any], Any]]) -> No
             raise ExportError(f"{name}.{field}: cannot be {found[field]!r}")
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_mapping(value: Any) -> bool:
-    return isinstance(value, dict)
-
-
-def _is_list(value: Any) -> bool:
-    return isinstance(value, list)
-
-
-def _is_flag(value: Any) -> bool:
-    return isinstance(value, bool)
+def _is(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, kind)
 
 
 def _is_number(value: Any) -> bool:
@@ -272,6 +248,6 @@ def _is_count(value: Any) -> bool:
 
 def _is_place(value: Any, length: int) -> bool:
     """Latitude, longitude and perhaps altitude."""
-    if not (_is_list(value) and len(value) == length and all(map(_is_number, value))):
+    if not (isinstance(value, list) and len(value) == length and all(map(_is_number, value))):
         return False
     return abs(value[0]) <= 90.0 and abs(value[1]) <= 180.0

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auvplan.export.itinerary import ExportError, Itinerary, Waypoint, elevation, waypoints
+from auvplan.export.itinerary import ExportError, Itinerary, elevation, waypoints
 from auvplan.runtime.files import write_atomically
 from auvplan.site import as_utc
 
@@ -28,17 +28,20 @@ def geo_path(itinerary: Itinerary) -> bytes:
     """Return the waypoints with times of arrival, since 1970 or, without a date, since the epoch.
 
     Raises:
-        ExportError: a time is not one that ROS can tell.
+        ExportError: a time is beyond those of ROS.
     """
     rows, cdr = waypoints(itinerary), _Cdr()
+    # From north towards east, to the next waypoint; at the last, the course there.
+    steps = np.diff(np.asarray([row.position for row in rows]), axis=0)
+    courses = np.append(np.arctan2(steps[:, 1], steps[:, 0]), 0.0)
+    courses[-1] = courses[max(len(steps) - 1, 0)]
     _header(cdr, itinerary, float(itinerary.legs[0].times[0]))
     cdr.number("I", len(rows))
-    for row, course in zip(rows, _courses(rows), strict=True):
+    for row, course in zip(rows, courses.tolist(), strict=True):
         _header(cdr, itinerary, row.seconds)
-        for value in (row.latitude, row.longitude, elevation(row.depth)):
-            cdr.number("d", value)
         angle = 0.5 * (0.5 * math.pi - course)
-        for value in (0.0, 0.0, math.sin(angle), math.cos(angle)):
+        place = row.latitude, row.longitude, elevation(row.depth)
+        for value in (*place, 0.0, 0.0, math.sin(angle), math.cos(angle)):
             cdr.number("d", value)
     return _ENCAPSULATION + bytes(cdr.data)
 
@@ -51,13 +54,6 @@ def write_ros(itinerary: Itinerary, path: str | Path) -> Path:
         OutputError: the operating system refused; one line that names the file.
     """
     return write_atomically(path, lambda part: part.write_bytes(geo_path(itinerary)))
-
-
-def _courses(rows: list[Waypoint]) -> list[float]:
-    """Rad from north towards east, to the next waypoint; at the last, the course there."""
-    ways = np.diff(np.asarray([row.position for row in rows]), axis=0)
-    found = np.arctan2(ways[:, 1], ways[:, 0]).tolist()
-    return [*found, found[-1] if found else 0.0]
 
 
 def _header(cdr: "_Cdr", itinerary: Itinerary, seconds: float) -> None:

@@ -24,8 +24,8 @@ def itinerary_of(
 ) -> Itinerary:
     """Return the itinerary of a run: of each leg that was finished the path it was begun with.
 
-    Each leg's path was planned when the leg was begun, in the sea as it was then: where a leg before was late
-    or early, the planned times of both do not join.
+    Each leg's path was planned when the leg was begun, in the conditions of that time: where a leg before was
+    late or early, the planned times of both do not join.
 
     Args:
         run: as executed.
@@ -34,7 +34,7 @@ def itinerary_of(
         slow: share of the speed through the water below which a leg is noted as slow over ground.
 
     Raises:
-        ExportError: no leg was executed to its end, or nothing tells where on Earth the run is.
+        ExportError: no leg was executed to its end, or the run has no site on Earth.
     """
     site = site or run.site
     if site is None:
@@ -112,7 +112,7 @@ def _notes(run: MissionRun) -> list[str]:
 
 
 def _environment(leg: LegRecord, plan: PlanRecord, run: MissionRun) -> Environment:
-    """Return the sea when a plan was made; obstacles move on as they did on the whole."""
+    """Return the environment when a plan was made; obstacles move at their mean velocity."""
     low, high = plan.positions.min(axis=0), plan.positions.max(axis=0)
     obstacles = None
     if len(leg.obstacle_radii):

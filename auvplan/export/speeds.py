@@ -6,6 +6,7 @@ keeps the plan's times, and its speed through the water.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -60,7 +61,10 @@ def led(leg: "PlannedLeg") -> Array:
     body = leg.motion.body_velocity
     length = np.linalg.norm(body, axis=1)
     ahead = np.where(length > 0.0, body[:, 0] / np.where(length > 0.0, length, 1.0), np.nan)
-    shares = [_mean(ahead[a:b]) for a, b in zip(leg.kept[:-1], leg.kept[1:], strict=True)]
+    shares = []
+    for first, last in pairwise(leg.kept):
+        known = ahead[first:last][np.isfinite(ahead[first:last])]
+        shares.append(float(known.mean()) if len(known) else 1.0)
     lines = np.stack([over_ground, over_ground * np.asarray(shares)], axis=1).reshape(-1, 2)
     return np.concatenate([[leg.led], lines])
 
@@ -108,11 +112,6 @@ def _over(speeds: Array, times: Array, begin: int, end: int) -> float:
     return float(speeds[begin:end] @ times[begin:end] / times[begin:end].sum())
 
 
-def _mean(shares: Array) -> float:
-    known = shares[np.isfinite(shares)]
-    return float(known.mean()) if len(known) else 1.0
-
-
 def ground_share(leg: "PlannedLeg", speed: float) -> float:
     """Return the least share of a speed, m/s, that a leg's straight lines are planned to make over ground.
 
@@ -153,7 +152,9 @@ def track_notes(
             )
         ways = np.diff(leg.waypoints, axis=0)
         level, sink = np.linalg.norm(ways[:, :2], axis=1), np.abs(ways[:, 2])
-        needed = radius * np.tan(0.5 * _turns(ways))
+        turns = np.abs(np.diff(np.arctan2(ways[:, 1], ways[:, 0])))
+        turns = np.minimum(np.minimum(turns, 2.0 * np.pi - turns), 0.99 * np.pi)
+        needed = radius * np.tan(0.5 * turns)
         sharp = np.flatnonzero(needed > 0.5 * np.minimum(level[:-1], level[1:]))
         if len(sharp):
             notes.append(
@@ -169,13 +170,6 @@ def track_notes(
                 f"{_at(steep)}: {whose} {steepest:.0f}"
             )
     return notes
-
-
-def _turns(ways: Array) -> Array:
-    """Return [k - 1] rad, changes of course between [k, 3] m."""
-    course = np.arctan2(ways[:, 1], ways[:, 0])
-    turn = np.abs(np.diff(course))
-    return np.minimum(np.minimum(turn, 2.0 * np.pi - turn), 0.99 * np.pi)
 
 
 def _at(corners: NDArray[np.integer]) -> str:

@@ -119,7 +119,7 @@ def write_netcdf(itinerary: Itinerary, path: str | Path) -> Path:
         return write_dataset(trajectories(itinerary), path)
     except (OutputError, ExportError):
         raise
-    except Exception as error:  # what HDF5 and xarray raise is not theirs to tell an operator
+    except Exception as error:  # HDF5 and xarray raise errors of many kinds
         raise ExportError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
 
 

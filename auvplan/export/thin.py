@@ -17,7 +17,7 @@ Array = NDArray[np.floating]
 #: By how much certified distances, m, and speeds, m/s, may seem less for the steps that a line is cut into.
 _BLUR = 0.1, 0.01
 
-#: s by which times may change on any path: a leg between two tasks in one place takes hardly longer.
+#: s by which times may change on any path: a leg between two tasks in one place takes no longer.
 _SHORT = 0.1
 
 #: m of a survey line that a straight line may cover less than the part of the path that it stands for.
@@ -56,7 +56,7 @@ def thin(
 ) -> Thinned:
     """Keep the fewest samples of a path whose straight lines take as long and keep as clear as the path does.
 
-    Both the path and what is kept of it are timed anew in the current as it is on arrival, in steps of at
+    Both the path and what is kept of it are timed again in the current as it is on arrival, in steps of at
     most 20 m, so that their times compare. Certified distances to the coast and to the obstacles' boundaries
     are not below the smaller of `margin` and what the path itself has, altitudes above the sea bed not below
     the smaller of its clearance and the path's; where the current lets the vehicle hold the path within its

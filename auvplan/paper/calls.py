@@ -49,7 +49,7 @@ def call_times(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> list[xr.D
 
     Returns:
         For each scenario `first_cpu` [mission] s of planning the leg, and `window_cpu` [mission] s of
-        planning it anew.
+        planning it again.
     """
     with ExitStack() as stack:
         calls = [

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.executive import run_mission, seed_keys
@@ -21,7 +20,6 @@ from auvplan.plot.paths import plot_currents, plot_windows
 from auvplan.plot.space import plot_layers
 from auvplan.plot.study import plot_call_times, plot_expected_times, plot_replans, plot_time_use
 from auvplan.plot.timeline import plot_timeline
-from auvplan.records import MissionRun
 from auvplan.runtime.files import output_folder
 from auvplan.scenario.scenario import Scenario
 
@@ -34,26 +32,24 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
 
     Args:
         legs: runs of the three scenarios.
-        evidence: what they and the missions tell.
+        evidence: of them and of the missions.
         scenario: of the missions, one of which is run again for Fig. 15.
         folder: created if needed.
     """
-    seed = example_seed(evidence.missions)
+    missions, crop = evidence.missions, changed("scenario-3", "paper").chart.window
+    assert crop is not None
+    seed, met = example_seed(missions), no_violation(evidence.legs)
     figures: dict[str, Callable[[], Any]] = {
-        "fig01_clusters.png": _clusters,
+        "fig01_clusters.png": lambda: plot_clusters(whitsunday_chart(), render(), crop),
         "fig08_currents.png": partial(_currents, legs),
         "fig09_obstacles.png": lambda: plot_layers(shown_leg(legs.scenarios["scenario-2"])),
         "fig10_windows.png": lambda: plot_windows(shown_leg(legs.scenarios["scenario-3"])),
-        "fig11_convergence.png": lambda: plot_populations(
-            evidence.legs, no_violation(evidence.legs), NO_VIOLATION
-        ),
-        "fig12_time_use.png": lambda: plot_time_use(evidence.missions),
-        "fig13_expected_times.png": lambda: plot_expected_times(evidence.missions),
-        "fig14_planning_time.png": lambda: plot_call_times(
-            evidence.missions, evidence.calls, evidence.interval
-        ),
-        "fig15_routes.png": lambda: plot_timeline(_mission(scenario, seed)),
-        "fig15_maps.png": lambda: plot_replans(evidence.missions, seed),
+        "fig11_convergence.png": lambda: plot_populations(evidence.legs, met, NO_VIOLATION),
+        "fig12_time_use.png": lambda: plot_time_use(missions),
+        "fig13_expected_times.png": lambda: plot_expected_times(missions),
+        "fig14_planning_time.png": lambda: plot_call_times(missions, evidence.calls, evidence.interval),
+        "fig15_routes.png": lambda: plot_timeline(run_mission(scenario, key=seed_keys([seed])[0], seed=seed)),
+        "fig15_maps.png": lambda: plot_replans(missions, seed),
     }
     target = output_folder(folder)
     return [style.save(plot(), target / name) for name, plot in figures.items()]
@@ -65,16 +61,6 @@ def example_seed(missions: xr.Dataset) -> int:
     # Ties go to more path calls: the paper's mission is no short one.
     rank = np.lexsort((-missions["path_calls"].values, np.abs(replans - _REPLANS), ~success))
     return int(missions["seed"].values[rank[0]])
-
-
-def _mission(scenario: Scenario, seed: int) -> MissionRun:
-    return run_mission(scenario, key=seed_keys([seed])[0], seed=seed)
-
-
-def _clusters() -> Figure:
-    window = changed("scenario-3", "paper").chart.window
-    assert window is not None
-    return plot_clusters(whitsunday_chart(), render(), window)
 
 
 def _currents(legs: Legs) -> NDArray[Any]:

@@ -23,7 +23,7 @@ SCENARIOS = ("scenario-1", "scenario-2", "scenario-3")
 #: Values of U_R^C (Eq. 2) that the claim on update rates is tested at; 1 is the shipped scenarios'.
 RATES = (0.0, 1.0, 4.0, 16.0)
 
-#: The one whose paths are drawn in Fig. 8: at 1 the current hardly changes within a leg.
+#: The one whose paths are drawn in Fig. 8: at 1 the current changes little within a leg.
 SHOWN_RATE = 4.0
 
 _HISTORY = {
@@ -93,33 +93,26 @@ def legs_dataset(legs: Legs) -> xr.Dataset:
     Returns:
         Variables over scenario, seed and iteration of the first plan; and over update rate and its seeds.
     """
+    by_run: dict[str, Callable[[MissionRun], float]] = {
+        "planned_s": lambda run: leg_of(run).t_planned,
+        "straight_s": _straight,
+        "replan_gain": replan_gain,
+        "success": lambda run: run.success,
+        "collisions": lambda run: check_dataset(run.summary(), to_dataset(run)).collisions,
+        "feasible": lambda run: leg_of(run).plans[0].feasible,
+    }
+    kept, fresh = list(legs.scenarios.values()), list(legs.fresh.values())
     each = {
-        name: np.asarray([[of(run) for run in runs] for runs in legs.scenarios.values()], float)
-        for name, of in {"planned_s": _planned, "straight_s": _straight, "replan_gain": replan_gain}.items()
+        name: np.asarray([[of(run) for run in runs] for runs in kept], float) for name, of in by_run.items()
     }
     pairs = [
         [warm_start(leg_of(a), leg_of(b)) for a, b in zip(*both, strict=True)]
-        for both in zip(legs.scenarios.values(), legs.fresh.values(), strict=True)
+        for both in zip(kept, fresh, strict=True)
     ]
-    each |= dict(
-        zip(
-            ("kept_cost", "fresh_cost", "kept_iterations"), np.moveaxis(np.asarray(pairs), -1, 0), strict=True
-        )
-    )
-    reports = [
-        [check_dataset(run.summary(), to_dataset(run)) for run in runs] for runs in legs.scenarios.values()
-    ]
-    each |= {
-        "success": np.asarray([[run.success for run in runs] for runs in legs.scenarios.values()], float),
-        "collisions": np.asarray([[report.collisions for report in row] for row in reports], float),
-        "feasible": np.asarray(
-            [[leg_of(run).plans[0].feasible for run in runs] for runs in legs.scenarios.values()], float
-        ),
-    }
+    names = "kept_cost", "fresh_cost", "kept_iterations"
+    each |= dict(zip(names, np.moveaxis(np.asarray(pairs), -1, 0), strict=True))
     history = {
-        name: _histories(
-            [[leg_of(run).plans[0].history[key] for run in runs] for runs in legs.scenarios.values()]
-        )
+        name: _histories([[leg_of(run).plans[0].history[key] for run in runs] for runs in kept])
         for name, key in _HISTORY.items()
     }
     by_rate = {
@@ -154,10 +147,6 @@ def _histories(rows: list[list[Array]]) -> Array:
             for row in rows
         ]
     )
-
-
-def _planned(run: MissionRun) -> float:
-    return leg_of(run).t_planned
 
 
 def _straight(run: MissionRun) -> float:

@@ -12,7 +12,6 @@ from auvplan.paper.claims import Claim, Evidence, as_json, as_markdown, judge
 from auvplan.paper.figures import draw_paper
 from auvplan.paper.legs import Legs, changed, execute_legs, legs_dataset
 from auvplan.runtime.files import output_folder, write_atomically, write_dataset
-from auvplan.scenario import Scenario
 from auvplan.study import Design, run_study
 from auvplan.study.store import is_unfinished
 
@@ -84,16 +83,16 @@ def reproduce(
         )
         progress("legs of the default", _LEGS)
         figures = own, others.result()
-    missions = [
-        _missions(
-            folder,
-            preset,
-            scenario,
-            effort,
-            lambda words, share, at=at: progress(words, at + _MISSIONS * share),
-        )
-        for preset, scenario, at in zip(PRESETS, scenarios, (_LEGS, _LEGS + _MISSIONS), strict=True)
-    ]
+    missions = []
+    for preset, scenario, at in zip(PRESETS, scenarios, (_LEGS, _LEGS + _MISSIONS), strict=True):
+
+        def missions_done(done: int, total: int, share: float, preset: str = preset, at: float = at) -> None:
+            progress(f"{preset}: {done} of {total} missions", at + _MISSIONS * share)
+
+        missions_done(0, effort.missions, 0.0)
+        study, design = folder / f"missions-{preset}", Design(scenario, effort.missions, effort.seed)
+        done = run_study(design, study, resume=is_unfinished(study), force=True, progress=missions_done)
+        missions.append(done)
     progress("single calls", _LEGS + 2.0 * _MISSIONS)
     calls = call_times(scenarios, effort.mission_seeds)
     for preset, times in zip(PRESETS, calls, strict=True):
@@ -130,22 +129,3 @@ def _legs(folder: Path, preset: str, effort: Effort, progress: Progress) -> tupl
 def _legs_alone(folder: Path, preset: str, effort: Effort) -> xr.Dataset:
     """Run the legs of a preset that nobody draws, and return what the claims need of them."""
     return _legs(folder, preset, effort, lambda words, share: None)[1]
-
-
-def _missions(
-    folder: Path, preset: str, scenario: Scenario, effort: Effort, progress: Progress
-) -> xr.Dataset:
-    """Run the missions of one preset, or continue where that was broken off."""
-
-    def missions_done(done: int, total: int, share: float) -> None:
-        progress(f"{preset}: {done} of {total} missions", share)
-
-    missions_done(0, effort.missions, 0.0)
-    study = folder / f"missions-{preset}"
-    return run_study(
-        Design(scenario, effort.missions, effort.seed),
-        study,
-        resume=is_unfinished(study),
-        force=True,
-        progress=missions_done,
-    )

@@ -76,7 +76,11 @@ def animate_run(
         OutputError: the file cannot be written, or is an MP4 and there is no ffmpeg; one line that names it.
     """
     target = Path(path)
-    write = _writer(target)
+    write = {".gif": _write_gif, ".mp4": _write_mp4}.get(target.suffix.lower())
+    if write is None:
+        raise OutputError(f"{target}: a film is a .gif, or an .mp4 where ffmpeg is installed")
+    if write is _write_mp4 and shutil.which("ffmpeg") is None:
+        raise OutputError(f"{target}: MP4 needs ffmpeg, which is not found: install it, or write a .gif")
     if not 0.0 < seconds <= LONGEST:
         raise AuvplanError(f"seconds: {seconds:g} is not above 0 and at most {LONGEST:g}")
     if not 1 <= fps <= FASTEST:
@@ -96,17 +100,6 @@ def animate_run(
             yield film.at(time)
 
     return write_atomically(target, lambda part: write(frames(), film, part, fps))
-
-
-def _writer(path: Path) -> Callable[[Iterator[Frame], "_Film", Path, int], None]:
-    """Return what writes files of this name."""
-    if path.suffix.lower() == ".gif":
-        return _write_gif
-    if path.suffix.lower() != ".mp4":
-        raise OutputError(f"{path}: a film is a .gif, or an .mp4 where ffmpeg is installed")
-    if shutil.which("ffmpeg") is None:
-        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not found: install it, or write a .gif")
-    return _write_mp4
 
 
 @dataclass(frozen=True)
@@ -138,12 +131,9 @@ class _Film:
         self._waypoints = np.asarray(run.graph.positions, float)
         low, high = window(np.concatenate([self._waypoints, track]), 0.05, run.chart)
         self._stops = [node for node in range(len(self._waypoints)) if node not in (run.start, run.goal)]
-        tall, wide = high - low
-        self._figure = Figure(
-            figsize=(width / _DPI, width / _DPI * float(np.clip(0.87 * tall / wide, 0.4, 1.3)) + 1.35),
-            dpi=_DPI,
-            layout="constrained",
-        )
+        (tall, wide), inches = high - low, width / _DPI
+        size = inches, inches * float(np.clip(0.87 * tall / wide, 0.4, 1.3)) + 1.35
+        self._figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
         self._canvas = FigureCanvasAgg(self._figure)
         self._axes = axes = self._figure.subplots()
         self._pen = pen = Map(axes, low, high)
@@ -157,11 +147,8 @@ class _Film:
         del pen.handles[1:]
         pen.closures(run)
         pen.compass(np.concatenate([self._waypoints, track]))
-        for node, kind, label in (
-            (run.start, style.START, "start"),
-            (run.goal, style.GOAL, "destination"),
-        ):
-            pen.end(self._waypoints[node], kind | {"s": 0.6 * kind["s"]}, label)
+        pen.end(self._waypoints[run.start], style.START | {"s": 0.6 * style.START["s"]}, "start")
+        pen.end(self._waypoints[run.goal], style.GOAL | {"s": 0.6 * style.GOAL["s"]}, "destination")
         handles = list(pen.handles)
         if not run.simulated:
             pen.known(run.obstacles, 0.0)
@@ -200,7 +187,6 @@ class _Film:
         return np.array([*(to_rgb(colour) for colour in (*still, *moving)), *mixed])
 
     def _parts(self) -> dict[str, Any]:
-        """Make the moving parts."""
         axes, run, places = self._axes, self._run, self._pen.flat(self._waypoints)
         line: dict[str, Any] = {"solid_capstyle": "round", "animated": True}
         (route,) = axes.plot([], [], color=_ROUTE, lw=1.0, ls=(0, (1, 2)), alpha=0.8, zorder=4, **line)
@@ -249,7 +235,12 @@ class _Film:
         ahead = self._ahead(time)
         parts["route"].set_data(*self._pen.flat(self._waypoints[ahead]).T)
         parts["stops"].set_facecolors(self._states(time, ahead))
-        drawn = [parts["route"], self._past(time)]
+        # Plans that were given up are the paler the longer ago.
+        ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
+        shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
+        parts["past"].set_segments([plan.line for plan, _ in shown])
+        parts["past"].set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
+        drawn = [parts["route"], parts["past"]]
         if self._run.simulated:
             drawn.append(self._obstacles(number, time, here))
         drawn.append(parts["track"])
@@ -262,15 +253,6 @@ class _Film:
             parts["reach"].set_center(tuple(here))
             drawn.append(parts["reach"])
         return [*drawn, parts["vehicle"], parts["title"]]
-
-    def _past(self, time: float) -> LineCollection:
-        """Plans that were given up, the paler the longer ago."""
-        ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
-        shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
-        past = self.moving["past"]
-        past.set_segments([plan.line for plan, _ in shown])
-        past.set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
-        return past
 
     def _obstacles(self, number: int, time: float, here: style.Array) -> EllipseCollection:
         """True obstacles of a leg where they are."""
@@ -375,7 +357,15 @@ def _done_at(leg: LegRecord) -> float:
 
 def _write_gif(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:
     """Write an endless GIF with one palette for all pictures."""
-    palette = _palette(film)
+    # The film's own colours, and those of four of its pictures.
+    shown = np.concatenate([film.at(time) for time in np.linspace(0.0, film.ends, 4)])
+    common = Image.fromarray(shown).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    others = np.reshape(common.getpalette() or [], (-1, 3))[:_COLOURS]
+    own = np.rint(255.0 * film.colours()).astype(int)
+    # Pillow confuses colours that are close: its own would replace those.
+    apart = np.abs(others[:, None] - own).max(axis=2).min(axis=1) > _NEAR
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.concatenate([own, others[apart]]).ravel().tolist())
     pictures = [
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
     ]
@@ -387,19 +377,6 @@ def _write_gif(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> No
         path, format="GIF", save_all=True, append_images=pictures[1:], duration=durations, loop=0,
         optimize=False, disposal=1,
     )  # fmt: skip
-
-
-def _palette(film: _Film) -> Image.Image:
-    """Return a picture with the palette of the film: its own colours, and those of four of its pictures."""
-    shown = np.concatenate([film.at(time) for time in np.linspace(0.0, film.ends, 4)])
-    common = Image.fromarray(shown).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    others = np.reshape(common.getpalette() or [], (-1, 3))[:_COLOURS]
-    own = np.rint(255.0 * film.colours()).astype(int)
-    # Pillow does not tell near ones apart: its own would be taken for those.
-    apart = np.abs(others[:, None] - own).max(axis=2).min(axis=1) > _NEAR
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(np.concatenate([own, others[apart]]).ravel().tolist())
-    return palette
 
 
 def _write_mp4(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:

@@ -1,4 +1,4 @@
-"""The map of a scenario before anything is planned: what its files tell, on top of each other."""
+"""The map of a scenario before anything is planned: what its files contain, in layers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,7 +45,12 @@ def plot_area(scenario: Scenario, area: OperatingArea, closed: Sequence[Any] = (
     pen = Map(figure.subplots(), bottom, top)
     pen.coast(area.chart)
     pen.depths(area.seabed)
-    _draw_closed(pen, closed)
+    for polygon in (part for zone in closed for part in getattr(zone.polygon, "geoms", [zone.polygon])):
+        rings = (polygon.exterior, *polygon.interiors)
+        outlines = (Outline(pen.flat(ring.coords), closed=True) for ring in rings)
+        pen.axes.add_patch(PathPatch(Outline.make_compound_path(*outlines), zorder=1.0, **style.CLOSED))
+    if closed:
+        pen.handles.append(Patch(label="closed area", **style.CLOSED))
     pen.known(area.obstacles, scenario.mission.time_available, zorder=2)
     _draw_current(pen, scenario, area)
     corner, size = pen.flat(low), pen.flat(edge)
@@ -53,13 +58,10 @@ def plot_area(scenario: Scenario, area: OperatingArea, closed: Sequence[Any] = (
     pen.axes.add_patch(Rectangle(tuple(corner), *size, fill=False, ec="black", zorder=3, **dashed))
     pen.handles.append(style.line("area", color="black", **dashed))
     _draw_jobs(pen, area)
-    mission = scenario.mission
-    for place, kind, label in (
-        (mission.start, style.START, "start"),
-        (mission.goal, style.GOAL, "destination"),
-    ):
-        if place is not None:
-            pen.end(place, kind, label)
+    if scenario.mission.start is not None:
+        pen.end(scenario.mission.start, style.START, "start")
+    if scenario.mission.goal is not None:
+        pen.end(scenario.mission.goal, style.GOAL, "destination")
     style.legend_below(figure, pen.handles)
     pen.title(_title(scenario, area), area.site)
     _draw_names(pen, scenario, area, closed)
@@ -78,10 +80,9 @@ def draw_area(scenario: Scenario, area: OperatingArea, closed: Sequence[Any], pa
 def _title(scenario: Scenario, area: OperatingArea) -> str:
     low, high = scenario.box
     depths = f"depths {low[2]:g} to {high[2]:g} m"
-    jobs = area.jobs
     tasks = ""
-    if jobs is not None:
-        numbers = (len(jobs.points), "point"), (len(jobs.lines), "survey line")
+    if area.jobs is not None:
+        numbers = (len(area.jobs.points), "point"), (len(area.jobs.lines), "survey line")
         tasks = " and ".join(counted(count, noun) for count, noun in numbers if count) + ", "
     return f"{scenario.name}: {tasks}{scenario.mission.time_available:,.0f} s, {depths}"
 
@@ -97,16 +98,6 @@ def _jobs(area: OperatingArea) -> list[tuple[str, style.Array]]:
         return []
     points = [(job.name, np.asarray([job.position[:2]])) for job in area.jobs.points]
     return points + [(job.name, np.asarray(job.positions)[:, :2]) for job in area.jobs.lines]
-
-
-def _draw_closed(pen: Map, closed: Sequence[Any]) -> None:
-    for zone in closed:
-        for polygon in getattr(zone.polygon, "geoms", [zone.polygon]):
-            rings = (polygon.exterior, *polygon.interiors)
-            outlines = (Outline(pen.flat(ring.coords), closed=True) for ring in rings)
-            pen.axes.add_patch(PathPatch(Outline.make_compound_path(*outlines), zorder=1.0, **style.CLOSED))
-    if closed:
-        pen.handles.append(Patch(label="closed area", **style.CLOSED))
 
 
 def _draw_current(pen: Map, scenario: Scenario, area: OperatingArea) -> None:
@@ -175,17 +166,10 @@ def _draw_names(pen: Map, scenario: Scenario, area: OperatingArea, closed: Seque
     for zone in closed:
         inside = zone.polygon.representative_point()
         named.append((zone.name, np.array([inside.x, inside.y]), style.RED))
-    limits = np.asarray([pen.axes.get_xlim(), pen.axes.get_ylim()])
-    inside = [
-        ((limits[:, 0] <= at) & (at <= limits[:, 1])).all()
-        for at in (pen.flat(place) for _, place, _ in named)
-    ]
+    low, high = np.asarray([pen.axes.get_xlim(), pen.axes.get_ylim()]).T
+    seen = [one for one in named if ((low <= pen.flat(one[1])) & (pen.flat(one[1]) <= high)).all()]
     taken = np.concatenate([*_ends(scenario), *(places for _, places in jobs), np.zeros((0, 2))])
     for colour in (style.PURPLE, style.RED):
-        own = [
-            (name, place)
-            for (name, place, shade), seen in zip(named, inside, strict=True)
-            if seen and shade == colour
-        ]
+        own = [(name, place) for name, place, shade in seen if shade == colour]
         texts = [name if len(name) <= 24 else f"{name[:23]}…" for name, _ in own]
         pen.labels([place for _, place in own], texts, taken, fontsize=8, color=colour, zorder=8)

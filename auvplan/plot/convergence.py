@@ -14,6 +14,7 @@ from auvplan.view.scene import busiest_leg, leg_title
 if TYPE_CHECKING:
     import xarray as xr
 
+_LABELS = ("cost [s, penalties included]", "violation [-]")
 #: Error bars drawn at most.
 _BARS = 60
 #: Larger ranges are drawn on a logarithmic scale.
@@ -44,10 +45,10 @@ def plot_convergence(
     if not (plans := [plan for plan in leg.plans if len(plan.history["best"])]):
         return np.array([style.annotate_empty(ax, "nothing was searched for: the leg follows a survey line")])
     figure = style.figure_for(ax, 9.0, 6.6)
-    upper, lower = panels = figure.subplots(2, 1, sharex=True)
-    _draw(upper, plans, ("best", "mean", "std"), "cost [s, penalties included]")
-    _draw(lower, plans, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
-    lower.set_xlabel("iteration [-]")
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, of, label in zip(panels, ("", "violation_"), _LABELS, strict=True):
+        _draw(axes, plans, (f"{of}best", f"{of}mean", f"{of}std"), label)
+    panels[1].set_xlabel("iteration [-]")
     style.legend_below(figure, ncols=5)
     figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
     return panels
@@ -85,9 +86,6 @@ def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figu
     return figure
 
 
-_LABELS = ("cost [s, penalties included]", "violation [-]")
-
-
 def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
     """Mean over the seeds, its error bars and every seed's mean, [seeds, iterations] each."""
     iteration = np.arange(mean.shape[1])
@@ -99,14 +97,8 @@ def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
         label="standard deviation over the population",
     )  # fmt: skip
     for k, each in enumerate(mean):
-        axes.plot(
-            iteration,
-            each,
-            color=style.ORANGE,
-            lw=0.7,
-            zorder=3,
-            label="mean of one seed" if k == 0 else None,
-        )
+        label = "mean of one seed" if k == 0 else None
+        axes.plot(iteration, each, color=style.ORANGE, lw=0.7, zorder=3, label=label)
     axes.plot(iteration, middle, color="black", lw=1.8, zorder=4, label="mean")
     _scale(axes, _finite(np.concatenate([middle, middle + spread])))
     axes.grid(alpha=0.25)
@@ -114,9 +106,7 @@ def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
 
 
 def _draw(axes: Axes, plans: list[PlanRecord], keys: tuple[str, str, str], label: str) -> None:
-    best, mean, std = (
-        np.concatenate([np.asarray(plan.history[key], float) for plan in plans]) for key in keys
-    )
+    best, mean, std = (np.concatenate([plan.history[key] for plan in plans]).astype(float) for key in keys)
     count = np.asarray([len(plan.history[keys[0]]) for plan in plans])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     iteration = np.arange(len(best))

@@ -36,11 +36,7 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
     if found.routes is not None:
         priority = np.where(found.feasible, found.priority, np.nan)
         tasks = np.where(found.feasible, found.tasks, np.nan)
-        panels = [
-            (priority, "total priority [-]", style.GREEN),
-            (tasks, "tasks [-]", style.PURPLE),
-            *panels,
-        ]
+        panels = [(priority, "total priority [-]", style.GREEN), (tasks, "tasks [-]", style.PURPLE), *panels]
     panels.append((found.current, "current [m/s]", style.RED))
     order = np.argsort(found.departs, kind="stable")
     epoch = None if found.site is None else found.site.epoch
@@ -58,10 +54,8 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
     _mark_infeasible(rows, found, when, order)
     if (best := found.best) is not None:
         label = f"best: {found.moment(best)}"
-        for k, (axes, (values, *_)) in enumerate(zip(rows[:-1], panels[:-1], strict=True)):
-            axes.scatter(
-                when[best : best + 1], values[best : best + 1], label=label if k == 0 else None, **_BEST
-            )
+        for axes, (values, *_) in zip(rows[:-1], panels[:-1], strict=True):
+            axes.scatter(when[[best]], values[[best]], label=label if axes is rows[0] else None, **_BEST)
     for axes, (_, name, _) in zip(rows, panels, strict=True):
         if "[min]" not in name:
             axes.set_ylim(0.0, 1.12 * max(axes.get_ylim()[1], 1e-3))
@@ -100,19 +94,14 @@ def _mark_infeasible(
         return
     times = when[order]
     middles = times[:-1] + (times[1:] - times[:-1]) / 2
-    edges = [times[0], *middles, times[-1]]
-    if len(times) == 1:
-        edges = _around(times)
-    label = "not feasible"
-    for place, number in enumerate(order):
-        if not found.feasible[number]:
-            for row, axes in enumerate(rows):
-                named = {"label": label} if row == 0 else {}
-                axes.axvspan(edges[place], edges[place + 1], color=style.RED, alpha=0.14, lw=0, **named)
-            label = None
-            if len(order) <= _FEW:
-                marks = {"marker": "x", "ls": "none", "color": style.RED, "ms": 6, "zorder": 6}
-                rows[0].plot(times[place], 0.07, transform=rows[0].get_xaxis_transform(), **marks)
+    edges = [times[0], *middles, times[-1]] if len(times) > 1 else _around(times)
+    marks: dict[str, Any] = {"marker": "x", "ls": "none", "color": style.RED, "ms": 6, "zorder": 6}
+    for first, place in enumerate(np.flatnonzero(~found.feasible[order])):
+        for row, axes in enumerate(rows):
+            label = "not feasible" if first == row == 0 else None
+            axes.axvspan(edges[place], edges[place + 1], color=style.RED, alpha=0.14, lw=0, label=label)
+        if len(order) <= _FEW:
+            rows[0].plot(times[place], 0.07, transform=rows[0].get_xaxis_transform(), **marks)
 
 
 def _around(times: NDArray[Any]) -> list[Any]:

@@ -120,9 +120,8 @@ class Map:
         if land.any():
             self.handles.append(Patch(facecolor=coast, edgecolor=style.GREY, label="coast"))
         if uncertain.any() and not see_through:
-            self.handles.append(
-                Patch(facecolor=style.UNCERTAIN, edgecolor=style.GREY, label="uncertain area")
-            )
+            shown = Patch(facecolor=style.UNCERTAIN, edgecolor=style.GREY, label="uncertain area")
+            self.handles.append(shown)
 
     def _seen(self, chart: Chart) -> tuple[Array, Array, Array]:
         """Passability of what the axes show of a chart, and its corners, m."""
@@ -214,16 +213,17 @@ class Map:
         """
         (west, east), (south, north) = sorted(self.axes.get_xlim()), sorted(self.axes.get_ylim())
         wide, tall = east - west, north - south
-        length = float(_round_below(0.2 * wide * self.metres)) / self.metres
+        # 1, 2 or 5 times a power of ten.
+        longest = 0.2 * wide * self.metres
+        power = 10.0 ** np.floor(np.log10(longest))
+        length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest)) / self.metres
         size = np.array([max(length, 0.04 * wide), 0.17 * tall])
         margin = 0.03 * np.array([wide, tall])
         first, last = np.array([west, south]) + margin, np.array([east, north]) - margin - size
         corners = [np.array([x, y]) for y in (first[1], last[1]) for x in (first[0], last[0])]
         if taken is not None:
             flat, near = self.flat(taken), 0.5 * margin
-            corners.sort(
-                key=lambda low: np.all((flat > low - near) & (flat < low + size + near), axis=1).sum()
-            )
+            corners.sort(key=lambda low: ((flat > low - near) & (flat < low + size + near)).all(axis=1).sum())
         x, y = corners[0]
         self.axes.plot([x, x + length], [y, y], color="black", lw=3.0, zorder=9, path_effects=style.halo())
         metres = length * self.metres
@@ -250,9 +250,3 @@ class Map:
             where = low + (ticks - first) / (last - first) * (high - low)
             axis.set_ticks(where, [f"{tick:.3f}".rstrip("0").rstrip(".") + "°" for tick in ticks])
             axis.set_tick_params(labelsize=7, length=3)
-
-
-def _round_below(value: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that is no more than a value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))

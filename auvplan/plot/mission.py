@@ -49,19 +49,16 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     pen.known(run.obstacles, run.t_mission)
     pen.end(waypoints[run.start], style.START, "start")
     pen.end(waypoints[run.goal], style.GOAL, "destination")
-    marks = _replan_marks(run) if run.simulated else {}
+    numbers: dict[int, list[str]] = {}
+    for number, route in enumerate(run.routes[1:] if run.simulated else (), start=1):
+        if route.nodes:
+            numbers.setdefault(route.nodes[0], []).append(str(number))
+    marks = {node: "R" + ",".join(here) for node, here in numbers.items()}
     if marks:
         box: dict[str, Any] = {"s": 75, "marker": "s", "color": "none", "edgecolors": style.RED}
         pen.dots(waypoints[list(marks)], linewidths=1.8, zorder=5, **box)
-        shown: dict[str, Any] = {
-            "ls": "",
-            "marker": "s",
-            "ms": 8,
-            "mfc": "none",
-            "mec": style.RED,
-            "mew": 1.8,
-        }
-        pen.handles.append(style.line("mission re-plan (R1, ...)", **shown))
+        shown: dict[str, Any] = {"ls": "", "marker": "s", "ms": 8, "mfc": "none", "mew": 1.8}
+        pen.handles.append(style.line("mission re-plan (R1, ...)", mec=style.RED, **shown))
     if any(leg.priority > 0 for leg in executed):
         rho = style.line("priority of the task", ls="", marker="$ρ3$", ms=13, color=style.BLUE)
         pen.handles.append(rho)
@@ -126,15 +123,6 @@ def _middle(line: Array) -> int:
     """Index of the point of [n, 2] nearest to half the way."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return int(np.searchsorted(way, 0.5 * way[-1]))
-
-
-def _replan_marks(run: MissionRun) -> dict[int, str]:
-    """Waypoint to the numbers of the mission re-plans made there; the first route is none."""
-    marks: dict[int, list[int]] = {}
-    for number, route in enumerate(run.routes[1:], start=1):
-        if route.nodes:
-            marks.setdefault(route.nodes[0], []).append(number)
-    return {node: "R" + ",".join(map(str, numbers)) for node, numbers in marks.items()}
 
 
 def _draw_labels(pen: Map, run: MissionRun, executed: list[LegRecord], marks: dict[int, str]) -> None:

@@ -20,17 +20,7 @@ from auvplan.plot.maps import Map
 from auvplan.plot.section import SECTION, add_section
 from auvplan.plot.style import Array
 from auvplan.records import LegRecord, MissionRun
-from auvplan.view.scene import (
-    boundaries,
-    busiest_leg,
-    chosen_plans,
-    extent_points,
-    leg_title,
-    near_obstacles,
-    plan_name,
-    until_next,
-    window,
-)
+from auvplan.view import scene
 from auvplan.view.section import plan_section
 
 #: Panels at most.
@@ -108,15 +98,15 @@ def plot_currents(
     Returns:
         The axes of the panels.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return np.array([style.annotate_empty(ax, "no path was planned")])
-    chosen = chosen_plans(leg, PANELS)
+    chosen = scene.chosen_plans(leg, PANELS)
     columns = 3 if len(chosen) == 3 else min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
     figure = style.figure_for(ax, 4.6 * columns + 1.0, 4.3 * rows + 0.9)
     grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-    low, high = window(extent_points(leg))
+    low, high = scene.window(scene.extent_points(leg))
     depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
     plans = [leg.plans[index] for index in chosen]
     fields = [Field.of(plan.current, low, high, depth, plan.made_at) for plan in plans]
@@ -128,7 +118,7 @@ def plot_currents(
         pen.coast(run.coast, see_through=True)
         coast = pen.handles[:]
         _draw_paths(pen, leg, index)
-        axes.set_title(plan_name(leg, index), fontsize=9)
+        axes.set_title(scene.plan_name(leg, index), fontsize=9)
     for axes in grid[len(chosen) :]:
         axes.set_visible(False)
     for axes in grid:
@@ -140,10 +130,9 @@ def plot_currents(
         style.line("new path", color="black", lw=2.4),
         style.line("earlier paths", color=style.RED, ls="--", lw=1.3),
         style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black")),
-        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle"),
-        style.mark(style.GOAL, "target"), *coast,
+        *style.marks(), *coast,
     ])  # fmt: skip
-    figure.suptitle(f"Paths and current, {leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
+    figure.suptitle(f"Paths and current, {scene.leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])
 
 
@@ -173,21 +162,21 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         run: as executed.
         leg: that of `busiest_leg` where not given.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
     plans = leg.followed_plans
-    low, high = window(extent_points(leg), 0.06, run.chart)
+    low, high = scene.window(scene.extent_points(leg), 0.06, run.chart)
     tall, wide = high - low
     figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)
     pen = Map(figure.subplots(), low, high)
     pen.coast(run.coast)
     pen.closures(run)
-    kinds = [leg.obstacle_kinds[m] for m in near_obstacles(leg)]
+    kinds = [leg.obstacle_kinds[m] for m in scene.near_obstacles(leg)]
     for number, plan in enumerate(plans, 1):
         strength = 0.25 + 0.6 * number / len(plans)
-        places, radii = boundaries(run, leg, plan.made_at)
-        for place, radius, m in zip(places, radii, near_obstacles(leg), strict=True):
+        places, radii = scene.boundaries(run, leg, plan.made_at)
+        for place, radius, m in zip(places, radii, scene.near_obstacles(leg), strict=True):
             colour = style.KIND_COLOURS.get(leg.obstacle_kinds[m], style.GREY)
             pen.disc(place, leg.obstacle_radii[m], fc=colour, alpha=strength, lw=0, zorder=2)
             pen.disc(place, radius, fill=False, ec=colour, alpha=strength, lw=1.1, zorder=2)
@@ -200,20 +189,16 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     first, followed, dropped = (
         kind | {"color": "black", "path_effects": style.halo(kind["lw"] + 1.4)} for kind in lines.values()
     )
-    for number, plan in enumerate(plans):
-        if number == 0:
-            pen.line(plan.positions, **first)
-            continue
-        executed, given_up = until_next(plans, number)
+    pen.line(plans[0].positions, **first)
+    for number, plan in enumerate(plans[1:], start=1):
+        executed, given_up = scene.until_next(plans, number)
         pen.line(given_up, **dropped)
         pen.line(executed, **followed)
         pen.dots(plan.positions[0], **(style.VEHICLE | {"zorder": 7}))
     pen.dots(plans[0].positions[0], **(style.START | {"zorder": 6}))
     pen.dots(plans[0].positions[-1], **(style.GOAL | {"zorder": 6}))
     pen.handles += [style.line(label, color="black", **kind) for label, kind in lines.items()]
-    pen.handles += [style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan")]
-    pen.handles.append(style.mark(style.GOAL, "target"))
-    style.legend_below(figure, pen.handles)
+    style.legend_below(figure, pen.handles + style.marks(vehicle="vehicle at a re-plan"))
     causes = [plan.cause for plan in plans[1:]]
     count = ", ".join(f"{causes.count(cause)} by {cause}" for cause in dict.fromkeys(causes)) or "none"
     name = run.scenario.get("name") or "leg"
@@ -251,7 +236,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
         return ax
     world = plan.conditions.world()
     positions = np.asarray(plan.positions, float)
-    low, high = window(positions)
+    low, high = scene.window(positions)
     section = plan_section(plan) if ax is None else None
     axes = style.own_axes(ax, 7.4, 7.2 + (0.0 if section is None else SECTION))
     below = add_section(axes, [] if section is None else [section])
@@ -259,9 +244,8 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     depth = float(positions[:, 2].mean())
     field = Field.of(world.current, low, high, depth, float(plan.times[0]))
     slowest, fastest, beyond = speed_range([field])
-    bar = axes.figure.colorbar(
-        field.draw(pen, slowest, fastest), ax=axes, shrink=0.8, pad=0.02, extend=beyond
-    )
+    image = field.draw(pen, slowest, fastest)
+    bar = axes.figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, extend=beyond)
     bar.set_label(f"current at {depth:.0f} m depth, at departure [m/s]")
     pen.coast(world.chart, see_through=True)
     _draw_obstacles(pen, plan, world)
@@ -274,11 +258,8 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
 
 
 def _draw_way(pen: Map, plan: PathPlan) -> None:
-    """Draw the path and its ends."""
     places, lines = np.asarray(plan.positions, float), "-" if plan.feasible else "--"
-    pen.axes.plot(
-        *pen.flat(places).T, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5
-    )
+    pen.line(places, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5)
     pen.handles.append(style.line("path", color="black", ls=lines, lw=2.4))
     pen.end(places[0], style.START, "start")
     pen.end(places[-1], style.GOAL, "goal")

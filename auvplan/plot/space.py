@@ -14,15 +14,7 @@ from auvplan.plot import style
 from auvplan.plot.maps import unit_of
 from auvplan.plot.style import Array
 from auvplan.records import LegRecord, MissionRun, PlanRecord
-from auvplan.view.scene import (
-    boundaries,
-    busiest_leg,
-    extent_points,
-    leg_title,
-    near_obstacles,
-    until_next,
-    window,
-)
+from auvplan.view import scene
 
 #: Obstacles farther than this many times the frame's edge are left out.
 _FAR = 0.6
@@ -99,18 +91,23 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     Raises:
         ValueError: the axes given are flat.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return style.annotate_empty(ax, "no path was planned")
     if ax is not None and ax.name != "3d":
         raise ValueError('ax must be three-dimensional: figure.add_subplot(projection="3d")')
     axes: Any = style.own_axes(ax, 8.4, 6.4, projection="3d", computed_zorder=False)
-    low, high = window(extent_points(leg), 0.1)
+    low, high = scene.window(scene.extent_points(leg), 0.1)
     pen, kinds = Space(axes, low, high), leg.obstacle_kinds
-    tracks, nearest = _nearest(leg)
+    # True tracks, and places at the time of least distance to the vehicle.
+    tracks, nearest = np.zeros((0, 0, 3)), np.zeros((0, 3))
+    if len(leg.times) and leg.obstacle_positions.size:
+        tracks = np.asarray(leg.obstacle_positions, float)
+        when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
+        nearest = tracks[when, np.arange(tracks.shape[1])]
     edge, middle = float((high - low).max()), 0.5 * (low + high)
     seen = [k for k in range(len(nearest)) if np.abs(nearest[k, :2] - middle).max() < _FAR * edge]
-    depths = [extent_points(leg)[:, 2]]
+    depths = [scene.extent_points(leg)[:, 2]]
     depths += [nearest[k, 2] + leg.obstacle_radii[k] * np.array([-1.0, 1.0]) for k in seen]
     top, bottom = min(d.min() for d in depths), max(d.max() for d in depths)
     top, bottom = top - 0.1 * (bottom - top) - 5.0, bottom + 0.1 * (bottom - top) + 5.0
@@ -144,19 +141,10 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
     (axes.figure.suptitle if ax is None else axes.set_title)(
-        f"Closest points of approach, {leg_title(run, leg)}\nvertical exaggeration {stretch:.1f}{note}",
+        f"Closest points of approach, {scene.leg_title(run, leg)}\nvertical exaggeration {stretch:.1f}{note}",
         fontsize=11,
     )
     return axes
-
-
-def _nearest(leg: LegRecord) -> tuple[Array, Array]:
-    """True tracks [n, M, 3] m, and places [M, 3] m at the time of least distance to the vehicle."""
-    tracks = np.asarray(leg.obstacle_positions, float)
-    if not len(leg.times) or not tracks.size:
-        return np.zeros((0, 0, 3)), np.zeros((0, 3))
-    when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
-    return tracks, tracks[when, np.arange(tracks.shape[1])]
 
 
 def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
@@ -169,21 +157,21 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         run: as executed.
         leg: that of `busiest_leg` where not given.
     """
-    leg = leg or busiest_leg(run)
+    leg = leg or scene.busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
     plans = leg.followed_plans
     figure = style.new_figure(9.6, 7.4)
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-    low, high = window(extent_points(leg), 0.04)
+    low, high = scene.window(scene.extent_points(leg), 0.04)
     pen = Space(axes, low, high)
-    depths = extent_points(leg)[:, 2]
+    depths = scene.extent_points(leg)[:, 2]
     top, bottom = float(min(depths.min(), 0.0)), float(depths.max()) * 1.1 + 10.0
     speeds = _draw_currents(pen, plans, np.linspace(top, bottom, len(plans) + 2)[1:-1])
     kinds = _draw_boundaries(pen, run, leg, [plan.made_at for plan in plans])
     pen.line(plans[0].positions, color=style.RED, ls="--", lw=1.5, zorder=4)
     for number in range(1, len(plans)):
-        executed, given_up = until_next(plans, number)
+        executed, given_up = scene.until_next(plans, number)
         pen.line(given_up, color="black", ls=":", lw=1.1, zorder=4)
         pen.line(executed, color="black", lw=2.8, zorder=4)
     pen.finish(plans, (top, bottom), _LAYERS_HEIGHT, pad=8)
@@ -194,8 +182,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         style.line("first path", color=style.RED, ls="--", lw=1.5),
         style.line("re-planned", color="black", lw=2.8),
         style.line("given up at the next re-plan", color="black", ls=":", lw=1.1),
-        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan"),
-        style.mark(style.GOAL, "target"),
+        *style.marks(vehicle="vehicle at a re-plan"),
         *style.obstacle_patches(kinds, ", boundaries as rings", alpha=0.6),
     ])  # fmt: skip
     times = ", ".join(f"{plan.made_at:,.0f}" for plan in plans)
@@ -217,10 +204,7 @@ def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> No
         edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
         north, east = np.meshgrid(*edges, indexing="ij")
         when = np.full_like(north, plan.made_at)
-        u, v, _ = (
-            np.asarray(part)
-            for part in evaluated(plan.current, north, east, np.full_like(north, depth), when)
-        )
+        u, v, _ = map(np.asarray, evaluated(plan.current, north, east, np.full_like(north, depth), when))
         return east / pen.metres, north / pen.metres, u, v
 
     planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
@@ -243,8 +227,8 @@ def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> No
 def _draw_boundaries(pen: Space, run: MissionRun, leg: LegRecord, times: list[float]) -> list[str]:
     """Draw each obstacle at the last time, its track, and rings: its boundary at each; return their kinds."""
     kinds, circle = [], np.linspace(0.0, 2.0 * np.pi, 40)
-    steps = [boundaries(run, leg, time) for time in times]
-    for k, m in enumerate(near_obstacles(leg)):
+    steps = [scene.boundaries(run, leg, time) for time in times]
+    for k, m in enumerate(scene.near_obstacles(leg)):
         track = np.stack([places[k] for places, _ in steps])
         if not ((track[-1, :2] > pen.low) & (track[-1, :2] < pen.high)).all():
             continue

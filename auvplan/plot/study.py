@@ -17,16 +17,7 @@ from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
 from auvplan.runtime.files import output_folder
 from auvplan.runtime.formatting import counted
 from auvplan.runtime.formatting import figure as number_in_words
-from auvplan.study.statistics import (
-    call_times,
-    leg_times,
-    over_finite,
-    planning_time,
-    positive,
-    relative_errors,
-    sweep_dims,
-    use_of_time,
-)
+from auvplan.study import statistics
 from auvplan.study.table import flag_names, study_chart
 from auvplan.view.scene import window
 
@@ -56,7 +47,7 @@ def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None)
         OutputError: the folder or a file cannot be written; one line that names it.
     """
     dataset = dataset.sortby("seed")
-    dims = sweep_dims(dataset)
+    dims = statistics.sweep_dims(dataset)
     first = dataset.isel(dict.fromkeys(dims, 0))
     shown_mission(first, seed)
     figures: dict[str, Callable[[], Figure]] = {
@@ -102,7 +93,7 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
     _dress(upper, lower)
     upper.margins(y=0.12)
     style.legend_below(figure, ncols=3)
-    share = float(over_finite(use_of_time(dataset), np.nanmean))
+    share = float(statistics.over_finite(statistics.use_of_time(dataset), np.nanmean))
     text = f"mean use of time {share:.1f} %, {success.sum()} of {counted(len(place), 'mission')} on time"
     failed = [str(seed) for seed in dataset["seed"].values[~success]]
     if failed:
@@ -118,7 +109,7 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
     Args:
         dataset: without a sweep, missions in order of seed.
     """
-    expected, executed = leg_times(dataset)
+    expected, executed = statistics.leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     if not both.any():
         return style.empty_figure("no leg was executed to its end")
@@ -148,7 +139,7 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
     left.set_ylim(low, high + 0.1 * (high - low))
     which = f"the first {_BOXES} of {count} missions" if count > _BOXES else counted(count, "mission")
     left.set_title(f"legs of {which} in order of seed", fontsize=10)
-    _draw_scatter(right, expected[both], executed[both], relative_errors(dataset)[both])
+    _draw_scatter(right, expected[both], executed[both], statistics.relative_errors(dataset)[both])
     right.set_xlabel(f"{awaited} [s]")
     _dress(left, right)
     set_title(figure, dataset, "travel times of legs as expected and as executed")
@@ -161,9 +152,9 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     Args:
         dataset: without a sweep, missions in order of seed.
     """
-    calls = positive(dataset["plan_cpu"].values)
-    low, middle, high = call_times(dataset)
-    whole = positive(planning_time(dataset))
+    calls = statistics.positive(dataset["plan_cpu"].values)
+    low, middle, high = statistics.call_times(dataset)
+    whole = statistics.positive(statistics.planning_time(dataset))
     place = np.arange(len(whole))
     figure = style.new_figure(11.0, 5.4)
     axes = figure.subplots()
@@ -179,7 +170,7 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     style.grid(axes, which="both", axis="y")
     _mission_axis(axes, dataset)
     style.legend_below(figure, ncols=3)
-    one, total = (float(over_finite(values.ravel(), np.nanmedian)) for values in (calls, whole))
+    one, total = (float(statistics.over_finite(values.ravel(), np.nanmedian)) for values in (calls, whole))
     text = f"median of a path planning call {one:.3g} s, of a mission's planning {total:.3g} s"
     set_title(figure, dataset, text)
     return figure
@@ -191,11 +182,11 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     Args:
         dataset: without a sweep, missions in order of seed.
         calls: `first_cpu` and `window_cpu` [mission] s, CPU time of single calls in one thread, by `seed`.
-        interval: s between two looks of the vehicle at the sea.
+        interval: s between two measurements by the vehicle's sensors.
     """
     figure = style.new_figure(11.6, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)
-    place, whole = np.arange(dataset.sizes["mission"]), np.nan_to_num(planning_time(dataset))
+    place, whole = np.arange(dataset.sizes["mission"]), np.nan_to_num(statistics.planning_time(dataset))
     at = np.searchsorted(dataset["seed"].values, calls["seed"].values)
     shown = (
         (place, whole, "s", style.RED, "all planning of the mission, wall-clock time"),
@@ -369,7 +360,7 @@ def _draw_scatter(axes: Axes, expected: Array, executed: Array, errors: Array) -
     axes.xaxis.set_major_formatter(_seconds)
     varied = len(executed) > 2 and min(np.ptp(expected), np.ptp(executed)) > 0.0
     text = f"correlation {np.corrcoef(expected, executed)[0, 1]:.3f}\n" if varied else ""
-    text += f"median relative error {100.0 * float(over_finite(errors, np.nanmedian)):.1f} %"
+    text += f"median relative error {100.0 * float(statistics.over_finite(errors, np.nanmedian)):.1f} %"
     axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=9, path_effects=style.halo())
     axes.set_title(f"{counted(len(executed), 'leg')} of all missions", fontsize=10)
 

@@ -24,7 +24,7 @@ Array = NDArray[np.floating]
 
 DPI = 150
 
-#: Okabe and Ito's colours, which the colour-blind can tell apart.
+#: Okabe and Ito's colours, which the colour-blind can distinguish.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
@@ -135,6 +135,11 @@ def mark(kind: dict[str, Any], label: str, **more: Any) -> Line2D:
     size = 12 if kind["marker"] == "*" else 7 if kind is VEHICLE else 8
     shown: dict[str, Any] = {"ls": "", "marker": kind["marker"], "ms": size, "color": kind["color"]}
     return line(label, **(shown | {"mec": BLACK} | more))
+
+
+def marks(vehicle: str = "vehicle") -> list[Line2D]:
+    """Return what a legend shows of the ends of a leg, and of the vehicle, by these words."""
+    return [mark(START, "start"), mark(VEHICLE, vehicle), mark(GOAL, "target")]
 
 
 def obstacle_patches(kinds: Sequence[str], words: str, **kind: Any) -> list[Patch]:

@@ -12,26 +12,13 @@ from matplotlib.figure import Figure
 
 from auvplan.plot import style
 from auvplan.runtime.formatting import counted
-from auvplan.study.statistics import (
-    cost_per_metre,
-    mean_interval,
-    over_finite,
-    relative_errors,
-    sweep_dims,
-    use_of_time,
-    wilson_interval,
-)
+from auvplan.study import statistics
 
 Array = style.Array
 
 #: Lines of a second setting, in turn.
-_LINES = list(
-    zip(
-        [style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.RED, style.SKY, style.BLACK],
-        ["o", "s", "^", "D", "v", "P", "X"],
-        strict=True,
-    )
-)
+_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.RED, style.SKY, style.BLACK
+_LINES = list(zip(_COLOURS, "os^DvPX", strict=True))
 
 
 @dataclass(frozen=True)
@@ -55,7 +42,7 @@ def setting_value(value: Any) -> str:
 
 def set_title(figure: Figure, dataset: xr.Dataset, text: str) -> None:
     """What is shown, under the study's title and the settings that were chosen from a sweep."""
-    chosen = [dim for dim in sweep_dims(dataset) if dim not in dataset.dims]
+    chosen = [dim for dim in statistics.sweep_dims(dataset) if dim not in dataset.dims]
     settings = [f"{setting_name(dataset, dim)} = {setting_value(dataset[dim].values[()])}" for dim in chosen]
     title = dataset.attrs.get("title")
     figure.suptitle(f"{title}\n" * bool(title) + "; ".join([*settings, text]), fontsize=11)
@@ -66,14 +53,14 @@ def _plain(name: str, factor: float = 1.0) -> Callable[[xr.Dataset], Array]:
 
 
 MEASURES = (
-    Measure("use of the time available [%]", use_of_time),
+    Measure("use of the time available [%]", statistics.use_of_time),
     Measure("total priority [-]", _plain("total_priority")),
     Measure("missions on time [%]", _plain("success", 100.0), share=True),
     Measure(
         "median |$T_{path}$ / ($t_{ij}$ − $δ_{ij}$) − 1| [%]",
-        lambda dataset: 100.0 * over_finite(relative_errors(dataset), np.nanmedian),
+        lambda dataset: 100.0 * statistics.over_finite(statistics.relative_errors(dataset), np.nanmedian),
     ),
-    Measure("path cost per metre of straight line [s/m]", cost_per_metre),
+    Measure("path cost per metre of straight line [s/m]", statistics.cost_per_metre),
     Measure("path re-plans per mission [-]", _plain("path_replans")),
     Measure("mission re-plans per mission [-]", _plain("mission_replans")),
 )
@@ -89,10 +76,11 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
     values = dataset[dim].values
     numeric = values.dtype.kind in "iuf"
     places = values.astype(float) if numeric else np.arange(len(values), dtype=float)
-    figure, panels = _panels()
+    figure = style.new_figure(14.5, 7.2)
+    panels: list[Axes] = list(figure.subplots(2, 4).flat)
     for axes, measure in zip(panels, MEASURES, strict=False):
         by_line = _by_line(dataset, measure)
-        found = (wilson_interval if measure.share else mean_interval)(by_line)
+        found = (statistics.wilson_interval if measure.share else statistics.mean_interval)(by_line)
         for k, (mean, low, high) in enumerate(zip(*found, strict=True)):
             order = np.argsort(places)
             at = (places + _shift(k, len(lines), places, 0.06 if numeric else 0.4))[order]
@@ -122,7 +110,8 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
     dim, lines = _first_setting(dataset), _line_names(dataset)
     values = dataset[dim].values
     places = np.arange(1.0, len(values))
-    figure, panels = _panels()
+    figure = style.new_figure(14.5, 7.2)
+    panels: list[Axes] = list(figure.subplots(2, 4).flat)
     for axes, measure in zip(panels, MEASURES, strict=False):
         by_line = _by_line(dataset, measure)
         differences = by_line[:, 1:] - by_line[:, :1]
@@ -133,17 +122,18 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
             # Whether a mission was on time is yes or no: a box says nothing.
             if not measure.share:
                 _boxes(axes, at, line, 0.6 / len(lines), colour)
-            mean, low, high = mean_interval(line)
+            mean, low, high = statistics.mean_interval(line)
             axes.errorbar(
                 at, mean, np.maximum(np.stack([mean - low, high - mean]), 0.0), color="black", mfc=colour,
                 marker=marker, ms=5, capsize=3.5, lw=1.5, ls="none", zorder=4,
             )  # fmt: skip
         _value_axis(axes, dataset, places, values[1:], named=True)
         axes.set_ylabel("Δ " + measure.label.replace("[%]", "[% points]"), fontsize=9)
-    note = (
-        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval"
+    _explain(
+        panels[-1],
+        lines,
+        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval",
     )
-    _explain(panels[-1], lines, note)
     reference = f"{setting_name(dataset, dim)} = {setting_value(values[0])}"
     count = counted(dataset.sizes["mission"], "mission")
     set_title(figure, dataset, f"differences from {reference}, {count} with the same seeds")
@@ -151,7 +141,7 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
 
 
 def _first_setting(dataset: xr.Dataset) -> str:
-    dims = sweep_dims(dataset)
+    dims = statistics.sweep_dims(dataset)
     if not dims:
         raise ValueError("the study has no sweep")
     return dims[0]
@@ -159,10 +149,9 @@ def _first_setting(dataset: xr.Dataset) -> str:
 
 def _line_names(dataset: xr.Dataset) -> list[str]:
     """Return a name for each combination of the settings after the first; one empty name without any."""
-    rest = sweep_dims(dataset)[1:]
     names = [
         [f"{setting_name(dataset, dim)} = {setting_value(value)}" for value in dataset[dim].values]
-        for dim in rest
+        for dim in statistics.sweep_dims(dataset)[1:]
     ]
     return [", ".join(parts) for parts in product(*names)]
 
@@ -177,12 +166,6 @@ def _shift(line: int, lines: int, places: Array, share: float) -> float:
     """Return how far to move a line aside so that intervals do not cover each other, in units of the axis."""
     gaps = np.diff(np.unique(places))
     return share * float(gaps.min()) * ((line + 0.5) / lines - 0.5) if gaps.size else 0.1 * line
-
-
-def _panels() -> tuple[Figure, list[Axes]]:
-    figure = style.new_figure(14.5, 7.2)
-    panels: list[Axes] = list(figure.subplots(2, 4).ravel())
-    return figure, panels
 
 
 def _boxes(axes: Axes, places: Array, values: Array, width: float, colour: str) -> None:

@@ -47,14 +47,19 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     last = max([run.t_available, run.t_mission, *(bar.ends for bar in bars)])
     axes.set_xlim(0.0, 1.02 * last)
     axes.set_ylim(rows - 0.35 + 0.6 * len(run.closures), -0.65)
-    norm = _norm(run)
+    priority = np.asarray(run.graph.priority, float)
+    top = max(float(priority.max()), 1.0)
+    norm = Normalize(0.0, top)
+    if 1.0 < top <= 12 and (priority == np.rint(priority)).all():  # few whole numbers are steps
+        norm = BoundaryNorm(np.arange(0.5, top + 1.0), _PRIORITY.N)
     # How wide a letter is on the time axis.
     letter = 0.62 * _FONT / 72.0 / width * 1.02 * last
     for row, route in enumerate(planned):
         _draw(axes, row, route, norm, letter)
     _draw(axes, rows - 1, executed, norm, letter)
     windows = _draw_windows(axes, run, rows - 1, executed)
-    for row, closure in zip(_closure_rows(run, rows), run.stated_closures, strict=True):
+    closure_rows = [rows - 0.05 + 0.6 * number for number in range(len(run.closures))]
+    for row, closure in zip(closure_rows, run.stated_closures, strict=True):
         for begins, ends in closure.spans:
             begin, end = max(begins, 0.0), min(ends, 1.02 * last)
             if begin < end:
@@ -70,7 +75,7 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     executed_name = f"{'executed' if run.simulated else 'plan'}\npriority {figure(run.total_priority)}, "
     executed_name += f"{run.t_mission:,.0f} s ({hours(run.t_mission)})"
     names = [*(_name(run, k) for k in range(len(routes))), executed_name, *closures_in_words(run)]
-    axes.set_yticks([*range(rows), *_closure_rows(run, rows)], names)
+    axes.set_yticks([*range(rows), *closure_rows], names)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
     style.grid(axes, axis="x")
@@ -96,20 +101,6 @@ def _draw_windows(axes: Axes, run: MissionRun, row: int, bars: list[Bar]) -> boo
                 axes.plot([begin, end], [row + 0.43] * 2, color=style.GREEN, lw=3.0, solid_capstyle="butt")
                 found = True
     return found
-
-
-def _closure_rows(run: MissionRun, rows: int) -> list[float]:
-    """Return where the row of each closed area is, under those of the routes."""
-    return [rows - 0.05 + 0.6 * number for number in range(len(run.closures))]
-
-
-def _norm(run: MissionRun) -> Normalize:
-    """Priorities in steps where they are few whole numbers."""
-    priority = np.asarray(run.graph.priority, float)
-    top = max(float(priority.max()), 1.0)
-    if top <= 12 and (priority == np.rint(priority)).all():
-        return BoundaryNorm(np.arange(0.5, top + 1.0), _PRIORITY.N) if top > 1.0 else Normalize(0.0, 1.0)
-    return Normalize(0.0, top)
 
 
 def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float) -> None:

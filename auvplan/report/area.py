@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import MissionRun
 from auvplan.report.page import packed
 from auvplan.site import Site
-from auvplan.view.section import PARTS, run_sections
+from auvplan.view.section import PARTS, run_sections, true_current
 
 Array = NDArray[np.floating]
 
@@ -101,9 +100,8 @@ def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
     """Points [n] north and [m] east in squares, `most` along the longer edge."""
     step = float((high - low).max()) / most
     counts = [max(2, round(float(edge) / step)) for edge in high - low]
-    north, east = (
-        low[k] + (np.arange(count) + 0.5) * (high[k] - low[k]) / count for k, count in enumerate(counts)
-    )
+    edges = zip(low, high, counts, strict=True)
+    north, east = (first + (np.arange(count) + 0.5) * (last - first) / count for first, last, count in edges)
     return north, east
 
 
@@ -129,16 +127,11 @@ def current_data(
     moments = np.unique(np.round([*np.linspace(first, last, _MOMENTS), *made[::step]], 3))
     north, east = _grid(low, high, _ARROWS)
     x, y = np.meshgrid(north, east, indexing="ij")
-    levels = (
-        np.interp(moments, times, depths) if len(times) else np.full(len(moments), plans[0].positions[0, 2])
-    )
-    latest = np.searchsorted(made, moments + 1e-3, side="right") - 1
-    u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
-    for number in np.unique(latest):
-        here = np.flatnonzero(latest == number)
-        z, t = (values[here, None, None] for values in (levels, moments))
-        where = np.broadcast_arrays(x, y, z, t)
-        u[here], v[here], _ = evaluated(plans[number].current, *where)
+    levels = np.full(len(moments), plans[0].positions[0, 2])
+    if len(times):
+        levels = np.interp(moments, times, depths)
+    where = np.broadcast_arrays(x, y, levels[:, None, None], moments[:, None, None])
+    u, v, _ = true_current(plans)(*where)
     speed = np.hypot(u, v)
     known = np.isfinite(speed)
     if run.chart is not None:

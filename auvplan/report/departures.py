@@ -41,7 +41,7 @@ def departures_data(rows: list[dict[str, Any]], stated: Mapping[str, Any]) -> di
 
 
 def read_departures(folder: str | Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the departures of a folder and what they were planned from, as far as the folder tells.
+    """Return the departures of a folder and what they were planned from, as far as the folder has it.
 
     Raises:
         ResultError: a file is missing or damaged; one line that names it.

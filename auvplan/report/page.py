@@ -32,13 +32,7 @@ _MARK = re.compile(r"\{\{(\w+)\}\}")
 _KINDS = {"f32": "<f4", "i16": "<i2", "i32": "<i4"}
 
 #: What would end a script or a line of it, and the escape that replaces it within JSON.
-_UNSAFE = {
-    "<": "\\u003c",
-    ">": "\\u003e",
-    "&": "\\u0026",
-    "\u2028": "\\u2028",
-    "\u2029": "\\u2029",
-}
+_UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
 def write_page(kind: str, title: str, data: Mapping[str, Any], path: str | Path) -> Path:

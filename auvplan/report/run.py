@@ -14,16 +14,8 @@ from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
 from auvplan.runtime.formatting import hours
 from auvplan.scenario.provenance import changed_settings
+from auvplan.view import scene
 from auvplan.view.margins import Margins
-from auvplan.view.scene import (
-    as_filed,
-    looks,
-    sensing_data,
-    shown_obstacles,
-    true_obstacles,
-    waypoint_name,
-    window,
-)
 from auvplan.view.sheet import leg_depths, sheet_of
 from auvplan.view.timeline import Bar, closed_areas, executed_bars, lateness, planned_bars
 
@@ -31,7 +23,7 @@ Array = NDArray[np.floating]
 
 #: Records of the track in a page at most; of longer ones some are left out.
 _RECORDS = 20_000
-#: Of the records of a leg every so many hold where the obstacles were.
+#: Records of a leg from one that holds where the obstacles were to the next.
 _EVERY = 5
 #: Figures of the summary that the page's head and its costs show.
 _FIGURES = (
@@ -46,20 +38,19 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         run: as executed, or a plan; one that failed on the way is fine.
-        summary: of the run, as it is saved; its "sheet" is made anew if absent.
+        summary: of the run, as it is saved; its "sheet" is made if absent.
     """
     stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
     legs = [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
-    planned = [as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
+    planned = [scene.as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
-    low, high = window(points, 0.07, run.chart, slender=0.55, least=200.0)
+    low, high = scene.window(points, 0.07, run.chart, slender=0.55, least=200.0)
     least, safety = way.margins.least(), run.safety
     margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
     margins["bed"] = safety.seabed
-    begin = (
-        float(way.times[0]) if len(way.times) else min((route.made_at for route in run.routes), default=0.0)
-    )
+    begin = float(min((route.made_at for route in run.routes), default=0.0))
+    begin = float(way.times[0]) if len(way.times) else begin
     return {
         "kind": "leg" if len(run.graph.positions) == 2 else "mission" if run.simulated else "plan",
         "name": str(run.scenario.get("name") or "mission"),
@@ -95,12 +86,10 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
             for area in closed_areas(run)
         ],
         "known": [asdict(obstacle) for obstacle in run.obstacles],
-        "sensing": sensing_data(run),
+        "sensing": scene.sensing_data(run),
         "routes": _routes(run),
         "tasks": task_data(run, stated),
-        "limits": [
-            {"name": name, "margin": margin, "least": least[name]} for name, margin in margins.items()
-        ],
+        "limits": [{"name": of, "margin": margin, "least": least[of]} for of, margin in margins.items()],
         "provenance": {
             "files": list(stated.get("files", [])),
             "assumed": list(stated.get("assumed", [])),
@@ -142,7 +131,7 @@ class _Way:
 
 
 def _kept(count: int, stride: int) -> NDArray[np.int_]:
-    """Indices of every so many records, and of the last."""
+    """Indices of every `stride`-th record, and of the last."""
     return np.unique(np.append(np.arange(0, count, stride), count - 1)) if count else np.zeros(0, int)
 
 
@@ -159,12 +148,11 @@ def _track(way: _Way) -> dict[str, Any]:
 
 
 def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
-    """Waypoints with what was done there."""
     done = {leg.goal for leg in run.earning}
     visited = set(run.route)
     return [
         {
-            "name": waypoint_name(run, node) if run.names else str(node),
+            "name": scene.waypoint_name(run, node) if run.names else str(node),
             "place": np.round(place, 2),
             "state": "task" if node in done else "visited" if node in visited else "left",
         }
@@ -207,7 +195,7 @@ def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
         "feasible": plan.feasible,
         "violation": float(broken[-1]) if len(broken) else None,
         "cpu": plan.cpu,
-        "places": packed(np.round(as_filed(plan.positions), 2)),
+        "places": packed(np.round(scene.as_filed(plan.positions), 2)),
         "times": packed(plan.times),
     }
 
@@ -243,16 +231,16 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
         leg: as executed.
         rows: [k] records of the leg at which places are given.
     """
-    shown = shown_obstacles(leg)
+    shown = scene.shown_obstacles(leg)
     if not shown or not len(rows):
         return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
-    tracks, radii = true_obstacles(leg)
+    tracks, radii = scene.true_obstacles(leg)
     return {
         "kinds": [leg.obstacle_kinds[m] for m in shown],
         "radii": radii,
         "times": packed(leg.times[rows]),
         "places": packed(tracks[rows]),
-        "looks": looks(run, leg),
+        "looks": scene.looks(run, leg),
     }
 
 
@@ -269,11 +257,7 @@ def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]
         for stop in stated.get("stops", [])
         if stop["task"]
     ]  # fmt: skip
-    left = [
-        {"name": job["name"], "priority": job["priority"], "done": False, "at": None, "duration": None,
-         "why": job["reason"]}
-        for job in stated.get("left_out", [])
-    ]  # fmt: skip
+    left = [_left(job["name"], job["priority"], job["reason"]) for job in stated.get("left_out", [])]
     return [*done, *(left if run.names else _unvisited(run))]
 
 
@@ -290,17 +274,13 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
     rows = []
     for node in sorted(set(range(len(travel))) - set(route)):
         detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
-        rows.append(
-            {
-                "name": waypoint_name(run, node),
-                "priority": float(priority[:, node].max()),
-                "done": False,
-                "at": None,
-                "duration": None,
-                "why": _why_unvisited(run, float(min(detours, default=np.inf))),
-            }
-        )
+        why = _why_unvisited(run, float(min(detours, default=np.inf)))
+        rows.append(_left(scene.waypoint_name(run, node), float(priority[:, node].max()), why))
     return sorted(rows, key=lambda row: -row["priority"])
+
+
+def _left(name: str, priority: float, why: str) -> dict[str, Any]:
+    return {"name": name, "priority": priority, "done": False, "at": None, "duration": None, "why": why}
 
 
 def _why_unvisited(run: MissionRun, extra: float) -> str:

@@ -13,15 +13,7 @@ from auvplan.report.area import map_data
 from auvplan.report.page import packed
 from auvplan.scenario.file import shipped_scenarios
 from auvplan.scenario.provenance import changed_settings, file_names
-from auvplan.study.statistics import (
-    call_times,
-    leg_times,
-    planning_time,
-    priority_gap,
-    summarise,
-    sweep_dims,
-    use_of_time,
-)
+from auvplan.study import statistics
 from auvplan.study.table import flag_names, study_chart
 from auvplan.view.scene import window
 
@@ -47,28 +39,27 @@ def study_data(
         runs: names of the folders of missions that were saved whole.
     """
     dataset = dataset.sortby("seed")
-    dims, settings = sweep_dims(dataset), json.loads(dataset.attrs.get("scenario", "{}"))
+    dims, settings = statistics.sweep_dims(dataset), json.loads(dataset.attrs.get("scenario", "{}"))
     sweeps = [
         {"field": str(dataset[dim].attrs.get("field", dim)), "values": dataset[dim].values} for dim in dims
     ]
     indices = list(product(*(range(dataset.sizes[dim]) for dim in dims)))
     cases = [dataset.isel(dict(zip(dims, index, strict=True))) for index in indices]
-    summary = summarise(dataset)
+    summary = statistics.summarise(dataset)
     room = max(_DETAILED // len(cases), 1)
     name, changes = _command(settings)
     waypoints = dataset["waypoint_position"].values.reshape(-1, 3)
     known = waypoints[np.isfinite(waypoints).all(axis=1)]
     chart = study_chart(dataset)
-    ground = (
-        map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
-        if len(known)
-        else None
-    )
+    ground = None
+    if len(known):
+        ground = map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
     return {
         "kind": "rehearsal" if rehearsal else "study",
         "name": str(settings.get("name") or "study"),
         "description": str(settings.get("description") or ""),
         "sweeps": sweeps,
+        "described": list(statistics.DESCRIBED.items()),
         "seeds": dataset["seed"].values,
         "runs": list(runs),
         "scenario": name,
@@ -97,8 +88,8 @@ def study_data(
 def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
     """Return the missions of one setting: figures of all, legs and routes of the first."""
     figures = {name: case[name].values.astype(float) for name in _FIGURES if name in case}
-    figures |= {"use": use_of_time(case), "gap": priority_gap(case)}
-    figures["planning"] = np.nan_to_num(planning_time(case))
+    figures |= {"use": statistics.use_of_time(case), "gap": statistics.priority_gap(case)}
+    figures["planning"] = np.nan_to_num(statistics.planning_time(case))
     count = case.sizes["mission"]
     return {
         "success": case["success"].values == 1,
@@ -107,7 +98,7 @@ def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
             name: [_significant(value) for value in np.asarray(values)] for name, values in figures.items()
         },
         "legs": _legs(case),
-        "calls": [[_significant(value) for value in row] for row in np.stack(call_times(case), axis=-1)],
+        "calls": [list(map(_significant, row)) for row in np.stack(statistics.call_times(case), axis=-1)],
         "missions": [_mission(case.isel(mission=number)) for number in range(min(count, room))],
     }
 
@@ -119,7 +110,7 @@ def _significant(value: float) -> float | None:
 
 def _legs(case: xr.Dataset) -> dict[str, Any]:
     """Times of all legs that were executed to their end, without their tasks, and whose they are."""
-    expected, executed = leg_times(case)
+    expected, executed = statistics.leg_times(case)
     both = np.isfinite(expected) & np.isfinite(executed)
     return {
         "mission": packed(np.nonzero(both)[0], "i32"),
@@ -129,7 +120,6 @@ def _legs(case: xr.Dataset) -> dict[str, Any]:
 
 
 def _mission(one: xr.Dataset) -> dict[str, Any]:
-    """Return the legs, routes and waypoints of a mission."""
     causes = flag_names(one["route_cause"])
     legs = np.flatnonzero(one["leg_from"].values >= 0)
     columns = ("leg_from", "leg_to", "leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority")
@@ -140,9 +130,7 @@ def _mission(one: xr.Dataset) -> dict[str, Any]:
     for number, nodes in enumerate(one["route_nodes"].values):
         if (nodes >= 0).any():
             figures = (one[f"route_{name}"].values[number] for name in ("made_at", "time", "priority"))
-            routes.append(
-                [causes[number], *(_significant(float(value)) for value in figures), nodes[nodes >= 0]]
-            )
+            routes.append([causes[number], *map(_significant, figures), nodes[nodes >= 0]])
     places = one["waypoint_position"].values
     return {
         "legs": [[*map(_significant, row), *more] for row, more in zip(rows, whole.tolist(), strict=True)],

@@ -8,7 +8,7 @@ from typing import Any
 from auvplan.study.design import StudyError
 from auvplan.study.worker import Job, Report, run_whole_job
 
-#: Missions that a worker is handed at a time; so many are lost when it dies.
+#: Missions that a worker is handed at a time, which are lost when it dies.
 CHUNK = 16
 
 #: How long a scheduler is waited for.

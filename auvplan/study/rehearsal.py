@@ -36,7 +36,7 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
         executed: missions of the same scenario, as `run_study` returns them.
 
     Returns:
-        What `summarise` tells of the missions; the plan's figures; how many missions did each job, and how
+        What `summarise` returns of the missions; the plan's figures; how many missions did each job, and how
         many did all that is planned, on time.
     """
     names = planned.names
@@ -56,7 +56,6 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
 
 
 def _done(names: list[str], mission: xr.Dataset) -> set[str]:
-    """Jobs that a mission did."""
     earning = (mission["leg_arrived"].values == 1) & (mission["leg_priority"].values > 0.0)
     ends = np.stack([mission["leg_from"].values, mission["leg_to"].values], axis=1)[earning]
     return jobs_done(names, [(int(i), int(j)) for i, j in ends]) if names else set()

@@ -27,11 +27,7 @@ from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, run_job,
 Progress = Callable[[int, int, float], None]
 
 #: Settings of JAX that worker processes take over.
-JAX_SETTINGS = (
-    "jax_compilation_cache_dir",
-    "jax_persistent_cache_min_compile_time_secs",
-    "jax_enable_x64",
-)
+JAX_SETTINGS = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs", "jax_enable_x64")
 
 
 @dataclass
@@ -144,9 +140,8 @@ def _run_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
                 try:
                     report = pipe.recv()
                 except (EOFError, OSError):
-                    raise StudyError(
-                        "a worker process died (out of memory?); continue the study with --resume"
-                    ) from None
+                    line = "a worker process died (out of memory?); continue the study with --resume"
+                    raise StudyError(line) from None
                 if isinstance(report, Exception):
                     raise report
                 take(report, pipe)

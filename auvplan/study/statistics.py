@@ -134,6 +134,28 @@ def time_per_metre(dataset: xr.Dataset) -> Array:
     return over_finite(executed / np.where(usable, distance, 1.0), np.nanmean)
 
 
+#: Figures of a summary that tables show, with the words for them.
+DESCRIBED = {
+    "use_of_time_percent": "use of the available time, %",
+    "t_residual_s": "time left at the end, s",
+    "tasks": "tasks done",
+    "total_priority": "total priority",
+    "priority_gap_percent": "gap to the bound on it, %",
+    "path_replans": "path re-plans a mission",
+    "mission_replans": "mission re-plans a mission",
+    "cost_mission": "cost of a mission (Eq. 15)",
+    "cost_total": "total cost with re-planning (Eq. 16)",
+    "t_expected_s": "expected time of a leg, s",
+    "t_path_s": "T_path of a leg, s",
+    "coast_clearance_m": "least distance to the coast, m",
+    "obstacle_clearance_m": "least distance to an obstacle, m",
+    "seabed_altitude_m": "least altitude above the bed, m",
+    "path_cpu_s": "path planning a mission, s",
+    "mission_cpu_s": "mission planning a mission, s",
+    "path_call_cpu_s": "time of a path planning call, s",
+    "mission_call_cpu_s": "time of a mission planning call, s",
+}
+
 #: Figures of a mission that the cases of a sweep are compared by, seed by seed.
 _COMPARED: dict[str, Callable[[xr.Dataset], Array]] = {
     "use_of_time_percent": use_of_time,
@@ -167,7 +189,9 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     expected, executed = leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     median, least, most = median_interval(relative_errors(dataset))
-    seeds = dataset["seed"].values
+    seeds, correlation = dataset["seed"].values, None
+    if both.sum() > 2:
+        correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
     figures = {
         "use_of_time_percent": use_of_time(dataset),
         "t_residual_s": dataset["t_residual"].values,
@@ -203,9 +227,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "faults": int(dataset["faults"].values.sum()),
         "expected_against_executed": {
             "legs": int(both.sum()),
-            "correlation": float(np.corrcoef(expected[both], executed[both])[0, 1])
-            if both.sum() > 2
-            else None,
+            "correlation": correlation,
             "median_relative_error_percent": 100.0 * median if np.isfinite(median) else None,
             "low": 100.0 * least if np.isfinite(least) else None,
             "high": 100.0 * most if np.isfinite(most) else None,

@@ -72,11 +72,7 @@ def run_job(job: Job, report: Callable[[Report], None]) -> None:
     watch = _Watch(report)
     for case, seeds in by_case(job.tasks).items():
         missions = execute_missions(
-            design.cases[case],
-            keys=seed_keys(seeds),
-            seeds=seeds,
-            folder=job.folder,
-            progress=watch,
+            design.cases[case], keys=seed_keys(seeds), seeds=seeds, folder=job.folder, progress=watch
         )
         spent = 0.0
         for number, run in missions:

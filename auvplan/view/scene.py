@@ -149,10 +149,7 @@ def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
         return positions, positions[:0]
     end = plans[index + 1].positions[0]
     last = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
-    return (
-        np.concatenate([positions[:last], end[None]]),
-        np.concatenate([end[None], positions[last + 1 :]]),
-    )
+    return (np.concatenate([positions[:last], end[None]]), np.concatenate([end[None], positions[last + 1 :]]))
 
 
 def as_filed(positions: ArrayLike) -> Array:
@@ -243,9 +240,8 @@ def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[Array, Arr
     Known ones do not grow; the errors of measurement, which widen boundaries further, are left out.
     """
     near, shown = near_obstacles(leg), shown_obstacles(leg)
-    growth = dict(
-        zip(shown, grown(run, leg, np.array([time]), errors=False)[0] if shown else (), strict=True)
-    )
+    grew = grown(run, leg, np.array([time]), errors=False)[0] if shown else ()
+    growth = dict(zip(shown, grew, strict=True))
     tracks = np.asarray(leg.obstacle_positions, float)
     places = [[np.interp(time, leg.times, tracks[:, m, axis]) for axis in range(3)] for m in near]
     radii = [leg.obstacle_radii[m] + growth.get(m, 0.0) for m in near]

@@ -1,6 +1,6 @@
 """The vertical section along a way: current, sea bed and obstacles, as they are when it passes them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import jax
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.plan import PathPlan
-from auvplan.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.world import KNOWN
 from auvplan.view.scene import as_filed, grown, shown_obstacles, true_obstacles
@@ -136,7 +136,7 @@ def run_sections(run: MissionRun) -> list[Section]:
         if length > 0.0:
             cells = max(_FEWEST, round(_COLUMNS * length / total))
             way = _Way.of(leg.times, leg.positions, cells, begin)
-            parts.append((leg, way, _true_current(leg), _leg_cuts(run, leg, way)))
+            parts.append((leg, way, true_current(leg.plans), _leg_cuts(run, leg, way)))
             begin += length
     lower, upper = Scenario.model_validate(dict(run.scenario)).box
     return _sections(parts, run.seabed, (lower[2], upper[2]))
@@ -157,9 +157,8 @@ def _sections(
     if not parts or reach[0] >= reach[1]:
         return []
     beds = [None if seabed is None else seabed.altitude(way.at * [1.0, 1.0, 0.0]) for _, way, *_ in parts]
-    levels = np.concatenate(
-        [line[:, 1] for leg, way, *_ in parts for line in (way.line, *_earlier(leg, way))]
-    )
+    lines = [line for leg, way, *_ in parts for line in (way.line, *_earlier(leg, way))]
+    levels = np.concatenate([line[:, 1] for line in lines])
     depth = np.linspace(min(0.0, levels.min()), _floor(float(levels.max()), reach[1], beds), _ROWS + 1)
     found = [_section(*part, depth, bed) for part, bed in zip(parts, beds, strict=True)]
     sheared = max(section.shear for section in found) > _SHEAR
@@ -187,11 +186,8 @@ def _section(
     x, y, t = (np.broadcast_to(values, shape) for values in (*way.at[middle, :2].T, way.time[middle]))
     u, v, _ = velocity(x, y, np.broadcast_to(levels[:, None], shape), t)
     water = np.isfinite(u) & (True if bed is None else levels[:, None] < bed[middle])
-    shear = [
-        np.ptp(np.stack([u, v], axis=-1)[rows, k], axis=0).max()
-        for k, rows in enumerate(water.T)
-        if rows.any()
-    ]
+    both = np.stack([u, v], axis=-1)
+    shear = [np.ptp(both[rows, k], axis=0).max() for k, rows in enumerate(water.T) if rows.any()]
     return Section(
         way.distance, way.time, depth, u * course[:, 0] + v * course[:, 1], float(max(shear, default=0.0)),
         bed, way.line, _earlier(leg, way), tuple(cut for cut in cuts if np.isfinite(cut.boundary).any()), leg,
@@ -233,9 +229,9 @@ def _leg_cuts(run: MissionRun, leg: LegRecord, way: _Way) -> list[Cut]:
     return found
 
 
-def _true_current(leg: LegRecord) -> Velocity:
-    """Return the current of the latest plan of a leg, on arrays of north, east, depth, m, and time, s."""
-    plans = sorted(leg.plans, key=lambda plan: plan.made_at)
+def true_current(plans: Iterable[PlanRecord]) -> Velocity:
+    """Return the current of the latest plan, on arrays of north, east, depth, m, and time, s."""
+    plans = sorted(plans, key=lambda plan: plan.made_at)
     made = [plan.made_at for plan in plans]
 
     def velocity(*where: Array) -> Sequence[Array]:

@@ -2,7 +2,7 @@
 
 import html
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from itertools import pairwise, product
@@ -22,16 +22,9 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.files import write_atomically
 from auvplan.runtime.formatting import clearance, figure, hours
 from auvplan.scenario.provenance import SourceFile, source_files
+from auvplan.view import timeline
 from auvplan.view.margins import Margins
 from auvplan.view.scene import waypoint_name
-from auvplan.view.timeline import (
-    END_BEHAVIOURS,
-    closures_in_words,
-    moment_in_words,
-    spans_in_words,
-    time_in_words,
-    time_zone,
-)
 
 
 @dataclass(frozen=True)
@@ -76,6 +69,11 @@ class Stop:
     place: tuple[float, float] | None = None
     travel: float = 0.0
     transit: tuple[float, float, float] | None = None
+
+    @property
+    def done(self) -> str:
+        """What is done here, in words: the task, whose name is not repeated where it is the waypoint's."""
+        return "done" if self.task and self.task == self.name else self.task
 
 
 @dataclass(frozen=True)
@@ -153,51 +151,33 @@ class MissionSheet:
             times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
             if stop.utc is not None and local:
                 times.append(f"{stop.utc.astimezone(local):%H:%M:%S}")
-            rows.append(
-                [
-                    str(number),
-                    stop.name,
-                    "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
-                    "done" if stop.task and stop.task == stop.name else stop.task,
-                    figure(stop.priority) if stop.priority else "",
-                    hours(stop.arrival),
-                    *times,
-                    f"{stop.depth:.0f}",
-                    transits[number],
-                    stop.window,
-                    f"{stop.wait:.0f}" if stop.wait else "",
-                    f"{stop.hold:.0f}" if stop.hold else "",
-                    f"{stop.travel:,.0f}" if number else "",
-                    f"{stop.length:,.0f}" if number else "",
-                    f"{stop.ground_speed:.1f} ({stop.slowest:.1f})" if number else "",
-                    self._coast(stop),
-                    *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
-                ]
-            )
+            travel = f"{stop.travel:,.0f}", f"{stop.length:,.0f}"
+            travel = *travel, f"{stop.ground_speed:.1f} ({stop.slowest:.1f})"
+            rows.append([
+                str(number), stop.name,
+                "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
+                stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival), *times,
+                f"{stop.depth:.0f}", transits[number], stop.window,
+                *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
+                *(travel if number else [""] * 3), clearance(stop.coast, self.accuracy, self.reach),
+                *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
+            ])  # fmt: skip
         return _filled(headings, rows)
 
-    def _coast(self, stop: Stop) -> str:
-        """Return the distance to the coast as finely as it is known."""
-        return clearance(stop.coast, self.accuracy, self.reach)
-
     def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
-        """Headings and cells for a terminal."""
         hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
         headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold]
         headings += ["coast, m", "closed, m", "bed, m"]
         rows = [
             [
-                str(number),
-                stop.name,
-                ("done" if stop.task == stop.name else stop.task) if stop.task else "",
-                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
-                f"{stop.depth:.0f} m",
+                str(number), stop.name, stop.done,
+                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}", f"{stop.depth:.0f} m",
                 " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
-                self._coast(stop),
+                clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
             ]
             for number, stop in enumerate(self.stops)
-        ]
+        ]  # fmt: skip
         return _filled(headings, rows)
 
 
@@ -224,23 +204,22 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
-        "departure": "no date" if epoch is None else moment_in_words(run, 0.0),
-        "arrival": moment_in_words(run, run.t_mission),
+        "departure": "no date" if epoch is None else timeline.moment_in_words(run, 0.0),
+        "arrival": timeline.moment_in_words(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
-        "at the end": END_BEHAVIOURS[run.safety.end],
+        "at the end": timeline.END_BEHAVIOURS[run.safety.end],
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
         "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
-    if steep := _steepest(run):
-        facts["in depth"] = steep
-    if bounded := _bounded(run):
-        facts["paths"] = bounded
-    if lines := _lines(run):
-        facts["survey lines"] = "; ".join(lines)
-    if run.closures:
-        facts["closed areas"] = "; ".join(closures_in_words(run))
+    more = {
+        "in depth": _steepest(run),
+        "paths": _bounded(run),
+        "survey lines": "; ".join(_lines(run)),
+        "closed areas": "; ".join(timeline.closures_in_words(run)),
+    }
+    facts |= {name: words for name, words in more.items() if words}
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
         facts,
@@ -249,7 +228,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         tuple(_warnings(run, stops)),
         source_files(run.scenario, run.folder),
         run.assumed,
-        time_zone(run),
+        timeline.time_zone(run),
         float((run.scenario.get("chart") or {}).get("accuracy") or 0.0),
         run.coast_reach,
     )
@@ -379,11 +358,13 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
         return ""
     if start is not None and table.enters.shape[-1]:
         along = zip(table.enters[start, node], table.until[start, node], strict=True)
-        if words := spans_in_words(run, along):
+        if words := timeline.spans_in_words(run, along):
             return words
     if not table.opens.shape[-1]:
         return ""
-    return spans_in_words(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
+    return timeline.spans_in_words(
+        run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True)
+    )
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
@@ -513,12 +494,11 @@ def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
         closes = float(table.closes[i, node].max())
         return (
             f"its window is {_windows(run, node)}: the route could be there "
-            f"{time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
+            f"{timeline.time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
         )
     wait = min(begins)
-    return (
-        f"its window is {_windows(run, node)}: it would cost {hours(wait)} of waiting" if wait > 60.0 else ""
-    )
+    cost = f"its window is {_windows(run, node)}: it would cost {hours(wait)} of waiting"
+    return cost if wait > 60.0 else ""
 
 
 def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
@@ -531,9 +511,8 @@ def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
     speed = float(np.asarray(run.vehicle.speed))
     for stop in stops[1:]:
         if stop.length > ONE_PLACE and stop.slowest < 0.3 * speed:
-            warnings.append(
-                f"on the way to {stop.name} the speed over ground falls to {stop.slowest:.1f} m/s"
-            )
+            slowest = f"the speed over ground falls to {stop.slowest:.1f} m/s"
+            warnings.append(f"on the way to {stop.name} {slowest}")
     return warnings
 
 
@@ -555,8 +534,7 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     left = [[job.name, figure(job.priority), job.reason] for job in sheet.left_out]
     parts = [
         f"<h1>{html.escape(sheet.title)}</h1>",
-        *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.warnings),
-        *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.assumed),
+        *(f'<p class="warning">{html.escape(line)}</p>' for line in (*sheet.warnings, *sheet.assumed)),
         f"<table>{facts}</table>",
         _html_table(headings, rows),
         "<p>Transit: least and greatest depth on the way and, in brackets, the mean. Speed over ground: the "
@@ -567,26 +545,20 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     if sheet.files:
         files = [[file.field, file.name, f"{file.size:,}", file.sha256[:16]] for file in sheet.files]
         parts += ["<h2>Planned on</h2>", _html_table(["field", "file", "bytes", "SHA-256 begins"], files)]
-        parts += [f"<p>{html.escape(line)}</p>" for line in _fetched(sheet.files)]
+        for file in sheet.files:
+            if file.fetched:
+                request, digest = file.origin.get("request", "?"), file.origin.get("request_sha256", "?")[:16]
+                line = f"{file.name}: {file.fetched}; request: {request} (SHA-256 {digest})"
+                parts.append(f"<p>{html.escape(line)}</p>")
     if picture:
         parts.append(f'<img src="{html.escape(picture)}" alt="map of the mission">')
     page = _PAGE.format(title=html.escape(sheet.title), body="\n".join(parts))
     return write_atomically(path, lambda part: part.write_text(page, encoding="utf-8"))
 
 
-def _fetched(files: Sequence[SourceFile]) -> list[str]:
-    """Return where files were fetched from, and with which request, a line each."""
-    return [
-        f"{file.name}: {file.fetched}; request: {file.origin.get('request', '?')} "
-        f"(SHA-256 {file.origin.get('request_sha256', '?')[:16]})"
-        for file in files
-        if file.fetched
-    ]
-
-
 def _html_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    def row(cells: Sequence[str], tag: str, escape: Callable[[str], str] = html.escape) -> str:
-        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
     body = "".join(row(cells, "td") for cells in rows)
     return f"<table><thead>{row(headings, 'th')}</thead><tbody>{body}</tbody></table>"

@@ -24,7 +24,7 @@ report.unpacked = (one, ...names) =>
 
 report.isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
-/** A number with so many decimals; a dash where there is none. */
+/** A number to some decimals; a dash where there is none. */
 report.fixed = function (value, decimals = 0) {
   if (!report.isNumber(value)) return "–";
   const text = value.toLocaleString("en", {
@@ -34,7 +34,7 @@ report.fixed = function (value, decimals = 0) {
   return text.replace("-", "−");
 };
 
-/** A number with so many significant digits. */
+/** A number to some significant digits. */
 report.figure = function (value, digits = 4) {
   if (!report.isNumber(value)) return "–";
   const large = Math.abs(value) >= 10 ** (digits - 1);
@@ -79,109 +79,82 @@ report.literal = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&l
 
 // --- elements ----------------------------------------------------------------------------------------
 
-/** An element with attributes, listeners ("onclick") and children; texts are never markup. */
-report.element = function (tag, attributes = {}, ...children) {
+/** An element, "tag.class", with attributes and listeners ("onclick") if any, and children; texts are never markup. */
+function element(what, ...children) {
+  const [tag, ...classes] = what.split(".");
   const svg = ["svg", "g", "path", "circle", "rect", "line", "text"].includes(tag);
-  const made = svg
-    ? document.createElementNS("http://www.w3.org/2000/svg", tag)
-    : document.createElement(tag);
+  const space = svg ? "http://www.w3.org/2000/svg" : "http://www.w3.org/1999/xhtml";
+  const made = document.createElementNS(space, tag);
+  if (classes.length) made.setAttribute("class", classes.join(" "));
+  const attributes = children[0]?.constructor === Object ? children.shift() : {};
   for (const [name, value] of Object.entries(attributes)) {
-    if (value === null || value === undefined || value === false) continue;
+    if ((value ?? false) === false) continue;
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
     else made.setAttribute(name, value === true ? "" : value);
   }
-  for (const child of children.flat(9)) {
-    if (child !== null && child !== undefined) made.append(child);
-  }
+  made.append(...children.flat(9).filter((child) => child !== null && child !== undefined));
   return made;
-};
+}
 
 /** A titled part of the page, listed in its contents. */
 report.section = function (id, title, note, ...children) {
-  const made = report.element(
-    "section",
-    { class: "card", id, "aria-labelledby": `${id}-title` },
-    report.element("div", { class: "head" }, report.element("h2", { id: `${id}-title` }, title)),
-    note ? report.element("p", { class: "quiet" }, note) : null,
+  const made = element(
+    "section.card",
+    { id, "aria-labelledby": `${id}-title` },
+    element("div.head", element("h2", { id: `${id}-title` }, title)),
+    note ? element("p.quiet", note) : null,
     ...children,
   );
   document.getElementById("main").append(made);
   const contents = document.querySelector("nav.contents");
-  if (contents) contents.append(report.element("a", { href: `#${id}` }, title));
+  if (contents) contents.append(element("a", { href: `#${id}` }, title));
   return made;
 };
 
 /** A choice between a few values, the first of which holds at first. */
 report.segments = function (name, title, values, chosen, change) {
-  return report.element(
-    "fieldset",
-    { class: "segments" },
-    report.element("legend", { class: "hidden" }, title),
-    Object.entries(values).map(([value, words]) =>
-      report.element(
-        "label",
-        {},
-        report.element("input", {
-          type: "radio",
-          name,
-          value,
-          checked: value === chosen,
-          onchange: () => change(value),
-        }),
-        report.element("span", {}, words),
-      ),
-    ),
-  );
+  const choices = Object.entries(values).map(([value, words]) => {
+    const attributes = { type: "radio", name, value, checked: value === chosen };
+    const input = element("input", { ...attributes, onchange: () => change(value) });
+    return element("label", input, element("span", words));
+  });
+  return element("fieldset.segments", element("legend.hidden", title), choices);
 };
 
-report.tiles = (entries) =>
-  report.element(
-    "dl",
-    { class: "tiles" },
-    (entries || [])
-      .filter(Boolean)
-      .map(([name, value, note]) =>
-        report.element(
-          "div",
-          { class: "tile" },
-          report.element("dt", {}, name),
-          report.element("dd", {}, value, note ? report.element("small", {}, note) : null),
-        ),
-      ),
-  );
+/** Large figures of the page's head: [name, value, note]. */
+report.tiles = function (entries) {
+  const made = (entries || []).filter(Boolean).map(([name, value, note]) => {
+    const small = note ? element("small", note) : null;
+    return element("div.tile", element("dt", name), element("dd", value, small));
+  });
+  return element("dl.tiles", made);
+};
 
 /**
  * A table that its headings sort.
  *
  * A column has `title`, `text(row)`; and `key(row)`, by which it is sorted, `words` where it holds text, `class`.
  */
-report.table = function (caption, columns, rows, options = {}) {
-  const body = report.element("tbody");
+report.table = function (caption, columns, rows, id = null) {
+  const body = element("tbody");
+  columns = columns.filter(Boolean);
   const shown = rows.map((row, number) => {
     const cells = columns.map((column, place) => {
-      const content = column.text(row, number);
-      const name = [
-        column.words ? "words" : "",
-        typeof column.class === "function" ? column.class(row) : column.class || "",
-      ];
-      const attributes = { class: name.filter(Boolean).join(" ") || null };
-      if (place === 0) attributes.scope = "row";
-      return report.element(place === 0 ? "th" : "td", attributes, content);
+      const own = typeof column.class === "function" ? column.class(row) : column.class;
+      const name = report.joined(" ", column.words && "words", own) || null;
+      const attributes = { class: name, scope: place === 0 ? "row" : null };
+      return element(place === 0 ? "th" : "td", attributes, column.text(row, number));
     });
-    return report.element("tr", { "data-row": number }, cells);
+    return element("tr", { "data-row": number }, cells);
   });
   body.append(...shown);
   const headings = columns.map((column) => {
-    const heading = report.element("th", { scope: "col", class: column.words ? "words" : null });
-    if (!column.key || rows.length < 2) {
-      heading.append(column.title);
-      return heading;
-    }
+    const sorts = column.key && rows.length > 1;
+    const attributes = { type: "button", onclick: () => sort(column, heading) };
     // Buttons are left out of a heading that is repeated on the next sheet of paper.
-    heading.append(
-      report.element("button", { type: "button", onclick: () => sort(column, heading) }, column.title),
-      report.element("span", { class: "printed" }, column.title),
-    );
+    const parts = [element("button", attributes, column.title), element("span.printed", column.title)];
+    const given = { scope: "col", class: column.words ? "words" : null };
+    const heading = element("th", given, sorts ? parts : column.title);
     return heading;
   });
   function sort(column, heading) {
@@ -189,8 +162,8 @@ report.table = function (caption, columns, rows, options = {}) {
     for (const other of headings) other.removeAttribute("aria-sort");
     heading.setAttribute("aria-sort", falls ? "descending" : "ascending");
     const rank = (row) => {
-      const value = column.key(rows[Number(row.dataset.row)]);
-      return value === null || value === undefined || Number.isNaN(value) ? null : value;
+      const value = column.key(rows[Number(row.dataset.row)]) ?? null;
+      return Number.isNaN(value) ? null : value;
     };
     const sorted = [...shown].sort((one, other) => {
       const [a, b] = [rank(one), rank(other)];
@@ -200,18 +173,15 @@ report.table = function (caption, columns, rows, options = {}) {
     });
     body.append(...sorted);
   }
-  const made = report.element(
-    "table",
-    { id: options.id },
-    report.element("caption", {}, caption),
-    report.element("thead", {}, report.element("tr", {}, headings)),
-    body,
-  );
-  return report.element(
-    "div",
-    { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
-    made,
-  );
+  const made = [element("caption", caption), element("thead", element("tr", headings)), body];
+  const region = { tabindex: "0", role: "region", "aria-label": caption };
+  return element("div.scroll", region, element("table", { id }, made));
+};
+
+/** Mark the row of a number in a table. */
+report.mark = function (table, number) {
+  for (const row of table.querySelectorAll("tbody tr"))
+    row.classList.toggle("chosen", Number(row.dataset.row) === number);
 };
 
 /** A column of numbers: of a field or a function of a row, to some decimals. */
@@ -241,44 +211,74 @@ report.yesNo = (title, of, bad = false, no = () => "no") => ({
 
 /** Parts beside each other where there is room. */
 report.pair = (...parts) =>
-  report.element("div", { class: "pair" }, parts.filter(Boolean).map((part) => report.element("div", {}, part)));
+  element("div.pair", parts.filter(Boolean).map((part) => element("div", part)));
 
 /** Words with something between them; those that are not there are left out. */
 report.joined = (between, ...parts) => parts.filter(Boolean).join(between);
 
 /** What is shown on demand. */
 report.details = (summary, ...children) =>
-  report.element("details", {}, report.element("summary", {}, summary), ...children);
+  element("details", element("summary", summary), ...children);
+
+/** A button that looks like a link. */
+report.link = (label, words, onclick, more = {}) =>
+  element("button.link", { type: "button", "aria-label": label, onclick, ...more }, words);
 
 /** A remark in small letters. */
-report.remark = (...children) => report.element("p", { class: "small quiet" }, ...children);
+report.remark = (...children) => element("p.small.quiet", ...children);
 
 /** A choice from a list of [value, words]. */
-report.select = (attributes, entries, chosen) =>
-  report.element(
-    "select",
-    attributes,
-    entries.map(([value, words]) => report.element("option", { value, selected: value === chosen }, words)),
-  );
+report.select = function (attributes, entries, chosen) {
+  const option = ([value, words]) => element("option", { value, selected: value === chosen }, words);
+  return element("select", attributes, entries.map(option));
+};
 
 /** A table of names and values. */
 report.facts = function (caption, entries) {
   const rows = entries.map(([name, value]) =>
-    report.element(
-      "tr",
-      {},
-      report.element("th", { scope: "row", class: "words" }, name),
-      report.element("td", { class: "words" }, value),
-    ),
+    element("tr", element("th", { scope: "row", class: "words" }, name), element("td.words", value)),
   );
-  return report.element(
-    "div",
-    { class: "scroll" },
-    report.element("table", {}, report.element("caption", {}, caption), report.element("tbody", {}, rows)),
-  );
+  return element("div.scroll", element("table", element("caption", caption), element("tbody", rows)));
 };
 
 // --- light and dark ----------------------------------------------------------------------------------
+
+/** The page's colours, light and dark, by the names that its style sheet gives them. */
+const COLOURS = {
+  page: ["#f6f8fa", "#0e141a"],
+  card: ["#ffffff", "#161e26"],
+  line: ["#d8dee5", "#2c3843"],
+  soft: ["#eef2f5", "#1d2731"],
+  text: ["#17212b", "#e5ebf0"],
+  quiet: ["#566573", "#9dabb8"],
+  accent: ["#0072b2", "#56b4e9"],
+  "accent-text": ["#ffffff", "#07131c"],
+  good: ["#00704f", "#45c79d"],
+  bad: ["#b04a00", "#f0954a"],
+  "warn-back": ["#fff4d6", "#35290f"],
+  "warn-line": ["#d98c00", "#e69f00"],
+  water: ["#eef5fb", "#101b26"],
+  grid: ["#dde5ec", "#24313d"],
+  coast: ["#c9b98f", "#5a5038"],
+  uncertain: ["#eae1c6", "#37342a"],
+  track: ["#111820", "#f2f5f7"],
+  plan: ["#0072b2", "#56b4e9"],
+  earlier: ["#d55e00", "#f08a3c"],
+  closed: ["#a8320f", "#ff9d7a"],
+  route: ["#6a4c93", "#c3a6ea"],
+  current: ["#4f7a9a", "#5f8fb3"],
+  static: ["#b3567f", "#e08fb4"],
+  afloat: ["#d08a00", "#f0b43c"],
+  moving: ["#2f8fc4", "#7cc8f2"],
+  known: ["#c24f00", "#f0803c"],
+  sense: ["#3f6f57", "#7fc2a0"],
+  task: ["#009e73", "#2cc796"],
+  left: ["#8a96a3", "#8592a0"],
+  start: ["#f0e442", "#f0e442"],
+  depth: ["#7fa3bd", "#45708f"],
+  bed: ["#d9c9a0", "#4d4530"],
+  halo: ["#ffffff", "#101b26"],
+};
 
 report.themed = [];
 report.prefersDark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -292,14 +292,12 @@ report.kept = function () {
   }
 };
 
-report.theme = function () {
-  return document.documentElement.dataset.theme;
-};
+report.theme = () => document.documentElement.dataset.theme;
 
-/** The page's colours by the names that its style sheet gives them. */
+/** The colours of the theme that is shown, by name. */
 report.colours = function () {
-  const style = getComputedStyle(document.documentElement);
-  return new Proxy({}, { get: (_, name) => style.getPropertyValue(`--${String(name)}`).trim() });
+  const place = report.theme() === "dark" ? 1 : 0;
+  return Object.fromEntries(Object.entries(COLOURS).map(([name, pair]) => [name, pair[place]]));
 };
 
 /** A colour, given as #rrggbb, that covers what is under it by a share; over another colour, where one is given. */
@@ -313,7 +311,9 @@ report.mix = function (colour, share, under) {
 
 report.applyTheme = function () {
   const dark = report.chosenTheme === "dark" || (report.chosenTheme === "auto" && report.prefersDark.matches);
-  document.documentElement.dataset.theme = dark && !report.printing ? "dark" : "light";
+  const root = document.documentElement;
+  root.dataset.theme = dark && !report.printing ? "dark" : "light";
+  for (const [name, colour] of Object.entries(report.colours())) root.style.setProperty(`--${name}`, colour);
   for (const follow of report.themed) follow();
 };
 
@@ -321,53 +321,32 @@ report.chosenTheme = report.kept();
 report.applyTheme();
 report.prefersDark.addEventListener("change", () => report.applyTheme());
 
-report.themeSwitch = () =>
-  report.segments(
-    "theme",
-    "Colours",
-    { auto: "Auto", light: "Light", dark: "Dark" },
-    report.chosenTheme,
-    (value) => {
-      report.chosenTheme = value;
-      try {
-        localStorage.setItem("auvplan-theme", value);
-      } catch {
-        // A page from a file may keep nothing: the choice holds for as long as it is open.
-      }
-      report.applyTheme();
-    },
-  );
+report.chooseTheme = function (value) {
+  report.chosenTheme = value;
+  try {
+    localStorage.setItem("auvplan-theme", value);
+  } catch {
+    // A page from a file may keep nothing: the choice holds for as long as it is open.
+  }
+  report.applyTheme();
+};
 
 // --- head, provenance, foot --------------------------------------------------------------------------
 
 /** Text whose parts between backticks are commands. */
 report.marked = (text) =>
-  text.split("`").map((part, k) => (k % 2 ? report.element("code", { class: "code" }, part) : part));
+  text.split("`").map((part, k) => (k % 2 ? element("code.code", part) : part));
 
-report.head = function ({ title, line, badge, good, tiles, warnings }) {
-  document
-    .getElementById("top")
-    .append(
-      report.element(
-        "div",
-        { class: "headline" },
-        report.element(
-          "div",
-          {},
-          report.element("h1", {}, title),
-          report.element(
-            "p",
-            {},
-            badge ? [report.element("span", { class: `badge ${good ? "good" : "bad"}` }, badge), " "] : null,
-            report.element("span", { class: "quiet" }, line),
-          ),
-        ),
-        report.themeSwitch(),
-      ),
-      report.element("nav", { class: "contents", "aria-label": "Contents" }),
-      report.tiles(tiles),
-      ...(warnings || []).map((words) => report.element("p", { class: "warning" }, report.marked(words))),
-    );
+report.head = function ({ title, line, badge, good, tiles, warnings = [] }) {
+  const outcome = [element(`span.badge.${good ? "good" : "bad"}`, badge), " ", element("span.quiet", line)];
+  const themes = { auto: "Auto", light: "Light", dark: "Dark" };
+  const choice = report.segments("theme", "Colours", themes, report.chosenTheme, report.chooseTheme);
+  document.getElementById("top").append(
+    element("div.headline", element("div", element("h1", title), element("p", outcome)), choice),
+    element("nav.contents", { "aria-label": "Contents" }),
+    report.tiles(tiles),
+    ...warnings.map((words) => element("p.warning", report.marked(words))),
+  );
 };
 
 report.setting = (value) => (value === null || value === undefined ? "none" : JSON.stringify(value));
@@ -376,65 +355,39 @@ report.setting = (value) => (value === null || value === undefined ? "none" : JS
 report.provenance = function (told) {
   const parts = [];
   const files = told.files || [];
+  const code = { class: "code" };
   if (files.length) {
-    parts.push(
-      report.table(
-        "Files that the scenario names",
-        [
-          report.words("field", (file) => file.field),
-          report.words("file", (file) => file.name, { class: "code" }),
-          { title: "bytes", text: (file) => report.fixed(file.size) },
-          report.words("SHA-256", (file) => file.sha256 || "–", { class: "code" }),
-        ],
-        files,
-      ),
-    );
+    const columns = [
+      report.words("field", (file) => file.field),
+      report.words("file", (file) => file.name, code),
+      { title: "bytes", text: (file) => report.fixed(file.size) },
+      report.words("SHA-256", (file) => file.sha256 || "–", code),
+    ];
+    parts.push(report.table("Files that the scenario names", columns, files));
   } else if (told.settings) {
-    parts.push(
-      report.element(
-        "p",
-        {},
-        "The scenario names no files: chart, currents and tasks come from the package and the seed.",
-      ),
-    );
+    const words = "The scenario names no files: chart, currents and tasks come from the package and the seed.";
+    parts.push(element("p", words));
   }
-  for (const line of told.assumed || []) parts.push(report.element("p", {}, `Assumed: ${line}.`));
-  for (const line of told.notes || []) parts.push(report.element("p", {}, `Note: ${line}.`));
+  for (const line of told.assumed || []) parts.push(element("p", `Assumed: ${line}.`));
+  for (const line of told.notes || []) parts.push(element("p", `Note: ${line}.`));
   const seed = told.seeds || told.seed;
   const origin = [
     ...(report.isNumber(seed) || seed ? [["seed", String(seed)]] : []),
     ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value]),
   ];
   const { settings } = told;
-  const code = { class: "code" };
-  const differ = () =>
-    report.table(
-      "Settings that differ from the defaults",
-      [
-        report.words("setting", (row) => row.field, code),
-        report.words("value", (row) => report.setting(row.value), code),
-        report.words("default", (row) => report.setting(row.default), code),
-      ],
-      settings,
-    );
-  parts.push(
-    report.pair(
-      origin.length && report.facts("Seed and versions", origin),
-      !settings
-        ? report.element("p", {}, "The folder does not state which scenario this was.")
-        : settings.length
-          ? differ()
-          : report.element("p", {}, "All settings have their defaults."),
-    ),
-  );
+  const columns = [
+    report.words("setting", (row) => row.field, code),
+    report.words("value", (row) => report.setting(row.value), code),
+    report.words("default", (row) => report.setting(row.default), code),
+  ];
+  const differing = !settings
+    ? element("p", "The folder does not state which scenario this was.")
+    : settings.length
+      ? report.table("Settings that differ from the defaults", columns, settings)
+      : element("p", "All settings have their defaults.");
+  parts.push(report.pair(origin.length && report.facts("Seed and versions", origin), differing));
   report.section("provenance", "Provenance", null, ...parts);
-  document
-    .getElementById("foot")
-    .append(
-      report.element(
-        "p",
-        {},
-        "Written by auvplan. Figures: plotly.js, MIT licence. This file loads nothing from anywhere.",
-      ),
-    );
+  const foot = "Written by auvplan. Figures: plotly.js, MIT licence. This file loads nothing from anywhere.";
+  document.getElementById("foot").append(element("p", foot));
 };

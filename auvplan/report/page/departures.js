@@ -39,16 +39,12 @@
   });
 
   const panels = [
-    ...(leg
-      ? []
-      : [
-          ["total_priority", "total priority", "task", 1],
-          ["tasks", "tasks", "static", 1],
-        ]),
+    !leg && ["total_priority", "total priority", "task", 1],
+    !leg && ["tasks", "tasks", "static", 1],
     ["time_s", leg ? "travel time [min]" : "mission time [min]", "plan", 1 / 60],
     ["current_m_s", "current [m/s]", "earlier", 1],
-  ];
-  const host = report.element("div", { id: "departures" });
+  ].filter(Boolean);
+  const host = element("div", { id: "departures" });
   report.section(
     "when",
     "When to leave",
@@ -60,14 +56,11 @@
     host,
     "What a departure comes to",
     (colours) => {
-      const rows = panels.length,
-        gap = 0.05,
-        tall = (1 - gap * (rows - 1)) / rows;
+      const [rows, gap] = [panels.length, 0.05];
+      const tall = (1 - gap * (rows - 1)) / rows;
       const axisName = (k) => (k ? `y${k + 1}` : "y");
       const data = panels.flatMap(([column, title, colour, factor], k) => {
-        const y = departures.map((one) =>
-          one[column] === null || one[column] === undefined ? null : factor * one[column],
-        );
+        const y = departures.map((one) => ((one[column] ?? null) === null ? null : factor * one[column]));
         const line = report.points(when, y, {
           mode: "lines+markers",
           yaxis: axisName(k),
@@ -88,24 +81,11 @@
       const places = when.map((value) => (dated ? new Date(value).getTime() : value));
       const back = (value) => (dated ? new Date(value).toISOString() : value);
       const half = places.length > 1 ? (places[1] - places[0]) / 2 : dated ? 1.8e6 : 0.5;
-      const shapes = departures.flatMap((one, k) =>
-        one.feasible
-          ? []
-          : [
-              {
-                type: "rect",
-                xref: "x",
-                yref: "paper",
-                x0: back(places[k] - half),
-                x1: back(places[k] + half),
-                y0: 0,
-                y1: 1,
-                fillcolor: report.mix(colours.earlier, 0.16),
-                line: { width: 0 },
-                layer: "below",
-              },
-            ],
-      );
+      const shade = { fillcolor: report.mix(colours.earlier, 0.16), line: { width: 0 }, layer: "below" };
+      const ends = (place) => ({ x0: back(place - half), x1: back(place + half), y0: 0, y1: 1 });
+      const shapes = places
+        .filter((_, k) => !departures[k].feasible)
+        .map((place) => ({ type: "rect", xref: "x", yref: "paper", ...ends(place), ...shade }));
       const layout = {
         shapes,
         margin: { l: 66, r: 14, t: 12, b: 46 },
@@ -130,8 +110,7 @@
       if (begun)
         host.on("plotly_click", ({ points }) => {
           if (!Number.isInteger(points[0].customdata)) return;
-          for (const row of table.querySelectorAll("tbody tr"))
-            row.classList.toggle("chosen", Number(row.dataset.row) === points[0].customdata);
+          report.mark(table, points[0].customdata);
           table.querySelector("tr.chosen").scrollIntoView({ block: "center", behavior: "smooth" });
         });
     },
@@ -146,15 +125,14 @@
         class: (one) => (one.best ? "good-cell" : one.feasible ? "" : "bad-cell"),
       }),
       report.number(leg ? "travel time, s" : "time, s", "time_s"),
-      ...(leg
-        ? [report.number("length, m", "length_m"), report.number("clearance, m", "clearance_m")]
-        : [report.number("tasks", "tasks"), report.number("priority", "total_priority", 1)]),
+      leg ? report.number("length, m", "length_m") : report.number("tasks", "tasks"),
+      leg ? report.number("clearance, m", "clearance_m") : report.number("priority", "total_priority", 1),
       report.number("current, m/s", "current_m_s", 2),
       !leg && report.words("waypoints", (one) => one.waypoints, { class: "long" }),
       feasible.length < departures.length && report.words("why not", (one) => one.reason, { class: "long" }),
-    ].filter(Boolean),
+    ],
     departures,
-    { id: "departures-table" },
+    "departures-table",
   );
   report.section("table", "Departures", null, table);
   report.provenance(provenance);

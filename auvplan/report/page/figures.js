@@ -24,7 +24,7 @@ report.axis = function (colours, title, more = {}) {
 
 /** A logarithmic axis with 1, 2 and 5 times each power of ten between the values that are shown. */
 report.logAxis = function (colours, title, values, more) {
-  const known = values.filter((value) => value > 0);
+  const known = values.filter((value) => report.isNumber(value) && value > 0);
   const [low, high] = known.length ? [Math.min(...known), Math.max(...known)] : [1, 10];
   const tickvals = [];
   for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
@@ -55,7 +55,11 @@ report.rule = function (axis, value, line) {
 };
 
 /** A layout with its legend above the figure. */
-report.legendAbove = { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
+report.legendAbove = {
+  showlegend: true,
+  legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+  margin: { l: 62, r: 14, t: 34, b: 46 },
+};
 
 /** Error bars from values to their ends, none where an end is not known. */
 report.errors = (values, low, high, more) => ({
@@ -127,7 +131,7 @@ report.drawn = function (host, label, draw, after) {
 
 /** A line at a value of a figure's horizontal axis; `move()` puts it where `at()` says. */
 report.cursor = function (host, at) {
-  const line = report.element("div", { class: "cursor" });
+  const line = element("div.cursor");
   const move = () => {
     const { xaxis, _size: size } = host._fullLayout;
     const place = xaxis.c2p(at());

@@ -214,10 +214,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
     // All of it is to be seen below the slider.
     const room = report.printing ? 900 : Math.max(window.innerHeight - 150, 380);
     const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900, room);
-    const ranges = [
-      [west / map.unit, east / map.unit],
-      [south / map.unit, north / map.unit],
-    ];
+    const ranges = [[west / map.unit, east / map.unit], [south / map.unit, north / map.unit]];
     const under = depthLines(colours);
     const frame = { constrain: "domain", automargin: false, showgrid: false, mirror: true };
     return {
@@ -250,28 +247,24 @@ report.map = function (host, label, ground, traces, labels, paint) {
   map.refurnish = function () {
     return Plotly.relayout(host, furniture(...size()));
   };
-  /** Show a part of the map that is so many times as wide about the same middle; all of it without a share. */
+  /** Zoom by a factor about the middle of the map; without one show all of it. */
   map.zoom = function (share) {
     const [[[left, right], [bottom, top]]] = size();
     const about = (low, high) => [
       (low + high) / 2 - (share * (high - low)) / 2,
       (low + high) / 2 + (share * (high - low)) / 2,
     ];
-    const whole = [
-      [west, east],
-      [south, north],
-    ].map((ends) => ends.map((end) => end / map.unit));
+    const whole = [[west, east], [south, north]].map((ends) => ends.map((end) => end / map.unit));
     const [x, y] = share ? [about(left, right), about(bottom, top)] : whole;
     return Plotly.relayout(host, { "xaxis.range": x, "yaxis.range": y });
   };
   const button = (words, share, label) => {
     const attributes = { type: "button", "aria-label": label, onclick: () => map.zoom(share) };
-    return report.element("button", attributes, words);
+    return element("button", attributes, words);
   };
   map.buttons = () =>
-    report.element(
-      "div",
-      { class: "choices screen" },
+    element(
+      "div.choices.screen",
       button("+", 1 / 1.6, "Zoom in"),
       button("−", 1.6, "Zoom out"),
       button("Whole map"),
@@ -292,23 +285,18 @@ report.map = function (host, label, ground, traces, labels, paint) {
   /**
    * Paint what changes with time, between the sea bed and the waypoints.
    *
-   * It is no trace: to draw a figure with its axes and depth lines anew takes too long for every step of the slider.
+   * It is no trace: to redraw a figure with its axes and depth lines takes too long for every step of the slider.
    * `paint(x, y)` returns SVG elements; `x` and `y` turn metres east and north into the figure's pixels.
    */
   map.repaint = function () {
     const plot = paint && host.querySelector(".cartesianlayer .overplot > .xy");
     if (!plot) return;
     if (!map.group || map.group.parentNode !== plot) {
-      map.group = report.element("g", { class: "painted" });
+      map.group = element("g.painted");
       plot.insertBefore(map.group, plot.querySelector(".scatterlayer"));
     }
     const { xaxis, yaxis } = host._fullLayout;
-    map.group.replaceChildren(
-      ...paint(
-        (e) => xaxis.c2p(e / map.unit),
-        (n) => yaxis.c2p(n / map.unit),
-      ),
-    );
+    map.group.replaceChildren(...paint((e) => xaxis.c2p(e / map.unit), (n) => yaxis.c2p(n / map.unit)));
   };
 
   map.figure = report.drawn(host, label, draw, (_, first) => {

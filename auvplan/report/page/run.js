@@ -95,21 +95,15 @@
   /** The plan that is followed at a time, and all others made until then, as numbers in `plans`. */
   function plansAt(time) {
     const number = legAt(time);
-    const own = plans.map((plan, k) => k).filter((k) => plans[k].leg === number);
-    const followed =
-      number < 0
-        ? []
-        : run.legs[number].followed.map((k) => own[k]).filter((k) => plans[k].made <= time + 1e-6);
-    const now = followed.length ? followed[followed.length - 1] : -1;
-    const earlier = plans
-      .map((_, k) => k)
-      .filter((k) => k !== now && plans[k].made <= time + 1e-6 && plans[k].leg <= number);
-    return { now, earlier };
+    const made = [...plans.keys()].filter((k) => plans[k].made <= time + 1e-6 && plans[k].leg <= number);
+    const own = [...plans.keys()].filter((k) => plans[k].leg === number);
+    const followed = number < 0 ? [] : run.legs[number].followed.map((k) => own[k]);
+    const now = followed.filter((k) => made.includes(k)).at(-1) ?? -1;
+    return { now, earlier: made.filter((k) => k !== now) };
   }
 
   function routeAt(time) {
-    const made = run.routes.filter((route) => route.made !== undefined && route.made <= time + 1e-6);
-    return made.length ? made[made.length - 1] : null;
+    return run.routes.filter((route) => route.made <= time + 1e-6).at(-1);
   }
 
   /** Obstacles at a time with their collision boundaries: { kind, north, east, radius, boundary }. */
@@ -217,25 +211,15 @@
         ["path", { d: "M18 4 L24 8 L18 12", fill: "none", "stroke-width": 1.6 }],
       ],
       area: [["rect", { x: 3, y: 2, width: 22, height: 12, rx: 2, stroke: "none" }]],
-      ring: [
-        ["circle", { cx: 14, cy: 8, r: 6, fill: "none", "stroke-width": 1.6, "stroke-dasharray": "2 2" }],
-      ],
+      ring: [["circle", { cx: 14, cy: 8, r: 6, fill: "none", "stroke-width": 1.6, "stroke-dasharray": "2 2" }]],
       disc: [["circle", { cx: 14, cy: 8, r: 6, stroke: "none" }]],
       halo: [["circle", { cx: 14, cy: 8, r: 7, "fill-opacity": 0.25, "stroke-dasharray": "2 2" }]],
       text: [["path", { d: "M9 13 L14 3 L19 13 M11 9.5 H17", fill: "none", "stroke-width": 1.6 }]],
       square: [["rect", { x: 8, y: 2, width: 12, height: 12, fill: "none", "stroke-width": 2 }]],
     }[shape];
-    return report.element(
-      "svg",
-      {
-        width: 28,
-        height: 16,
-        viewBox: "0 0 28 16",
-        "aria-hidden": "true",
-        style: `stroke: var(--${colour}); fill: var(--${colour})`,
-      },
-      parts.map(([tag, attributes]) => report.element(tag, attributes)),
-    );
+    const style = `stroke: var(--${colour}); fill: var(--${colour})`;
+    const frame = { width: 28, height: 16, viewBox: "0 0 28 16", "aria-hidden": "true", style };
+    return element("svg", frame, parts.map((part) => element(...part)));
   }
 
   const layers = [
@@ -301,15 +285,12 @@
 
   /** What the map shows of a time, from the lowest to the highest. */
   function painted(x, y) {
-    const { time } = state,
-      here = vehicle(time),
-      all = obstaclesAt(time),
-      { hidden } = state.map;
-    const small = narrow() ? 0.72 : 1,
-      pixels = Math.abs(x(1) - x(0));
+    const [{ time }, { hidden }] = [state, state.map];
+    const [here, all] = [vehicle(time), obstaclesAt(time)];
+    const [small, pixels] = [narrow() ? 0.72 : 1, Math.abs(x(1) - x(0))];
     const made = [];
     const show = (layer, tag, name, attributes) => {
-      if (!hidden.has(layer)) made.push(report.element(tag, { class: name, ...attributes }));
+      if (!hidden.has(layer)) made.push(element(tag, { class: name, ...attributes }));
     };
     const node = (chosen) => (k) => [waypoints[chosen[k]].place[1], waypoints[chosen[k]].place[0]];
     const plan = (k) =>
@@ -325,14 +306,10 @@
       const longest = rings.reduce((one, other) => (other.length > one.length ? other : one), []);
       const mean = (axis) => longest.reduce((sum, place) => sum + place[axis], 0) / longest.length;
       if (longest.length && !hidden.has("closures") && !hidden.has("names"))
-        made.push(
-          report.element("text", { class: "closure-name", x: x(mean(1)), y: y(mean(0)) }, name),
-        );
+        made.push(element("text.closure-name", { x: x(mean(1)), y: y(mean(0)) }, name));
     }
 
-    const number = legAt(time),
-      route = routeAt(time),
-      rest = route ? route.nodes : [];
+    const [number, rest] = [legAt(time), routeAt(time)?.nodes ?? []];
     const target = number < 0 ? run.start : run.legs[number].to;
     const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
     if (run.kind !== "leg" && run.simulated)
@@ -367,10 +344,10 @@
       });
     }
     if (run.sensing && number >= 0) disc("sensed", "sensed", here, run.sensing.range);
-    const anew = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
+    const remade = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
     const half = 7.5 * small;
     const box = ([e, n]) => `M${x(e) - half} ${y(n) - half}h${2 * half}v${2 * half}h${-2 * half}z`;
-    show("replans", "path", "replan", { d: anew.map((_, k) => box(node(anew)(k))).join("") });
+    show("replans", "path", "replan", { d: remade.map((_, k) => box(node(remade)(k))).join("") });
     show("vehicle", "path", "vehicle", {
       d: "M0 -10L6.5 8L0 4.5L-6.5 8Z",
       ...told(here),
@@ -395,41 +372,33 @@
       [run.start, "start", mark("circle", 12, colours.start, { color: "#000000", width: 1.2 })],
       [run.goal, "destination", mark("star", 16, colours.task, { color: "#000000", width: 1 })],
     ];
-    const one = (nodes, words, marker) => ({
-      type: "scatter",
-      mode: "markers",
-      meta: "waypoints",
-      name: words,
-      marker,
-      visible: !hidden.has("waypoints"),
-      hoverinfo: "text",
-      x: nodes.map((node) => waypoints[node].place[1] / unit),
-      y: nodes.map((node) => waypoints[node].place[0] / unit),
-      text: nodes.map((node) => {
-        const { name, place } = waypoints[node];
-        const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
-        return report.joined(
-          "<br>",
-          `<b>${report.literal(name)}</b>`,
-          words,
-          why && report.literal(why),
-          `depth ${report.fixed(place[2])} m`,
-          where(place[0], place[1]),
-        );
-      }),
-    });
+    const about = (node, words) => {
+      const { name, place } = waypoints[node];
+      const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
+      const lines = [`<b>${report.literal(name)}</b>`, words, why && report.literal(why)];
+      return report.joined("<br>", ...lines, `depth ${report.fixed(place[2])} m`, where(place[0], place[1]));
+    };
+    const one = (nodes, words, marker) => {
+      const [x, y] = [1, 0].map((axis) => nodes.map((node) => waypoints[node].place[axis] / unit));
+      return report.points(x, y, {
+        meta: "waypoints",
+        name: words,
+        marker,
+        visible: !hidden.has("waypoints"),
+        hoverinfo: "text",
+        text: nodes.map((node) => about(node, words)),
+      });
+    };
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
+    const of = (mark) => inner.filter((node) => waypoints[node].state === mark);
     return [
-      ...groups.map(([mark, words, marker]) => {
-        const nodes = inner.filter((node) => waypoints[node].state === mark);
-        return one(nodes, words, marker);
-      }),
+      ...groups.map(([mark, words, marker]) => one(of(mark), words, marker)),
       ...ends.map(([node, words, marker]) => one([node], words, marker)),
     ];
   }
 
-  const stage = report.element("div", { id: "map" });
-  const now = report.element("dl", { class: "now", id: "now" });
+  const stage = element("div", { id: "map" });
+  const now = element("dl.now", { id: "now" });
   const marks = [
     ["●", run.simulated ? "task done" : "task", "task"],
     ["○", "passed", "text"],
@@ -438,54 +407,26 @@
   const signs = (entries) =>
     entries.map(([sign, words, colour], k) => [
       k ? ", " : "",
-      report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
+      element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
       words,
     ]);
-  const boxes = report.element(
-    "fieldset",
-    { class: "layers" },
-    report.element("legend", {}, "Layers"),
-    layers.map(([layer, words, shape, colour]) =>
-      report.element(
-        "label",
-        {},
-        report.element("input", {
-          type: "checkbox",
-          checked: true,
-          "data-layer": layer,
-          onchange: (event) => state.map.toggle(layer, event.target.checked),
-        }),
-        swatch(shape, colour),
-        words,
-      ),
-    ),
-    report.element("div", { class: "small quiet", style: "margin-top: .4rem" }, "Waypoints: ", signs(marks)),
-    present.length > 1
-      ? report.element(
-          "div",
-          { class: "small quiet" },
-          "Obstacles: ",
-          signs(present.map(([name, colour]) => ["●", name, colour])),
-        )
-      : null,
+  const box = ([layer, words, shape, colour]) => {
+    const onchange = (event) => state.map.toggle(layer, event.target.checked);
+    const input = element("input", { type: "checkbox", checked: true, "data-layer": layer, onchange });
+    return element("label", input, swatch(shape, colour), words);
+  };
+  const kinds = present.map(([name, colour]) => ["●", name, colour]);
+  const boxes = element(
+    "fieldset.layers",
+    element("legend", "Layers"),
+    layers.map(box),
+    element("div.small.quiet", { style: "margin-top: .4rem" }, "Waypoints: ", signs(marks)),
+    kinds.length > 1 ? element("div.small.quiet", "Obstacles: ", signs(kinds)) : null,
   );
-  const note = report.element("p", { class: "quiet small", id: "map-note" });
-  const where = report.section(
-    "where",
-    "Map",
-    null,
-    report.element(
-      "div",
-      { class: "mapgrid" },
-      report.element("div", {}, stage, note),
-      report.element(
-        "div",
-        { class: "beside" },
-        report.element("div", {}, report.element("h3", { id: "doing" }), now),
-        boxes,
-      ),
-    ),
-  );
+  const note = element("p.quiet.small", { id: "map-note" });
+  const beside = element("div.beside", element("div", element("h3", { id: "doing" }), now), boxes);
+  const grid = element("div.mapgrid", element("div", stage, note), beside);
+  const where = report.section("where", "Map", null, grid);
 
   const ranks = { task: 1, visited: 2, left: 3 };
   const labels = waypoints.map(({ name, place, state: mark }, node) => ({
@@ -500,7 +441,7 @@
 
   const length = Math.max(run.end - run.begin, 1);
   const nice = report.ticks(0, length, 700).step;
-  const slider = report.element("input", {
+  const slider = element("input", {
     type: "range",
     id: "time",
     min: 0,
@@ -510,34 +451,18 @@
     "aria-label": "Time since departure",
     oninput: () => show(run.begin + Number(slider.value)),
   });
-  const button = report.element(
-    "button",
-    {
-      type: "button",
-      class: "play",
-      id: "play",
-      title: "Space",
-      "aria-keyshortcuts": "Space",
-      "aria-pressed": "false",
-      onclick: () => play(!state.playing),
-    },
-    "▶ Play",
-  );
-  const clock = report.element("output", { for: "time", id: "clock" });
+  const space = { title: "Space", "aria-keyshortcuts": "Space", "aria-pressed": "false" };
+  const pressed = { type: "button", id: "play", ...space, onclick: () => play(!state.playing) };
+  const button = element("button.play", pressed, "▶ Play");
+  const clock = element("output", { for: "time", id: "clock" });
   const speeds = { 60: "60 ×", 180: "180 ×", 600: "600 ×", 1800: "1800 ×" };
   const usual = Object.keys(speeds).reduce((best, speed) =>
     Math.abs(length / speed - 45) < Math.abs(length / best - 45) ? speed : best,
   );
   const speed = report.select({ id: "speed", "aria-label": "Speed of play" }, Object.entries(speeds), usual);
-  const transport = report.element(
-    "div",
-    { class: "transport", role: "group", "aria-label": "Time" },
-    button,
-    slider,
-    clock,
-    speed,
-  );
-  document.getElementById("where").before(transport);
+  const group = { role: "group", "aria-label": "Time" };
+  const transport = element("div.transport", group, button, slider, clock, speed);
+  where.before(transport);
 
   /** Scroll until the whole map is seen, right below the bar. */
   function reveal() {
@@ -547,25 +472,15 @@
   }
   const jump = Math.max(1, nice);
   slider.addEventListener("keydown", (event) => {
-    const moves = {
-      ArrowRight: jump,
-      ArrowUp: jump,
-      ArrowLeft: -jump,
-      ArrowDown: -jump,
-      PageUp: 10 * jump,
-      PageDown: -10 * jump,
-    };
-    if (!(event.key in moves)) return;
+    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
+    if (!(event.key in steps)) return;
     event.preventDefault();
-    show(state.time + moves[event.key]);
+    show(state.time + steps[event.key] * jump);
   });
   document.addEventListener("keydown", (event) => {
-    const busy = event.target.closest(
-      "button, select, summary, a, input:not([type='range']):not([type='radio'])",
-    );
-    if (event.key !== " " || event.ctrlKey || event.metaKey || event.altKey || (busy && busy !== button))
-      return;
-    if (busy === button) return;
+    const busy = "button, select, summary, a, input:not([type='range']):not([type='radio'])";
+    const held = event.ctrlKey || event.metaKey || event.altKey;
+    if (event.key !== " " || held || event.target.closest(busy)) return;
     event.preventDefault();
     play(!state.playing);
   });
@@ -595,7 +510,7 @@
     slider.setAttribute("aria-valuetext", `${report.hours(since(state.time))}, ${doing(state.time)}`);
     clock.replaceChildren(
       `${report.clock(since(state.time))} `,
-      report.element("small", {}, report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
+      element("small", report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
     );
     if (!state.due) {
       state.due = true;
@@ -613,12 +528,12 @@
   function move() {
     state.map.repaint();
     for (const follow of state.followers) follow();
-    tell();
+    describe();
   }
 
-  function tell() {
-    const here = vehicle(state.time),
-      level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
+  function describe() {
+    const here = vehicle(state.time);
+    const level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
     const number = legAt(state.time);
     const moving = number >= 0 && state.time < run.legs[number].end;
@@ -636,7 +551,7 @@
     now.replaceChildren(
       ...entries
         .filter(([, value]) => value !== null)
-        .flatMap(([name, value]) => [report.element("dt", {}, name), report.element("dd", {}, value)]),
+        .flatMap(([name, value]) => [element("dt", name), element("dd", value)]),
     );
     note.replaceChildren(
       report.joined(
@@ -664,10 +579,9 @@
 
   const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
   const legendOf = (entries) =>
-    report.element(
-      "div",
-      { class: "choices small quiet" },
-      entries.map(([words, shape, colour]) => report.element("span", inline, swatch(shape, colour), words)),
+    element(
+      "div.choices.small.quiet",
+      entries.map(([words, shape, colour]) => element("span", inline, swatch(shape, colour), words)),
     );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
@@ -676,7 +590,7 @@
     ["bed", "above the sea bed", "task"],
   ];
   if (track.time.length) {
-    const side = report.element("div", { id: "side" });
+    const side = element("div", { id: "side" });
     const near = CLEARANCES.filter(([name]) => track[name]);
     const axes = { time: "over time", distance: "over distance" };
     const choice = report.segments("axis", "Horizontal axis", axes, "time", (value) => {
@@ -774,6 +688,8 @@
         if (drawn && margin > 0) shapes.push(report.rule("y2", margin, line));
       }
       const two = near.length > 0;
+      const shown = near.flatMap(([name]) => safe(track[name]));
+      const lower = { domain: [0, section ? 0.35 : 0.43], automargin: false };
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
       return {
         data,
@@ -791,14 +707,7 @@
             range: [floor, Math.min(0, ...track.depth)],
             automargin: false,
           }),
-          ...(two && {
-            yaxis2: report.logAxis(
-              colours,
-              "clearance [m]",
-              near.flatMap(([name]) => safe(track[name])),
-              { domain: [0, section ? 0.35 : 0.43], automargin: false },
-            ),
-          }),
+          ...(two && { yaxis2: report.logAxis(colours, "clearance [m]", shown, lower) }),
         },
       };
     };
@@ -807,33 +716,25 @@
       host.on("plotly_click", ({ points }) => show(track.time[points[0].pointIndex]));
       state.followers.push(report.cursor(host, () => along(state.time)));
     });
-    if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name))) {
-      made.append(
-        report.remark(
-          "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.",
-        ),
-      );
-    }
+    const dashed = "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.";
+    if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name)))
+      made.append(report.remark(dashed));
   }
 
   // --- route --------------------------------------------------------------------------------------
 
   if (run.kind !== "leg" && run.routes.some((route) => route.bars.length)) {
-    const timeline = report.element("div", { id: "timeline" });
-    const made = report.section(
-      "routes",
-      "Route",
-      run.simulated
-        ? "Each row is the route as it was planned at that moment, the lowest one what was done. Wide bars are travel, narrow ones time on station; darker is of higher priority."
-        : "Wide bars are travel, narrow ones time on station; darker is of higher priority.",
-      timeline,
-    );
+    const timeline = element("div", { id: "timeline" });
+    const each = "Each row is the route as it was planned at that moment, the lowest one what was done.";
+    const wide = "Wide bars are travel, narrow ones time on station; darker is of higher priority.";
+    const made = report.section("routes", "Route", run.simulated ? `${each} ${wide}` : wide, timeline);
     const rows = run.routes;
     const title = (route, k, brief) => {
       if (route.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
       const cause = report.literal(route.cause);
       if (!k) return brief ? "first" : "first route";
-      return brief ? `R${k} ${cause}` : `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || cause}`;
+      if (brief) return `R${k} ${cause}`;
+      return `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || cause}`;
     };
     const draw = (colours, width) => {
       const narrow = width < 620;
@@ -867,9 +768,8 @@
         hovertemplate:
           "%{customdata[0]} → %{customdata[1]}<br>priority %{customdata[2]:.3g}<br>travel %{customdata[3]:,} s, on station %{customdata[4]:,} s<extra></extra>",
       });
-      const last =
-        Math.max(run.available, since(run.end), ...bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4])) /
-        3600;
+      const ends = bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4]);
+      const last = Math.max(run.available, since(run.end), ...ends) / 3600;
       const available = { x: run.available / 3600, y: 1, xref: "x", yref: "paper", showarrow: false };
       Object.assign(available, { yanchor: "bottom", xanchor: "right" });
       return {
@@ -902,23 +802,17 @@
       if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
     });
     const late = rows.map((route, k) => ({ route, k })).filter(({ route }) => route.why);
-    const why = ({ route, k }) => report.element("li", {}, `${title(route, k)}: ${route.why}`);
+    const why = ({ route, k }) => element("li", `${title(route, k)}: ${route.why}`);
     if (late.length)
-      made.append(
-        report.details(
-          "Why the route was re-planned",
-          report.element("ul", { class: "small" }, late.map(why)),
-        ),
-      );
+      made.append(report.details("Why the route was re-planned", element("ul.small", late.map(why))));
   }
 
   // --- tables ----------------------------------------------------------------------------------------------
 
   const nodeName = (node) => waypoints[node].name;
+  const cause = (name) => CAUSES[name] || name;
   const causes = (leg) =>
-    Object.entries(leg.replans)
-      .map(([cause, count]) => `${count} ${CAUSES[cause] || cause}`)
-      .join(", ");
+    Object.entries(leg.replans).map(([name, count]) => `${count} ${cause(name)}`).join(", ");
   const inside = (value) => (report.isNumber(value) && value < 0 ? "bad-cell" : "");
   const clearance = (name, title) =>
     run.legs.some((leg) => report.isNumber(leg[name])) && {
@@ -932,89 +826,58 @@
       show(leg.begin);
       reveal();
     };
-    const attributes = { type: "button", class: "link", "aria-label": `Show leg ${k + 1}`, onclick };
-    return report.element("button", attributes, String(k + 1));
+    return report.link(`Show leg ${k + 1}`, String(k + 1), onclick);
   };
   const behind = ({ executed, expected }) =>
     `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
   if (run.legs.length) {
-    report.section(
-      "legs",
-      "Legs",
-      `Times in seconds, distances in metres: the least on the leg. ${run.simulated ? "Re-plans by their cause: a window of the leg, or a hazard ahead." : ""}`,
-      report.table(
-        `${report.counted(run.legs.length, "leg")}`,
-        [
-          {
-            title: "leg",
-            key: (leg) => run.legs.indexOf(leg),
-            text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
-          },
-          report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
-            key: (leg) => nodeName(leg.from),
-          }),
-          run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
-          report.number("expected", "expected"),
-          report.number("planned", "planned"),
-          run.simulated && report.number("executed", "executed"),
-          run.simulated && {
-            title: "executed − expected",
-            key: (leg) => leg.executed - leg.expected,
-            text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
-          },
-          report.number("task", "task"),
-          report.number("way", "length"),
-          {
-            title: "depth",
-            key: (leg) => leg.depths && leg.depths[1],
-            text: ({ depths }) =>
-              depths ? [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–") : "–",
-          },
-          clearance("coast", "coast"),
-          clearance("closed", "closed area"),
-          clearance("obstacle", "obstacle"),
-          clearance("bed", "bed"),
-          run.simulated &&
-            report.words("re-plans", (leg) => causes(leg) || "none", {
-              key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
-            }),
-          report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
-        ].filter(Boolean),
-        run.legs,
-        { id: "legs-table" },
-      ),
-    );
+    const levels = ({ depths }) => [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–");
+    const replans = (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0);
+    const columns = [
+      {
+        title: "leg",
+        key: (leg) => run.legs.indexOf(leg),
+        text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
+      },
+      report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
+        key: (leg) => nodeName(leg.from),
+      }),
+      run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
+      report.number("expected", "expected"),
+      report.number("planned", "planned"),
+      run.simulated && report.number("executed", "executed"),
+      run.simulated && {
+        title: "executed − expected",
+        key: (leg) => leg.executed - leg.expected,
+        text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
+      },
+      report.number("task", "task"),
+      report.number("way", "length"),
+      { title: "depth", key: (leg) => leg.depths?.[1], text: (leg) => (leg.depths ? levels(leg) : "–") },
+      clearance("coast", "coast"),
+      clearance("closed", "closed area"),
+      clearance("obstacle", "obstacle"),
+      clearance("bed", "bed"),
+      run.simulated && report.words("re-plans", (leg) => causes(leg) || "none", { key: replans }),
+      report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
+    ];
+    const units = "Times in seconds, distances in metres: the least on the leg. ";
+    const why = run.simulated ? "Re-plans by their cause: a window of the leg, or a hazard ahead." : "";
+    const legs = report.table(report.counted(run.legs.length, "leg"), columns, run.legs, "legs-table");
+    report.section("legs", "Legs", units + why, legs);
   }
 
   if (run.tasks.length) {
     const [done, left] = [true, false].map((wanted) => run.tasks.filter((task) => task.done === wanted));
     const priority = report.weight("priority", (task) => task.priority);
     const called = (more) => report.words("task", (task) => task.name, { key: (task) => task.name, ...more });
-    report.section(
-      "tasks",
-      "Tasks",
-      null,
-      report.pair(
-        report.table(
-          `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`,
-          [
-            called({ class: "long" }),
-            priority,
-            { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) },
-            report.number("on station, s", "duration"),
-          ],
-          done,
-          { id: "done-table" },
-        ),
-        left.length &&
-          report.table(
-            `Left: ${report.fixed(left.length)}`,
-            [called(), priority, report.words("why", (task) => task.why, { class: "long" })],
-            left,
-            { id: "left-table" },
-          ),
-      ),
-    );
+    const after = { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) };
+    const stay = [called({ class: "long" }), priority, after, report.number("on station, s", "duration")];
+    const kept = [called(), priority, report.words("why", (task) => task.why, { class: "long" })];
+    const title = `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`;
+    const tables = [report.table(title, stay, done, "done-table")];
+    if (left.length) tables.push(report.table(`Left: ${report.fixed(left.length)}`, kept, left, "left-table"));
+    report.section("tasks", "Tasks", null, report.pair(...tables));
   }
 
   const { cpu, forecast } = figures;
@@ -1035,49 +898,38 @@
     ],
     forecast && ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`],
   ].filter(Boolean);
-  report.section(
-    "costs",
-    "Costs and limits",
-    null,
-    report.pair(report.facts("Costs and planning", costs), [
-      report.table(
-        "Least distances on the whole way, m",
-        [
-          report.words("to", (row) => words[row.name]),
-          { title: "margin of plans", text: (row) => report.fixed(row.margin) },
-          {
-            title: "least",
-            text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
-            class: (row) => inside(row.least),
-          },
-        ],
-        run.limits,
-      ),
-      report.remark(
-        `${report.counted(figures.collisions, "collision")} on the track; ${broken ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit, as the planner saw it` : "every path plan kept all limits, as the planner saw it"}. Margins are the planner's; the true sea may take some of them.`,
-      ),
-    ]),
-    plans.length
-      ? report.details(
-          `Every path plan (${plans.length})`,
-          report.table(
-            "Path plans in the order of the legs",
-            [
-              { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
-              { title: "made after", key: (plan) => plan.made, text: (plan) => report.clock(since(plan.made)) },
-              report.words("cause", (plan) => CAUSES[plan.cause] || plan.cause, { key: (plan) => plan.cause }),
-              report.number("travel time, s", "time"),
-              report.number("cost (Eq. 12), s", "cost", 1),
-              report.weight("violation", (plan) => plan.violation),
-              report.yesNo("limits kept", (plan) => plan.feasible, true),
-              cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
-            ].filter(Boolean),
-            plans,
-            { id: "plans-table" },
-          ),
-        )
-      : null,
-  );
+  const limits = [
+    report.words("to", (row) => words[row.name]),
+    { title: "margin of plans", text: (row) => report.fixed(row.margin) },
+    {
+      title: "least",
+      text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
+      class: (row) => inside(row.least),
+    },
+  ];
+  const collided = `${report.counted(figures.collisions, "collision")} on the track`;
+  const kept = broken
+    ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit`
+    : "every path plan kept all limits";
+  const seen = "as the planner saw it. Margins are the planner's; the true sea may take some of them.";
+  const least = [
+    report.table("Least distances on the whole way, m", limits, run.limits),
+    report.remark(`${collided}; ${kept}, ${seen}`),
+  ];
+  const each = [
+    { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
+    { title: "made after", key: (plan) => plan.made, text: (plan) => report.clock(since(plan.made)) },
+    report.words("cause", (plan) => cause(plan.cause), { key: (plan) => plan.cause }),
+    report.number("travel time, s", "time"),
+    report.number("cost (Eq. 12), s", "cost", 1),
+    report.weight("violation", (plan) => plan.violation),
+    report.yesNo("limits kept", (plan) => plan.feasible, true),
+    cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
+  ];
+  const every = report.table("Path plans in the order of the legs", each, plans, "plans-table");
+  const pair = report.pair(report.facts("Costs and planning", costs), least);
+  const more = plans.length ? report.details(`Every path plan (${plans.length})`, every) : null;
+  report.section("costs", "Costs and limits", null, pair, more);
 
   report.provenance(run.provenance);
 

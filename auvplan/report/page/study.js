@@ -38,26 +38,6 @@
     ["length", "way, m", 0],
     ["planning", "planning, s", 2],
   ].filter(([name]) => cases.some((one) => (one.figures[name] || []).some((value) => value !== null)));
-  const DESCRIBED = [
-    ["use_of_time_percent", "use of the available time, %"],
-    ["t_residual_s", "time left at the end, s"],
-    ["tasks", "tasks done"],
-    ["total_priority", "total priority"],
-    ["priority_gap_percent", "gap to the bound on it, %"],
-    ["path_replans", "path re-plans a mission"],
-    ["mission_replans", "mission re-plans a mission"],
-    ["cost_mission", "cost of a mission (Eq. 15)"],
-    ["cost_total", "total cost with re-planning (Eq. 16)"],
-    ["t_expected_s", "expected time of a leg, s"],
-    ["t_path_s", "T_path of a leg, s"],
-    ["coast_clearance_m", "least distance to the coast, m"],
-    ["obstacle_clearance_m", "least distance to an obstacle, m"],
-    ["seabed_altitude_m", "least altitude above the bed, m"],
-    ["path_cpu_s", "path planning a mission, s"],
-    ["mission_cpu_s", "mission planning a mission, s"],
-    ["path_call_cpu_s", "time of a path planning call, s"],
-    ["mission_call_cpu_s", "time of a mission planning call, s"],
-  ];
 
   // --- head ----------------------------------------------------------------------------------------------
 
@@ -66,41 +46,30 @@
   const rehearsal = study.rehearsal;
   const first = cases[0].summary;
   const mean = (name) => (first.figures[name] ? first.figures[name].mean : null);
+  const what = rehearsal ? "rehearsal of a plan" : "study of simulated missions";
+  const [low, high] = ["low", "high"].map((end) => report.fixed(first.on_time_percent[end], 1));
+  const alone = cases.length === 1;
+  const replans = mean("path_replans") + mean("mission_replans");
   report.head({
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
     good: onTime === missions,
-    line: report.joined(
-      " · ",
-      rehearsal ? "rehearsal of a plan" : "study of simulated missions",
-      `seeds ${study.provenance.seeds}`,
-      study.description,
-    ),
+    line: report.joined(" · ", what, `seeds ${study.provenance.seeds}`, study.description),
     tiles: [
       [
         "on time",
         `${report.fixed((100 * onTime) / missions, 1)} %`,
-        cases.length === 1
-          ? `95 %: ${report.fixed(first.on_time_percent.low, 1)} to ${report.fixed(first.on_time_percent.high, 1)} %`
-          : `${report.counted(cases.length, "setting")}`,
+        alone ? `95 %: ${low} to ${high} %` : report.counted(cases.length, "setting"),
       ],
       rehearsal && [
         "all planned tasks done",
         report.fixed(rehearsal.all_planned_tasks),
         `on time, of ${report.counted(rehearsal.missions, "mission")}`,
       ],
-      ...(cases.length > 1
-        ? []
-        : [
-            ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
-            ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
-            ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
-            [
-              "re-plans",
-              report.fixed(mean("path_replans") + mean("mission_replans"), 1),
-              "of paths and route, mean",
-            ],
-          ]),
+      alone && ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
+      alone && ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
+      alone && ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
+      alone && ["re-plans", report.fixed(replans, 1), "of paths and route, mean"],
       ["collisions", report.fixed(total("collisions")), "found by the checker"],
       ["faults", report.fixed(total("faults")), "found by the checker"],
     ],
@@ -108,37 +77,29 @@
 
   // --- choice of the setting -----------------------------------------------------------------------------
 
-  if (cases.length > 1) {
+  if (!alone) {
     const change = () => {
       state.case = Number(list.value);
       state.mission = null;
       for (const follow of followers) follow();
     };
-    const list = report.select(
-      { id: "case", onchange: change },
-      cases.map((one, k) => [k, caseName(one)]),
-    );
+    const list = report.select({ id: "case", onchange: change }, cases.map((one, k) => [k, caseName(one)]));
     sweepSection(list);
   }
 
   /** Mean of a figure, with its 95 % interval, over the values that a setting takes. */
   function sweepSection(list) {
-    const names = DESCRIBED.filter(([name]) =>
+    const names = study.described.filter(([name]) =>
       cases.some((one) => one.summary.figures[name] && report.isNumber(one.summary.figures[name].mean)),
     );
     const choices = [["on_time", "missions on time, %"], ...names];
-    const host = report.element("div", { id: "sweep" });
+    const host = element("div", { id: "sweep" });
     const measure = report.select({ id: "sweep-measure", onchange: () => figure.draw() }, choices);
     report.section(
       "settings",
       "Settings compared",
       "Means with 95 % intervals. The setting that is chosen here is shown in all that follows.",
-      report.element(
-        "div",
-        { class: "choices" },
-        report.element("label", {}, "Figure", measure),
-        report.element("label", {}, "Shown below", list),
-      ),
+      element("div.choices", element("label", "Figure", measure), element("label", "Shown below", list)),
       host,
     );
     const of = (one) => {
@@ -148,13 +109,9 @@
       return [found.mean ?? null, found.low ?? null, found.high ?? null];
     };
     const figure = report.drawn(host, "Settings compared", (colours, width) => {
-      const inner = study.sweeps[0].values,
-        lines = new Map();
-      cases.forEach((one) => {
-        const name = caseName(one, 1);
-        if (!lines.has(name)) lines.set(name, []);
-        lines.get(name).push(one);
-      });
+      const [inner, lines] = [study.sweeps[0].values, new Map()];
+      for (const one of cases)
+        lines.set(caseName(one, 1), [...(lines.get(caseName(one, 1)) || []), one]);
       const numeric = inner.every(report.isNumber);
       const hues = ["plan", "earlier", "task", "static", "afloat", "route"].map((name) => colours[name]);
       const marks = ["circle", "square", "diamond", "triangle-up", "cross", "x"];
@@ -212,19 +169,20 @@
           report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
         ],
         rehearsal.jobs,
-        { id: "jobs-table" },
+        "jobs-table",
       ),
     );
   }
 
-  const statistics = report.element("div");
+  const statistics = element("div");
   report.section("statistics", "Statistics", null, statistics);
   follow(() => {
     const { summary } = now();
-    const rows = DESCRIBED.map(([name, words]) => [words, summary.figures[name]]).filter(
+    const rows = study.described.map(([name, words]) => [words, summary.figures[name]]).filter(
       ([, found]) => found && report.isNumber(found.mean),
     );
     const legs = summary.expected_against_executed;
+    const failed = summary.failed_seeds.map((seed, k) => `seed ${seed} (${summary.failures[k]})`);
     const cell = (name) => ({
       title: { low: "from", high: "to", q05: "5 %", q95: "95 %" }[name] || name,
       text: ([, found]) => report.figure(found[name]),
@@ -232,22 +190,14 @@
     const words = [
       legs.correlation !== null &&
         `Correlation of executed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
-      summary.failed_seeds.length &&
-        `Failed: ${summary.failed_seeds
-          .map((seed, k) => `seed ${seed} (${summary.failures[k]})`)
-          .slice(0, 20)
-          .join("; ")}${summary.failed_seeds.length > 20 ? "; …" : ""}.`,
+      failed.length && `Failed: ${failed.slice(0, 20).join("; ")}${failed.length > 20 ? "; …" : ""}.`,
     ].filter(Boolean);
+    const share = `${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time`;
+    const title = report.joined(": ", !alone && caseName(now()), share);
+    const figures = ["mean", "low", "high", "q05", "median", "q95"].map(cell);
+    const columns = [report.words("figure", ([name]) => name, { class: "long" }), ...figures];
     statistics.replaceChildren(
-      report.table(
-        `${cases.length > 1 ? `${caseName(now())}: ` : ""}${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time; means with 95 % intervals, and quantiles`,
-        [
-          report.words("figure", ([name]) => name, { class: "long" }),
-          ...["mean", "low", "high", "q05", "median", "q95"].map(cell),
-        ],
-        rows,
-        { id: "statistics-table" },
-      ),
+      report.table(`${title}; means with 95 % intervals, and quantiles`, columns, rows, "statistics-table"),
       ...words.map((text) => report.remark(text)),
     );
   });
@@ -258,7 +208,7 @@
     action();
   }
   function figure(id, title, note, draw, after) {
-    const host = report.element("div", { id });
+    const host = element("div", { id });
     report.section(`${id}-section`, title, note, host);
     const made = report.drawn(host, title, draw, after);
     followers.push(() => made.draw());
@@ -315,12 +265,7 @@
         height: 440,
         data: [
           report.line(numbers(), figures.t_available, available, { name: "time available" }),
-          ...groups(
-            colours,
-            (k) => k,
-            (k) => figures.t_mission[k],
-            "%{y:,.0f} s",
-          ),
+          ...groups(colours, (k) => k, (k) => figures.t_mission[k], "%{y:,.0f} s"),
           {
             type: "bar",
             yaxis: "y2",
@@ -405,7 +350,6 @@
         layout: {
           boxmode: "group",
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, "seed of the mission", {
             domain: wide ? [0, 0.6] : [0, 1],
             tickvals: shown,
@@ -434,9 +378,8 @@
     "Time of planning (Fig. 14)",
     "Wall-clock seconds on a logarithmic scale: all planning of a mission, and its single path planning calls, median with 5 to 95 %.",
     (colours) => {
-      const one = now(),
-        part = (k) => one.calls.map((row) => row[k]);
-      const [low, middle, high] = [0, 1, 2].map(part);
+      const one = now();
+      const [low, middle, high] = [0, 1, 2].map((k) => one.calls.map((row) => row[k]));
       const marks = (name, y, color, symbol, more) =>
         report.points(numbers(), y, {
           name,
@@ -456,7 +399,6 @@
         ],
         layout: {
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: seedAxis(colours),
           yaxis: report.logAxis(colours, "time of planning [s]", [...one.figures.planning, ...low, ...high], {
             automargin: false,
@@ -469,20 +411,15 @@
 
   // --- missions ------------------------------------------------------------------------------------------
 
-  const scatter = report.element("div", { id: "scatter" });
+  const scatter = element("div", { id: "scatter" });
   const pick = (id, chosen) => report.select({ id, onchange: () => cloud.draw() }, MEASURES, chosen);
   const [across, up] = [pick("across", "t_residual"), pick("up", "total_priority")];
-  const table = report.element("div");
+  const table = element("div");
   report.section(
     "missions",
     "Missions",
     "A click on a point or a seed shows the mission below.",
-    report.element(
-      "div",
-      { class: "choices" },
-      report.element("label", {}, "Across", across),
-      report.element("label", {}, "Up", up),
-    ),
+    element("div.choices", element("label", "Across", across), element("label", "Up", up)),
     scatter,
     table,
   );
@@ -506,7 +443,6 @@
         ),
         layout: {
           ...report.legendAbove,
-          margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, words(across)),
           yaxis: report.axis(colours, words(up), { automargin: true }),
         },
@@ -524,17 +460,9 @@
             title: "seed",
             key: (k) => seeds[k],
             text: (k) =>
-              report.element(
-                "button",
-                {
-                  type: "button",
-                  class: "link",
-                  "data-seed": seeds[k],
-                  "aria-label": `Show the mission of seed ${seeds[k]}`,
-                  onclick: () => choose(k, true),
-                },
-                String(seeds[k]),
-              ),
+              report.link(`Show the mission of seed ${seeds[k]}`, String(seeds[k]), () => choose(k, true), {
+                "data-seed": seeds[k],
+              }),
           },
           report.words("outcome", (k) => (one.success[k] ? "on time" : "failed"), {
             key: (k) => Number(one.success[k]),
@@ -545,7 +473,7 @@
           ),
         ],
         numbers(),
-        { id: "missions-table" },
+        "missions-table",
       ),
     );
     if (cloud.made) cloud.draw();
@@ -553,41 +481,30 @@
 
   // --- one mission ---------------------------------------------------------------------------------------
 
-  const detail = report.element("div", { id: "mission", tabindex: "-1" });
+  const detail = element("div", { id: "mission", tabindex: "-1" });
   const part = report.section("mission-section", "One mission", null, detail);
   let route = null;
 
   function choose(number, scroll) {
     state.mission = number;
-    const one = now(),
-      seed = seeds[number];
-    for (const row of table.querySelectorAll("tbody tr"))
-      row.classList.toggle("chosen", Number(row.dataset.row) === number);
+    const [one, seed] = [now(), seeds[number]];
+    report.mark(table, number);
     cloud.draw();
     const mission = one.missions[number];
-    const facts = [
-      ["outcome", one.reason[number]],
-      ...MEASURES.map(([name, words, decimals]) => [
-        words,
-        report.fixed(one.figures[name][number], decimals),
-      ]),
-    ];
-    const title = report.element(
-      "h3",
-      { id: "mission-title" },
-      `Seed ${seed}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
-    );
+    const figures = MEASURES.map(([name, words, decimals]) => {
+      return [words, report.fixed(one.figures[name][number], decimals)];
+    });
+    const facts = [["outcome", one.reason[number]], ...figures];
+    const title = report.joined(", ", `Seed ${seed}`, cases.length > 1 && caseName(one));
     const columns = report.pair(report.facts("Figures", facts), ways(one, number, seed));
-    detail.replaceChildren(title, columns);
+    detail.replaceChildren(element("h3", { id: "mission-title" }, title), columns);
     if (mission) {
-      const host = report.element("div", { class: "map", id: "route" });
-      const list = report.select({ id: "route-made", onchange: () => route.figure.draw() }, [
-        ["-1", "way taken"],
-        ...mission.routes.map(([cause, made], k) => [
-          k,
-          k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
-        ]),
-      ]);
+      const host = element("div.map", { id: "route" });
+      const routes = mission.routes.map(([cause, made], k) => {
+        return [k, k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route"];
+      });
+      const change = { id: "route-made", onchange: () => route.figure.draw() };
+      const list = report.select(change, [["-1", "way taken"], ...routes]);
       const legs = report.table(
         report.counted(mission.legs.length, "leg"),
         [
@@ -601,7 +518,7 @@
           report.yesNo("reached", (leg) => leg[7] === 1, true),
         ],
         mission.legs,
-        { id: "mission-legs" },
+        "mission-legs",
       );
       const made = report.table(
         "Routes",
@@ -614,16 +531,11 @@
           report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
         ],
         mission.routes,
-        { id: "mission-routes" },
+        "mission-routes",
       );
-      const beside = report.pair(
-        [
-          report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
-          host,
-          report.remark("Straight lines between waypoints: a study keeps no tracks."),
-        ],
-        legs,
-      );
+      const straight = report.remark("Straight lines between waypoints: a study keeps no tracks.");
+      const shown = [element("div.choices", element("label", "Shown", list)), host, straight];
+      const beside = report.pair(shown, legs);
       beside.style.marginTop = "1.1rem";
       detail.append(beside, made);
       route = study.map && routeMap(host, list, mission);
@@ -638,41 +550,23 @@
   function ways(one, number, seed) {
     const name = `${String(state.case).padStart(4, "0")}-${String(seed).padStart(8, "0")}`;
     const quoted = (text) => (/^[\w.,=+-]*$/.test(text) ? text : `'${text.replace(/'/g, "'\\''")}'`);
-    const settings = [
-      ...study.changes,
-      ...swept.map((field, k) => `${field}=${JSON.stringify(one.setting[k])}`),
-    ].map((text) => `--set ${quoted(text)}`);
-    const again = [
-      "auvplan mission",
-      study.scenario || "SCENARIO.yaml",
-      `--seed ${seed}`,
-      ...settings,
-      `--out out/seed-${seed}`,
-    ].join(" ");
+    const changed = swept.map((field, k) => `${field}=${JSON.stringify(one.setting[k])}`);
+    const settings = [...study.changes, ...changed].map((text) => `--set ${quoted(text)}`);
+    const what = ["auvplan mission", study.scenario || "SCENARIO.yaml", `--seed ${seed}`];
+    const again = [...what, ...settings, `--out out/seed-${seed}`].join(" ").split(" ");
+    const whole = (word, k) => [k ? " " : null, element("span", { style: "white-space: nowrap" }, word)];
+    const saved = [
+      element("p", "It is saved in this folder. Its page, with map and track, is written by"),
+      element("pre.code", `auvplan report runs/${name}`),
+    ];
+    const kept = study.runs.includes(name);
+    const which = study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)";
+    const verb = kept ? "Or simulate" : "Simulate";
     return [
-      report.element("h3", {}, "The whole mission"),
-      study.runs.includes(name)
-        ? [
-            report.element(
-              "p",
-              {},
-              "It is saved in this folder. Its page, with map and track, is written by",
-            ),
-            report.element("pre", { class: "code" }, `auvplan report runs/${name}`),
-          ]
-        : null,
-      report.element(
-        "p",
-        {},
-        `${study.runs.includes(name) ? "Or simulate" : "Simulate"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
-      ),
-      report.element(
-        "pre",
-        { class: "code", id: "again" },
-        again
-          .split(" ")
-          .map((word, k) => [k ? " " : null, report.element("span", { style: "white-space: nowrap" }, word)]),
-      ),
+      element("h3", "The whole mission"),
+      kept ? saved : null,
+      element("p", `${verb} it again, with its track, its pictures and its page${which}:`),
+      element("pre.code", { id: "again" }, again.map(whole)),
     ];
   }
 
@@ -684,48 +578,35 @@
       mission.legs.length ? mission.legs[0][0] : 0,
       ...mission.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
     ];
-    const labels = Array.from({ length: count }, (_, node) => ({
-      text: String(node),
-      north: place(node)[0],
-      east: place(node)[1],
-      rank: way.includes(node) ? 1 : 2,
-      colour: way.includes(node) ? "text" : "quiet",
-    }));
-    return report.map(
-      host,
-      "Route of the mission",
-      study.map,
-      (colours, { unit }) => {
-        const route = Number(list.value);
-        const nodes = route < 0 ? way : mission.routes[route][4];
-        const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
-        const at = (chosen, more) =>
-          report.points(
-            chosen.map((node) => place(node)[1] / unit),
-            chosen.map((node) => place(node)[0] / unit),
-            { hoverinfo: "skip", ...more },
-          );
-        const line = (chosen, name, color, width) =>
-          at(chosen, {
-            mode: "lines+markers",
-            name,
-            line: { color, width },
-            marker: { symbol: "arrow", angleref: "previous", size: 11, color },
-          });
-        const end = (node, color, symbol, size) =>
-          at([node], { marker: { symbol, size, color, line: { color: "#000000", width: 1 } } });
-        const every = Array.from({ length: count }, (_, node) => node);
-        const open = { size: 6, color: colours.card, line: { color: colours.quiet, width: 1.3 } };
-        return [
-          at(every, { name: "waypoints", marker: { symbol: "circle", ...open } }),
-          line(until, "executed before", colours.left, 2),
-          line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan, 2),
-          end(nodes[0], colours.start, "circle", 11),
-          end(nodes[nodes.length - 1], colours.task, "star", 15),
-        ];
-      },
-      labels,
-    );
+    const labels = Array.from({ length: count }, (_, node) => {
+      const [[north, east], passed] = [place(node), way.includes(node)];
+      return { text: String(node), north, east, rank: passed ? 1 : 2, colour: passed ? "text" : "quiet" };
+    });
+    const traces = (colours, { unit }) => {
+      const route = Number(list.value);
+      const nodes = route < 0 ? way : mission.routes[route][4];
+      const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
+      const at = (chosen, more) => {
+        const [x, y] = [1, 0].map((axis) => chosen.map((node) => place(node)[axis] / unit));
+        return report.points(x, y, { hoverinfo: "skip", ...more });
+      };
+      const line = (chosen, name, color) => {
+        const marker = { symbol: "arrow", angleref: "previous", size: 11, color };
+        return at(chosen, { mode: "lines+markers", name, line: { color, width: 2 }, marker });
+      };
+      const end = (node, color, symbol, size) =>
+        at([node], { marker: { symbol, size, color, line: { color: "#000000", width: 1 } } });
+      const every = Array.from({ length: count }, (_, node) => node);
+      const open = { size: 6, color: colours.card, line: { color: colours.quiet, width: 1.3 } };
+      return [
+        at(every, { name: "waypoints", marker: { symbol: "circle", ...open } }),
+        line(until, "executed before", colours.left),
+        line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan),
+        end(nodes[0], colours.start, "circle", 11),
+        end(nodes[nodes.length - 1], colours.task, "star", 15),
+      ];
+    };
+    return report.map(host, "Route of the mission", study.map, traces, labels);
   }
 
   /** The mission that is shown at first: the first that failed, or the first of all. */
