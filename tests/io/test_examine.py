@@ -12,8 +12,7 @@ from auvplan.io.geo import GeoError, read_jobs
 from auvplan.mission.graph import MissionGraph
 from auvplan.scenario.file import scenario_schema, validate_scenario
 from auvplan.scenario.waypoints import slope_warnings
-from tests.io.small_site import SmallSite
-from tests.io.variants import scaled
+from tests.io.small_site import SmallSite, everywhere
 
 
 def _plain(value):
@@ -190,7 +189,7 @@ def test_a_line_with_a_faulty_row_has_no_further_fault(tmp_path):
 
 def test_warnings_of_a_file_are_told_of_each_scenario_that_names_it(tmp_path):
     site = SmallSite(tmp_path / "site")
-    scaled(0.0)(site)
+    site.tide(lambda data: everywhere("uo", 0.0)(everywhere("vo", 0.0)(data)))
     text = (site.folder / "scenario.yaml").read_text()
     site.write("second.yaml", text)
     stated = [examined.warnings for examined in examine_folder(site.folder)]

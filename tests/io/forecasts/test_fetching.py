@@ -172,7 +172,7 @@ def test_real_files_cut_by_a_server_are_the_same_current(shared, tmp_path, name,
 
 
 def test_a_mesh_is_not_cut(tmp_path):
-    mesh = xr.Dataset({name: parts for name, parts in ugrid("node").items() if name != "mesh"})
+    mesh = ugrid("node").drop_vars("mesh")
     with serving(m=mesh) as server, pytest.raises(ForecastError, match="is a mesh, which is not cut"):
         fetch(dap(server, "m"), tmp_path / "m.nc")
 
