@@ -221,23 +221,6 @@ def test_groups_and_archives_are_refused_with_what_would_do(tmp_path):
     refused(tmp_path / "a.zarr.zip", "a ZIP archive, not a NetCDF file: unpack it first")
 
 
-@pytest.mark.parametrize("suffix", ["nc", "nc3"])
-def test_damaged_files_raise_nothing_else(tmp_path, suffix):
-    path = write(regular(), tmp_path / f"damaged.{suffix}")
-    whole, rng, messages = path.read_bytes(), np.random.default_rng(5), []
-    for number in range(60):
-        damaged = bytearray(whole if number % 2 else whole[: rng.integers(4, len(whole))])
-        for _ in range(20):
-            damaged[rng.integers(4, max(5, min(len(damaged), 6000)))] = rng.integers(256)
-        path.write_bytes(damaged)
-        try:
-            read_current(path, SITE, **BOX).source.close()
-        except CurrentError as error:
-            messages.append(str(error))
-    assert len(messages) > 20
-    assert all("damaged" in message and "\n" not in message for message in messages)
-
-
 def test_series_that_do_not_fit():
     data = regular(hours=[0.0, 2.0, 4.0])
 

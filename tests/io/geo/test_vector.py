@@ -26,18 +26,10 @@ def square():
 
 
 def written(path, shapes, crs="EPSG:4326", layer=None, kind="Polygon", **columns):
-    pyogrio = pytest.importorskip("pyogrio")
-    names = list(columns)
-    pyogrio.raw.write(
-        path,
-        geometry=shapely.to_wkb(np.asarray(shapes, object)),
-        field_data=[np.asarray(columns[name]) for name in names],
-        fields=names,
-        geometry_type=kind,
-        crs=crs,
-        layer=layer,
-        append=path.exists() and layer is not None,
-    )
+    raw = pytest.importorskip("pyogrio.raw")
+    shapes, values = shapely.to_wkb(np.asarray(shapes, object)), [np.asarray(v) for v in columns.values()]
+    kept = {"geometry_type": kind, "crs": crs, "layer": layer}
+    raw.write(path, shapes, values, list(columns), append=path.exists() and layer is not None, **kept)
     return path
 
 
@@ -132,12 +124,9 @@ def test_layers_of_any_geometry(tmp_path):
 
 
 def test_an_empty_polygon_of_a_projection_is_left_out(tmp_path):
-    pyogrio = pytest.importorskip("pyogrio")
     square = shapely.box(5e5, 7.7e6, 5.01e5, 7.701e6)
     for number, shapes in enumerate(([square], [square, shapely.Polygon(), None])):
-        path = tmp_path / f"{number}.gpkg"
-        pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
-                          geometry_type="Unknown")  # fmt: skip
+        path = written(tmp_path / f"{number}.gpkg", shapes, "EPSG:32755", kind="Unknown")
         assert [one.number for one in read_vector_polygons(path)] == [1]
 
 
