@@ -37,9 +37,8 @@ def written(path, shapes, crs="EPSG:4326", layer=None, kind="Polygon", **columns
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:32755"])
 def test_the_same_chart_as_from_geojson(tmp_path, name, crs):
     shape = square()
-    twin = write_geojson(
-        tmp_path / "land.json", feature("Polygon", [np.array(shape.exterior.coords).tolist()])
-    )
+    outline = np.array(shape.exterior.coords).tolist()
+    twin = write_geojson(tmp_path / "land.json", feature("Polygon", [outline]))
     if crs != "EPSG:4326":
         there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         dense = shapely.segmentize(shape, 1e-4)
@@ -80,18 +79,16 @@ def test_rings_that_cross_are_repaired_with_a_warning(tmp_path):
 
 def test_other_formats_under_a_known_name_are_not_given_to_gdal(tmp_path):
     """Some name files or servers that GDAL would read."""
-    twin = write_geojson(
-        tmp_path / "twin.json", feature("Polygon", [geographic(*np.array(CORNERS).T).tolist()])
-    )
+    outline = geographic(*np.array(CORNERS).T).tolist()
+    twin = write_geojson(tmp_path / "twin.json", feature("Polygon", [outline]))
     source = f"<SrcDataSource>{twin}</SrcDataSource>"
     virtual = f'<OGRVRTDataSource><OGRVRTLayer name="twin">{source}</OGRVRTLayer></OGRVRTDataSource>'
     (tmp_path / "land.gpkg").write_text(virtual)
     with zipfile.ZipFile(tmp_path / "land.zip", "w") as archive:
         archive.writestr("land.gpkg", virtual)
+    words = r"land\.gpkg is neither a GeoPackage, a Shapefile nor a FlatGeobuf"
     for name in ("land.gpkg", "land.zip"):
-        with pytest.raises(
-            GeoError, match=r"land\.gpkg is neither a GeoPackage, a Shapefile nor a FlatGeobuf"
-        ):
+        with pytest.raises(GeoError, match=words):
             read_zones(tmp_path / name, SITE)
 
 
