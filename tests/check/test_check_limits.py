@@ -203,7 +203,7 @@ def test_a_known_obstacle_that_goes_ahead_is_as_near_as_at_first():
     assert check(run, dataset).obstacle_clearance == pytest.approx(40.0, abs=0.02)
 
 
-#: Ways of a leg of 1,000 s through a band that closes: through it, into it with a task of 300 s there, and
+#: A leg of 1,000 s and a band that closes: through it, into it with a task of 300 s there, and
 #: out of it, whose first metre alone lies in it.
 THROUGH, INTO = {}, {"track": (0.0, 500.0)}
 LAST_METRE = {"track": (-599.5, 400.5)}

@@ -57,7 +57,7 @@ def test_bad_input_is_one_line_and_status_2(case, spoilt, tmp_path, call, monkey
 
 
 @pytest.mark.parametrize("case", [name for name in DAMAGED if not name.startswith("scenario")][::5])
-def test_validate_tells_the_same_faults_with_their_lines(case, spoilt, call):
+def test_validate_gives_the_same_faults_with_their_lines(case, spoilt, call):
     change, *words = DAMAGED[case]
     path = spoilt(change)
     code, said, err = call("validate", path)
@@ -92,7 +92,7 @@ def test_a_slip_is_refused_or_noted(case, spoilt):
 
 @pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
 @pytest.mark.parametrize("case", list(NOTED)[::4])
-def test_a_mission_is_told_the_same(case, spoilt):
+def test_a_mission_has_the_same_note(case, spoilt):
     change, *words = NOTED[case]
     path = spoilt(change)
     with warnings.catch_warnings(record=True) as heard:

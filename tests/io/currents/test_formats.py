@@ -254,7 +254,7 @@ def test_degrees_west_and_south():
 
 @pytest.mark.parametrize("dims", [("i", "j"), ("nx", "ny"), ("xi", "y")])
 def test_rows_along_the_first_dimension(dims):
-    """What a dimension is called tells which of them x follows."""
+    """The name of a dimension decides which of them x follows."""
     lon, lat = turned_grid(angle=0.0)
     east, north = flow(lon, lat)
     data = xr.Dataset(coords={"time": ("time", [0.0], HOURS)})
