@@ -88,12 +88,7 @@ def test_fig6_against_its_pseudo_code(seed: int, constant: bool) -> None:
                 if j != i and sends[i, j] < np.float32(emigration[j]):
                     expected[i, siv[i, j]] = population[j, siv[i, j]]
     found = operators.migrate_fig6(
-        jnp.asarray(population),
-        jnp.asarray(who),
-        jnp.asarray(sends),
-        jnp.asarray(siv),
-        immigration,
-        emigration,
+        *(jnp.asarray(part) for part in (population, who, sends, siv)), immigration, emigration
     )
     np.testing.assert_array_equal(found, expected)
 

@@ -12,9 +12,7 @@ from auvplan.bbo import BBOConfig, rates
 
 @pytest.mark.parametrize("count", [1, 2, 10, 99, 400])
 @pytest.mark.parametrize(("largest_in", "largest_out"), [(1.0, 1.0), (0.3, 0.3), (0.9, 0.3)])
-def test_stationary_law_of_linear_rates_is_binomial(
-    count: int, largest_in: float, largest_out: float
-) -> None:
+def test_stationary_law_of_linear_rates_is_binomial(count, largest_in, largest_out) -> None:
     by_rank = rates.linear_rates(count + 1, largest_in, largest_out)
     law = rates.stationary_law(*(rate[::-1] for rate in by_rank))
     expected = binom.pmf(np.arange(count + 1), count, largest_in / (largest_in + largest_out))
@@ -44,11 +42,13 @@ def test_stationary_law_balances_any_rates(count: int, seed: int) -> None:
     assert rates.species_derivative(anything, up, down).sum() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_derivative_by_hand() -> None:
+def test_derivative_and_step_by_hand() -> None:
     # Two species levels above zero: dP_0 = -lambda_0 P_0 + mu_1 P_1 and so on (Eq. 4).
     probability, up, down = np.array([0.5, 0.3, 0.2]), np.array([1.0, 0.4, 9.0]), np.array([9.0, 0.6, 0.7])
     expected = [-0.5 + 0.18, -(0.4 + 0.6) * 0.3 + 0.5 + 0.14, 0.12 - 0.14]
     np.testing.assert_allclose(rates.species_derivative(probability, up, down), expected)
+    after = probability + 0.5 * np.array(expected)  # Eq. 3
+    np.testing.assert_allclose(rates.species_step(probability, up, down, 0.5), after)
 
 
 def linear_by_species(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -76,22 +76,6 @@ def test_eq3_is_a_step_of_eq4_that_keeps_probabilities(count: int, dt: float, se
     assert after.sum() == pytest.approx(1.0)
     assert (after >= -1e-15).all()
     np.testing.assert_allclose(after, before + dt * rates.species_derivative(before, up, down), atol=1e-15)
-
-
-def test_eq3_by_hand() -> None:
-    """Each P_S(t + dt) as Eq. 3 has it: who stays, who comes from below, who comes from above."""
-    before, up, down, dt = (
-        np.array([0.5, 0.3, 0.2]),
-        np.array([1.0, 0.4, 9.0]),
-        np.array([9.0, 0.6, 0.7]),
-        0.5,
-    )
-    expected = [
-        0.5 * (1.0 - 1.0 * dt) + 0.3 * 0.6 * dt,
-        0.3 * (1.0 - (0.4 + 0.6) * dt) + 0.5 * 1.0 * dt + 0.2 * 0.7 * dt,
-        0.2 * (1.0 - 0.7 * dt) + 0.3 * 0.4 * dt,
-    ]
-    np.testing.assert_allclose(rates.species_step(before, up, down, dt), expected)
 
 
 @pytest.mark.parametrize("linear", [True, False])

@@ -163,18 +163,10 @@ def test_violations_are_reported_beside_the_cost() -> None:
 
 def test_a_given_population_is_used() -> None:
     optimum = np.zeros((1, 6), np.float32)
-    result = minimize(
-        sphere, LOWER, UPPER, key=jax.random.key(0), config=SMALL.replace(iterations=0), population=optimum
-    )
+    nothing = {"key": jax.random.key(0), "config": SMALL.replace(iterations=0)}
+    result = minimize(sphere, LOWER, UPPER, population=optimum, **nothing)
     assert result.cost == 0.0
-    outside = minimize(
-        sphere,
-        LOWER,
-        UPPER,
-        key=jax.random.key(0),
-        config=SMALL.replace(iterations=0),
-        population=optimum + 99,
-    )
+    outside = minimize(sphere, LOWER, UPPER, population=optimum + 99, **nothing)
     assert outside.state.population.max() <= 5.0
     again = minimize(
         sphere, LOWER, UPPER, key=jax.random.key(1), config=SMALL, population=result.state.population
@@ -242,25 +234,15 @@ def test_converges(fun, bound: float) -> None:
     assert minimize(fun, LOWER, UPPER, key=jax.random.key(0), config=config).cost < bound
 
 
-@pytest.mark.parametrize(
-    "setting",
-    [
-        {"population": 1},
-        {"iterations": -1},
-        {"elites": 100},
-        {"elites": -1},
-        {"immigration": 1.1},
-        {"emigration": 0.0},
-        {"mutation_max": -0.1},
-        {"mutation_genes": -1.0},
-        {"mutation_step": -1.0},
-        {"migration": "both"},
-        {"rates": "square"},
-        {"mutation_law": "none"},
-        {"mutation": "cauchy"},
-        {"replacement": "all"},
-    ],
-)
+BAD = [
+    {"population": 1}, {"iterations": -1}, {"elites": 100}, {"elites": -1}, {"immigration": 1.1},
+    {"emigration": 0.0}, {"mutation_max": -0.1}, {"mutation_genes": -1.0}, {"mutation_step": -1.0},
+    {"migration": "both"}, {"rates": "square"}, {"mutation_law": "none"}, {"mutation": "cauchy"},
+    {"replacement": "all"},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("setting", BAD)
 def test_bad_settings_are_refused(setting: dict) -> None:
     with pytest.raises(ValueError, match=next(iter(setting))):
         BBOConfig(**setting)
@@ -274,14 +256,9 @@ def test_bad_arguments_are_refused() -> None:
         minimize(sphere, UPPER, LOWER, key=key)
     with pytest.raises(ValueError, match="population must be"):
         minimize(sphere, LOWER, UPPER, key=key, config=SMALL, population=np.zeros((21, 6)))
+    gaussian = SMALL.replace(mutation="gaussian")
     with pytest.raises(ValueError, match="real SIVs"):
-        minimize(
-            integer_cost,
-            np.zeros(3, int),
-            np.ones(3, int),
-            key=key,
-            config=SMALL.replace(mutation="gaussian"),
-        )
+        minimize(integer_cost, np.zeros(3, int), np.ones(3, int), key=key, config=gaussian)
 
 
 @pytest.mark.parametrize("period", [1, 4, 15, 40])
@@ -326,11 +303,10 @@ def test_the_answer_violates_nothing_where_any_habitat_did_not():
 
 def test_without_a_feasible_habitat_the_answer_is_of_least_cost():
     config = BBOConfig(population=24, iterations=10)
-    result = minimize(
-        lambda x: ((x**2).sum(axis=1), 1.0 + x[:, 0] ** 2),
-        *([-2.0], [2.0]),
-        key=jax.random.key(3),
-        config=config,
-    )
+
+    def fun(x):
+        return (x**2).sum(axis=1), 1.0 + x[:, 0] ** 2
+
+    result = minimize(fun, [-2.0], [2.0], key=jax.random.key(3), config=config)
     assert float(result.violation) >= 1.0
     assert float(result.cost) == float(result.state.cost[0])

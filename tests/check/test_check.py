@@ -7,21 +7,22 @@ import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
-import xarray as xr
 
+from auvplan.check.legs import require
 from auvplan.check.run import ResultError, check_dataset, check_run
 from auvplan.io import save_run
 from auvplan.io.results import to_dataset
 from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
+from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
-from auvplan.records import MissionRun
 from auvplan.site import Site
 from benchmarks.alterations import KINDS, altered, possible
-from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
+from tests.io.sample_run import WAYPOINTS, make_run, refused_leg
 
 
 def check(run, dataset=None):
@@ -31,10 +32,16 @@ def check(run, dataset=None):
     )
 
 
+def over_a_bed():
+    run = make_run()
+    run.seabed = Seabed.from_depth(np.full((50, 50), 60.0), 40.0, (0.0, 0.0), clearance=5.0)
+    return run
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """The sample run as it was saved."""
-    return save_run(make_run(), tmp_path_factory.mktemp("written"))
+    return save_run(over_a_bed(), tmp_path_factory.mktemp("written"))
 
 
 @pytest.fixture
@@ -43,22 +50,9 @@ def saved(written, tmp_path):
     return Path(shutil.copytree(written, tmp_path / "saved"))
 
 
-def edit_summary(folder, **changes):
-    path = folder / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
-
-
-def moving_obstacle(run, track):
-    """Replace the obstacles of the first leg by one of 10 m radius that is at `track` [n, 3]."""
-    leg = run.legs[0]
-    leg.obstacle_positions, leg.obstacle_radii = track[:, None], np.array([10.0])
-    leg.obstacle_kinds = ["self-motivated"]
-
-
-def test_good_run(tmp_path):
-    run = make_run()
-    save_run(run, tmp_path)
-    report = check_run(tmp_path)
+def test_good_run(written):
+    run = over_a_bed()
+    report = check_run(written)
     assert report == check(run)
     assert report.ok, report
     assert report.collisions == 0
@@ -67,6 +61,8 @@ def test_good_run(tmp_path):
     assert report.length == pytest.approx(length)
     assert 0 < report.obstacle_clearance < 200
     assert report.coast_clearance == pytest.approx(346.5, abs=0.1)
+    assert report.seabed_altitude == pytest.approx(20.0, abs=1e-3)  # the deepest waypoint lies at 40 m
+    assert "sea bed 20.0 m" in str(report)
     assert "no faults" in str(report)
 
 
@@ -98,32 +94,110 @@ def test_an_altered_figure_is_found(kind, placed):
 def test_open_water_without_obstacles(nodes):
     report = check(make_run(nodes, chart=False, obstacles=False))
     assert report.ok, report
-    assert np.isinf([report.coast_clearance, report.obstacle_clearance]).all()
+    assert np.isinf([report.coast_clearance, report.obstacle_clearance, report.seabed_altitude]).all()
 
 
-def test_refused_leg_is_no_fault():
+def with_a_refused_leg():
     run = make_run()
     run.legs.insert(1, refused_leg(run))
-    report = check(run)
-    assert report.ok, report
-    assert report.legs == 3
+    return run
 
 
-def test_last_leg_unfinished():
+def unfinished():
     run = make_run()
     leg = run.legs[-1]
     leg.times, leg.positions = leg.times[:30], leg.positions[:30]
     leg.obstacle_positions, leg.arrived = leg.obstacle_positions[:30], False
     leg.motion = Motion(*(getattr(leg.motion, part.name)[:30] for part in fields(Motion)))
     run.t_mission, run.arrived = float(leg.times[-1]), False
-    report = check(run)
-    assert report.ok, report
+    return run
 
 
-def test_mission_that_never_began():
+def never_begun():
     run = make_run()
     run.legs, run.arrived, run.t_mission = [], False, 0.0
-    assert check(run).ok
+    return run
+
+
+def delayed(charged=0.0):
+    """All legs 4 s later, for planning."""
+    run = make_run()
+    for leg in run.legs:
+        leg.times = leg.times + 4.0
+    run.t_mission, run.charged_compute = run.t_mission + 4.0, charged
+    return run
+
+
+def round_trip(visits="nodes"):
+    """A run that comes back to waypoint 1 although 3 leads to the destination."""
+    run = make_run((1, 0, 3, 1, 2))
+    run.legs[2].revisit = True
+    if visits == "edges":
+        run.scenario |= {"planning": {"visits": visits}}
+    return run
+
+
+@pytest.mark.parametrize(
+    ("make", "legs"),
+    [(with_a_refused_leg, 3), (unfinished, 3), (never_begun, 0), (lambda: delayed(4.0), 3),
+     (lambda: round_trip("edges"), 4)],
+)  # fmt: skip
+def test_what_is_no_fault(make, legs):
+    report = check(make())
+    assert report.ok, report
+    assert report.legs == legs
+
+
+def edited(path, change):
+    """What makes the sample run with one attribute changed, such as legs.0.times."""
+
+    def make():
+        run = holder = make_run()
+        *parents, name = path.split(".")
+        for part in parents:
+            holder = holder[int(part)] if part.isdigit() else getattr(holder, part)
+        setattr(holder, name, change(getattr(holder, name)))
+        return run
+
+    return make
+
+
+def put(index, value):
+    def change(values):
+        values[index] = value(values) if callable(value) else value
+        return values
+
+    return change
+
+
+FAULTS = {
+    "outside the chart": (lambda: make_run((0, 1), waypoints=WAYPOINTS - [0.0, 400.0, 0.0]),
+                          "outside the chart"),
+    "in the air": (lambda: make_run(waypoints=WAYPOINTS - [0.0, 0.0, 30.0]), "above the surface"),
+    "teleport": (edited("legs.0.positions", put(np.s_[40:], lambda at: at[40:] - [-300.0, 0.0, 0.0])),
+                 "too fast", "ends off waypoint 1", "from where the last leg ended"),
+    "no number": (edited("legs.0.positions", put(40, np.nan)), "a position is not a number"),
+    "a time stands still": (edited("legs.0.times", put(40, lambda times: times[42])),
+                            "time does not advance"),
+    "a gap between legs": (edited("legs.1.times", lambda times: times - 5.0), "begins at"),
+    "planning that nobody counts": (delayed, "begins at"),
+    "an edge twice": (lambda: make_run((0, 1, 0, 3)), "taken before"),
+    "an edge that is none": (lambda: make_run((0, 2)), "no such edge"),
+    "a leg left out": (edited("legs", lambda legs: legs[:1] + legs[2:]),
+                       "begins at waypoint 3, the vehicle is at 1"),
+    "a waypoint twice": (round_trip, "waypoint 1 is visited twice"),
+    "another goal": (edited("goal", lambda goal: 1), "arrived is True"),
+    "stolen priority": (edited("legs.0.priority", lambda worth: 5.0), "counts a priority of 5"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_what_cannot_have_been_is_a_fault(case):
+    make, *words = FAULTS[case]
+    report = check(make())
+    assert report.coast_hits == 0
+    for part in words:
+        assert any(part in fault for fault in report.faults), report
 
 
 def test_land_between_two_samples_in_water():
@@ -141,34 +215,31 @@ def test_land_between_two_samples_in_water():
     assert "on land" in str(report)
 
 
-def test_obstacle_hit_only_between_two_samples():
+def moving_obstacle(run, track):
+    """Replace the obstacles of the first leg by one of 10 m radius that is at `track` [n, 3]."""
+    leg = run.legs[0]
+    leg.obstacle_positions, leg.obstacle_radii = track[:, None], np.array([10.0])
+    leg.obstacle_kinds = ["self-motivated"]
+
+
+@pytest.mark.parametrize(("late", "speed", "hits"), [(0.5, 100.0, 1), (-10.0, 10.0, 0)])
+def test_an_obstacle_that_crosses_the_track(late, speed, hits):
+    """It is hit though only between two samples, and missed where it passed ten samples earlier."""
     run = make_run((0, 1))
     leg = run.legs[0]
     middle = len(leg.times) // 2
-    across = np.array([-0.8, 0.6, 0.0])
-    place = 0.5 * (leg.positions[middle] + leg.positions[middle + 1])
-    steps = np.arange(len(leg.times)) - middle - 0.5
-    moving_obstacle(run, place + 100.0 * steps[:, None] * across)
-    assert run.collisions > 0
+    place = leg.positions[middle] + max(late, 0.0) * (leg.positions[middle + 1] - leg.positions[middle])
+    steps = np.arange(len(leg.times)) - middle - late
+    moving_obstacle(run, place + speed * steps[:, None] * np.array([-0.8, 0.6, 0.0]))
     report = check(run)
-    assert report.obstacle_hits == 1
-    assert report.obstacle_clearance == pytest.approx(-10.0, abs=0.6)
-    assert not report.ok
-
-
-def test_obstacle_that_passed_earlier_is_missed():
-    run = make_run((0, 1))
-    leg = run.legs[0]
-    middle = len(leg.times) // 2
-    across = np.array([-0.8, 0.6, 0.0])
-    steps = np.arange(len(leg.times)) - middle + 10
-    moving_obstacle(run, leg.positions[middle] + 10.0 * steps[:, None] * across)
-    gaps = np.linalg.norm(leg.obstacle_positions - leg.positions[middle], axis=2)
-    assert gaps.min() < 1e-6, "the obstacle does cross the route"
-    report = check(run)
-    assert report.ok, report
-    assert report.obstacle_hits == 0
-    assert report.obstacle_clearance > 10.0
+    assert report.obstacle_hits == hits == (not report.ok)
+    if hits:
+        assert run.collisions > 0
+        assert report.obstacle_clearance == pytest.approx(-10.0, abs=0.6)
+    else:
+        gaps = np.linalg.norm(leg.obstacle_positions - leg.positions[middle], axis=2)
+        assert gaps.min() < 1e-6, "the obstacle does cross the route"
+        assert report.obstacle_clearance > 10.0
 
 
 def test_two_hits_are_two_events():
@@ -180,56 +251,6 @@ def test_two_hits_are_two_events():
     report = check(run)
     assert report.obstacle_hits == 2
     assert report.obstacle_metres == pytest.approx(80.0, abs=4.0)
-
-
-def test_outside_the_chart():
-    waypoints = WAYPOINTS + np.array([0.0, -400.0, 0.0])
-    report = check(make_run((0, 1), waypoints=waypoints))
-    assert any("outside the chart" in fault for fault in report.faults)
-    assert report.coast_hits == 0
-
-
-def test_above_the_surface():
-    report = check(make_run(waypoints=WAYPOINTS - np.array([0.0, 0.0, 30.0])))
-    assert any("above the surface" in fault for fault in report.faults)
-
-
-def test_teleport():
-    run = make_run()
-    run.legs[0].positions[40:] += [300.0, 0.0, 0.0]
-    report = check(run)
-    assert any("too fast" in fault for fault in report.faults)
-    assert any("ends off waypoint 1" in fault for fault in report.faults)
-    assert any("from where the last leg ended" in fault for fault in report.faults)
-
-
-def test_not_a_number_is_a_fault():
-    run = make_run()
-    run.legs[0].positions[40] = np.nan
-    assert any("not a number" in fault for fault in check(run).faults)
-
-
-def test_time_that_does_not_advance():
-    run = make_run()
-    run.legs[0].times[40] = run.legs[0].times[42]
-    assert any("time does not advance" in fault for fault in check(run).faults)
-
-
-def test_gap_between_legs():
-    run = make_run()
-    run.legs[1].times = run.legs[1].times - 5.0
-    assert any("begins at" in fault for fault in check(run).faults)
-
-
-def test_charged_planning_time():
-    run = make_run()
-    for leg in run.legs:
-        leg.times = leg.times + 4.0
-    run.t_mission += 4.0
-    assert not check(run).ok
-    run.charged_compute = 4.0
-    report = check(run)
-    assert report.ok, report
 
 
 @pytest.mark.parametrize(
@@ -246,72 +267,17 @@ def test_charged_planning_time():
         ({"legs": []}, "legs in"),
     ],
 )
-def test_figures_that_do_not_add_up(saved, changes, words):
-    edit_summary(saved, **changes)
-    assert any(words in fault for fault in check_run(saved).faults)
-
-
-def test_leg_time_in_the_summary(saved):
-    rows = json.loads((saved / "summary.json").read_text())["legs"]
-    rows[1]["t_path"] += 1.0
-    edit_summary(saved, legs=rows)
-    assert any("t_path is" in fault for fault in check_run(saved).faults)
-
-
-def test_edge_used_twice():
-    run = make_run((0, 1, 0, 3))
-    assert any("taken before" in fault for fault in check(run).faults)
-
-
-def test_unknown_edge():
-    run = make_run((0, 2))
-    assert any("no such edge" in fault for fault in check(run).faults)
-
-
-def test_waypoint_skipped():
+def test_figures_that_do_not_add_up(changes, words):
     run = make_run()
-    run.legs = [run.legs[0], make_leg(run.graph, 3, 2, run.legs[1].times[0])]
-    assert any("the vehicle is at 1" in fault for fault in check(run).faults)
+    summary = run.summary() | changes
+    assert any(words in fault for fault in check_dataset(summary, to_dataset(run)).faults)
 
 
-def test_a_dropped_leg_is_found():
+def test_leg_time_in_the_summary():
     run = make_run()
-    del run.legs[1]
-    assert any("begins at waypoint 3, the vehicle is at 1" in fault for fault in check(run).faults)
-
-
-def test_claimed_arrival():
-    run = make_run()
-    run.goal = 1
-    assert any("arrived is True" in fault for fault in check(run).faults)
-
-
-def test_stolen_priority():
-    run = make_run()
-    run.legs[0].priority = 5.0
-    assert any("counts a priority of 5" in fault for fault in check(run).faults)
-
-
-@pytest.mark.parametrize("name", ["summary.json", "mission.nc"])
-def test_missing_file(saved, name):
-    (saved / name).unlink()
-    with pytest.raises(ResultError, match=rf"{re.escape(name)}: no such file"):
-        check_run(saved)
-
-
-def test_missing_folder(tmp_path):
-    with pytest.raises(ResultError, match="nowhere: no such folder"):
-        check_run(tmp_path / "nowhere")
-
-
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.95])
-def test_truncated_netcdf(saved, share):
-    path = saved / "mission.nc"
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(ResultError, match=r"mission\.nc: not a readable NetCDF file") as raised:
-        check_run(saved)
-    assert "\n" not in str(raised.value)
+    summary = run.summary()
+    summary["legs"][1]["t_path"] += 1.0
+    assert any("t_path is" in fault for fault in check_dataset(summary, to_dataset(run)).faults)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", "\xff"])
@@ -321,51 +287,46 @@ def test_damaged_summary(saved, text):
         check_run(saved)
 
 
-@pytest.mark.parametrize(
-    "changes", [{"t_mission": "long"}, {"legs": 3}, {"cpu": {}}, {"legs": [{"from": 0}]}]
-)
-def test_incomplete_summary(saved, changes):
-    edit_summary(saved, **changes)
-    with pytest.raises(ResultError, match=r"summary\.json: "):
+def test_incomplete_runs():
+    run = make_run()
+    summary, dataset = run.summary(), to_dataset(run)
+    for changes in ({"t_mission": "long"}, {"legs": 3}, {"cpu": {}}, {"legs": [{"from": 0}]}):
+        with pytest.raises(ResultError, match=r"run/summary\.json: "):
+            require(summary | changes, dataset, Path("run"))
+    for name in ("obstacle_radius", "time", "passability", "adjacency"):
+        with pytest.raises(ResultError, match=rf"run/mission\.nc: variable {name} is missing"):
+            require(summary, dataset.drop_vars(name), Path("run"))
+
+
+@pytest.mark.parametrize("name", ["summary.json", "mission.nc"])
+def test_missing_file(saved, name):
+    (saved / name).unlink()
+    with pytest.raises(ResultError, match=rf"{re.escape(name)}: no such file"):
         check_run(saved)
+    with pytest.raises(ResultError, match="nowhere: no such folder"):
+        check_run(saved / "nowhere")
 
 
-@pytest.mark.parametrize("name", ["obstacle_radius", "time", "passability", "adjacency"])
-def test_variable_missing(saved, name):
+def test_truncated_netcdf(saved):
     path = saved / "mission.nc"
-    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
-        less = data.load().drop_vars(name)
-    less.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(ResultError, match=rf"mission\.nc: variable {name} is missing"):
+    content = path.read_bytes()
+    for share in (0.0, 0.01, 0.5, 0.95):
+        path.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(ResultError, match=r"mission\.nc: not a readable NetCDF file") as raised:
+            check_run(saved)
+        assert "\n" not in str(raised.value)
+
+
+BED = ["seabed_depth", "seabed_origin", "seabed_pixel_size"]
+
+
+@pytest.mark.parametrize("name", ["adjacency", "vehicle_speed", *BED, "seabed_clearance"])
+def test_what_is_missing_is_named(saved, name):
+    kind = "variable" if name in ("adjacency", *BED) else "attribute"
+    with h5py.File(saved / "mission.nc", "r+") as file:
+        del (file if kind == "variable" else file.attrs)[name]
+    with pytest.raises(ResultError, match=rf"mission\.nc: {kind} {name} is missing"):
         check_run(saved)
-
-
-def test_attribute_missing(saved):
-    path = saved / "mission.nc"
-    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
-        less = data.load()
-    del less.attrs["vehicle_speed"]
-    less.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(ResultError, match="attribute vehicle_speed is missing"):
-        check_run(saved)
-
-
-def round_trip() -> MissionRun:
-    """A run that comes back to waypoint 1 although 3 leads to the destination."""
-    run = make_run((1, 0, 3, 1, 2))
-    run.legs[2].revisit = True
-    return run
-
-
-def test_a_waypoint_visited_twice_is_found():
-    report = check(round_trip())
-    assert any("waypoint 1 is visited twice" in fault for fault in report.faults), report
-
-
-def test_waypoints_may_be_visited_again_where_the_rule_allows_it():
-    run = round_trip()
-    run.scenario |= {"planning": {"visits": "edges"}}
-    assert check(run).ok
 
 
 def test_a_visited_waypoint_may_be_passed_on_the_only_way():
@@ -536,30 +497,6 @@ def with_known_obstacle(run, x, y, velocity=(0.0, 0.0), **properties):
     return to_dataset(run)
 
 
-@pytest.mark.parametrize(
-    ("aside", "depths", "clearance"),
-    [
-        (0.0, {}, -50.0),
-        (30.0, {}, -20.0),
-        (90.0, {}, 40.0),
-        (0.0, {"depth_max": 10.0}, 20.0),  # the leg passes 20 m under it
-        (80.0, {"depth_max": 10.0}, np.hypot(30.0, 20.0)),
-        (0.0, {"depth_min": 45.0}, 15.0),  # and here over it
-    ],
-)
-def test_known_obstacles_are_upright_cylinders(aside, depths, clearance):
-    run = make_run((0, 1), chart=False, obstacles=False)
-    (leg,) = run.legs
-    leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
-    dataset = with_known_obstacle(run, 500.0, aside, radius=50.0, **depths)
-    report = check(run, dataset)
-    assert report.obstacle_clearance == pytest.approx(clearance, abs=0.6)
-    assert report.obstacle_hits == (clearance < 0.0)
-    within = 2.0 * np.sqrt(max(50.0**2 - aside**2, 0.0)) if clearance < 0.0 else 0.0
-    assert report.obstacle_metres == pytest.approx(within, abs=4.0)
-    assert any("inside 'buoy'" in fault for fault in report.faults) == (clearance < 0.0)
-
-
 def test_known_obstacles_move():
     """One that crosses the way behind the vehicle is missed, one that meets it is not."""
     run = make_run((0, 1), chart=False, obstacles=False)
@@ -598,35 +535,3 @@ def test_an_area_that_is_always_closed_is_land():
     assert "in the closed area 'range'" in str(report)
     dataset["passability"][40:60] = 0  # what both know counts once
     assert check(run, dataset).coast_hits == 1
-
-
-@pytest.mark.parametrize(
-    ("opens", "closes", "met"),
-    [(0, 390, False), (610, 2000, False), (0, 410, True), (590, 700, True), (450, 455, True)],
-)
-def test_a_leg_is_not_in_an_area_while_it_is_closed(opens, closes, met):
-    report = in_a_band_that_closes(opens, closes)
-    assert any("in the closed area 'band'" in fault for fault in report.faults) == met
-
-
-@pytest.mark.parametrize(
-    ("opens", "wait", "met"),
-    [(1301, 0.0, False), (1299, 0.0, True), (1401, 100.0, False), (1399, 100.0, True)],
-)
-def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(opens, wait, met):
-    """The leg ends in the band at 1,000 s; its task takes 300 s, after a wait."""
-    report = in_a_band_that_closes(opens, 5000, track=(0.0, 500.0), wait=wait)
-    assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
-
-
-@pytest.mark.parametrize(("closes", "met"), [(299, False), (301, True)])
-def test_a_vehicle_does_not_wait_in_a_closed_area_before_its_leg(closes, met):
-    """The leg leaves the band at 500 s, after a wait of 200 s."""
-    report = in_a_band_that_closes(0, closes, track=(500.0, 1000.0), departs=500.0, hold=200.0)
-    assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
-
-
-def test_the_hours_of_a_leg_in_another_place_do_not_matter():
-    """The leg begins and ends outside the band, where it may stay."""
-    report = in_a_band_that_closes(1100, 1400, hold=0.0, wait=100.0)
-    assert not any("closed area" in fault for fault in report.faults)

@@ -11,9 +11,9 @@ import xarray as xr
 from pyproj import Transformer
 
 from auvplan.check.inputs import places_of
-from auvplan.check.run import check_run
+from auvplan.check.run import check_dataset, check_run
 from auvplan.check.sources import read_sources
-from auvplan.io import save_run
+from auvplan.io.results import to_dataset
 from auvplan.site import Site
 from tests.io.geo.files import SITE, geographic, ring, write_geojson, write_geotiff
 from tests.io.geo.files import feature as geo_feature
@@ -48,57 +48,51 @@ def test_places_are_the_sites(tmp_path):
     np.testing.assert_allclose(np.stack(found, -1), geographic(north, east, site), atol=1e-10)
 
 
-@pytest.mark.parametrize("settings", [{"source": "polygons", "file": "l.json"}, {"no_go": "l.json"}])
-def test_polygons_with_holes(tmp_path, settings):
-    outer, hole = ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)), ring((400, 400), (400, 600), (600, 500))
-    write_geojson(tmp_path / "l.json", geo_feature("Polygon", [outer, hole]))
-    source = only(saved(tmp_path, chart=settings))
-    assert (source.name, source.kind) == ("l.json", "land")
-    north, east = np.array([500.0, 450.0, -1.0, 999.0]), np.array([500.0, 50.0, 500.0, 999.0])
-    places = geographic(north, east).T
-    assert source.blocked(*places, np.zeros(4)).tolist() == [False, True, False, True]
-    assert source.blocked(places[0] + 360.0, places[1], np.zeros(4)).tolist() == [False, True, False, True]
+OUTER, HOLE = ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)), ring((400, 400), (400, 600), (600, 500))
+ISLET = ring((2000, 0), (2000, 500), (2500, 0))
+PLACES = np.array([500.0, 450.0, -1.0, 999.0, 2100.0]), np.array([500.0, 50.0, 500.0, 999.0, 100.0])
 
 
-@pytest.mark.parametrize("name", ["l.gpkg", "l.shp", "l.fgb"])
-@pytest.mark.parametrize("crs", [4326, 32755])
-def test_polygons_of_other_formats(tmp_path, name, crs):
+def write_land(folder, name, crs):
+    """An island with a lake that is always closed, and an islet that is at certain hours, if hours count."""
+    if name == "l.json":
+        islet = geo_feature("Polygon", [ISLET], windows="06:00/09:00")
+        write_geojson(folder / name, geo_feature("Polygon", [OUTER, HOLE]), islet)
+        return
     raw = pytest.importorskip("pyogrio.raw")
-    outer, hole = ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)), ring((400, 400), (400, 600), (600, 500))
     turn = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
-    shapes = [shapely.Polygon(outer, [hole]), shapely.Polygon(ring((2000, 0), (2000, 500), (2500, 0)))]
+    shapes = [shapely.Polygon(OUTER, [HOLE]), shapely.Polygon(ISLET)]
     placed = [shapely.transform(one, lambda at: np.column_stack(turn.transform(*at.T))) for one in shapes]
     kept = {"fields": ["windows"], "crs": f"EPSG:{crs}", "geometry_type": "Polygon"}
-    windows = [np.array(["", "06:00/09:00"], object)]
-    raw.write(tmp_path / name, np.array([one.wkb for one in placed], object), windows, **kept)
-    north, east = np.array([500.0, 450.0, -1.0, 999.0, 2100.0]), np.array([500.0, 50.0, 500.0, 999.0, 100.0])
-    places = geographic(north, east).T
+    (folder / "parts").mkdir()
+    path = folder / "parts" / name.replace("zip", "shp")
+    columns = [np.array(["", "06:00/09:00"], object)]
+    raw.write(path, np.array([one.wkb for one in placed], object), columns, **kept)
+    if name == "l.zip":
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            for part in path.parent.iterdir():
+                archive.write(part, f"land/{part.name}")
+        return
+    for part in path.parent.iterdir():
+        part.rename(folder / part.name)
+
+
+@pytest.mark.parametrize(
+    ("name", "crs"),
+    [("l.json", 4326), *((f"l.{suffix}", crs) for suffix in ("gpkg", "shp", "fgb") for crs in (4326, 32755)),
+     ("l.zip", 4326)],
+)  # fmt: skip
+def test_polygons_with_holes(tmp_path, name, crs):
+    write_land(tmp_path, name, crs)
+    places, deep = geographic(*PLACES).T, np.zeros(5)
     source = only(saved(tmp_path, chart={"source": "polygons", "file": name}))
-    assert source.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, True]
+    assert (source.name, source.kind) == (name, "land")
+    assert source.blocked(*places, deep).tolist() == [False, True, False, True, True]
+    assert source.blocked(places[0] + 360.0, places[1], deep).tolist() == [False, True, False, True, True]
     (always,) = read_sources(saved(tmp_path, chart={"no_go": name}), [])
-    assert always.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, False]
+    assert always.blocked(*places, deep).tolist() == [False, True, False, True, False]
     settings = {"no_go": name, "no_go_windows": "06:00/09:00"}
     assert read_sources(saved(tmp_path, chart=settings), []) == ()
-
-
-def test_archives_are_looked_into(tmp_path):
-    raw = pytest.importorskip("pyogrio.raw")
-    square = shapely.Polygon(ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)))
-    (tmp_path / "parts").mkdir()
-    shapes, kept = np.array([square.wkb], object), {"crs": "EPSG:4326", "geometry_type": "Polygon"}
-    raw.write(tmp_path / "parts" / "l.shp", shapes, [np.array([1])], ["a"], **kept)
-    with zipfile.ZipFile(tmp_path / "l.zip", "w") as archive:
-        for part in (tmp_path / "parts").iterdir():
-            archive.write(part, f"land/{part.name}")
-    settings = {"source": "polygons", "file": "l.zip"}
-    source = only(saved(tmp_path, chart=settings))
-    places = geographic(np.array([500.0, -10.0]), np.array([500.0, 500.0])).T
-    assert source.blocked(*places, np.zeros(2)).tolist() == [True, False]
-    with zipfile.ZipFile(tmp_path / "l.zip", "w") as archive:
-        archive.writestr("doc.kml", "<kml/>")
-    notes = []
-    assert read_sources(saved(tmp_path, chart=settings), notes) == ()
-    assert notes == ["land of l.zip was not looked at: its archive holds 0 files of polygons"]
 
 
 @pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm", "bag"])
@@ -138,33 +132,31 @@ def test_the_sea_bed_and_its_water_level(tmp_path, form):
         assert source.blocked(*places.T, bed + clear + 0.3).all()
 
 
-def test_what_cannot_be_looked_at_is_stated(tmp_path):
+UNREAD = "was not looked at: pictures, S-57 cells and files of currents are not looked at"
+CURRENT = {"files": ["a.nc", "b.nc"]}
+STATED = [
+    ({"chart": {"source": "raster", "file": "c.tif"}}, f"land of c.tif {UNREAD}"),
+    ({"chart": {"source": "enc", "file": "cells"}}, f"land of cells {UNREAD}"),
+    ({"chart": {"source": "current"}, "current": CURRENT}, f"land of a.nc {UNREAD}"),
+    ({"bathymetry": {"source": "current"}, "current": CURRENT},
+     f"sea bed of a.nc {UNREAD}"),
+    ({"chart": {"source": "polygons", "file": "doc.zip"}},
+     "land of doc.zip was not looked at: its archive holds 0 files of polygons"),
+    ({"chart": {"no_go": "none.json"}}, "land of none.json was not looked at: "),
+    ({"bathymetry": {"source": "file", "file": "b.nc"}}, "sea bed of b.nc was not looked at: "),
+    ({}, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "line"), STATED)
+def test_what_is_not_looked_at_is_stated(tmp_path, settings, line):
     (tmp_path / "b.nc").write_bytes(b"CDF")
-    notes = []
-    settings = {"source": "file", "file": "b.nc"}
-    found = read_sources(saved(tmp_path, bathymetry=settings, chart={"no_go": "none.json"}), notes)
-    assert found == ()
-    assert [note.split(" was not looked at: ")[0] for note in notes] == [
-        "land of none.json",
-        "sea bed of b.nc",
-    ]
-    assert read_sources(xr.Dataset(attrs={"scenario": "{}"}), notes) == ()
-
-
-@pytest.mark.parametrize(
-    ("settings", "kind", "name"),
-    [
-        ({"chart": {"source": "raster", "file": "c.tif"}}, "land", "c.tif"),
-        ({"chart": {"source": "enc", "file": "cells"}}, "land", "cells"),
-        ({"chart": {"source": "current"}, "current": {"files": ["a.nc", "b.nc"]}}, "land", "a.nc"),
-        ({"bathymetry": {"source": "current"}, "current": {"files": "a.nc"}}, "sea bed", "a.nc"),
-    ],
-)
-def test_what_is_not_looked_at_is_stated(tmp_path, settings, kind, name):
+    with zipfile.ZipFile(tmp_path / "doc.zip", "w") as archive:
+        archive.writestr("doc.kml", "<kml/>")
     notes = []
     assert read_sources(saved(tmp_path, **settings), notes) == ()
-    reason = "pictures, S-57 cells and files of currents are not looked at"
-    assert notes == [f"{kind} of {name} was not looked at: {reason}"]
+    assert len(notes) == (line is not None)
+    assert all(note.startswith(line) and (line.endswith(": ") or note == line) for note in notes)
 
 
 @pytest.mark.parametrize("package", ["pyogrio", "rasterio"])
@@ -180,28 +172,26 @@ def test_a_package_that_is_not_installed_is_stated(tmp_path, monkeypatch, packag
     assert other.kind != kind
 
 
-@pytest.mark.parametrize("known", [False, True])
-def test_a_run_on_land_of_its_sources(tmp_path, known):
+def test_a_run_on_land_of_its_sources(tmp_path):
     """What the planner misread does not vouch for itself, and what both know counts once."""
-    save_run(make_run(), tmp_path)
-    assert check_run(tmp_path, sources=True).ok
-    path = tmp_path / "mission.nc"
-    with xr.open_dataset(path, decode_cf=False) as file:
-        data = file.load()
-    write_geojson(
-        tmp_path / "land.json", geo_feature("Polygon", [ring((450, 500), (450, 700), (550, 700), (550, 500))])
-    )
+    run = make_run()
+    summary, data = run.summary(), to_dataset(run)
+    assert check_dataset(summary, data, sources=True).ok
+    shore = ring((450, 500), (450, 700), (550, 700), (550, 500))
+    write_geojson(tmp_path / "land.json", geo_feature("Polygon", [shore]))
     attributes = saved(tmp_path, chart={"source": "polygons", "file": "land.json"}).attrs
-    data.attrs |= attributes | {
-        "scenario": json.dumps(json.loads(data.attrs["scenario"]) | json.loads(attributes["scenario"]))
-    }
-    if known:
-        data["passability"][45:55, 50:70] = 0
-    data.to_netcdf(path)
-    assert check_run(tmp_path).coast_hits == known, "files are looked at on request"
-    report = check_run(tmp_path, sources=True)
-    assert report.coast_hits == 1
-    where = "on land for" if known else "on land of land.json for"
-    assert sum(where in fault for fault in report.faults) == 1
-    # The first leg goes 400 m north and 600 m east: it is on that land for 100 m north.
-    assert report.coast_metres == pytest.approx(100.0 * np.linalg.norm([400.0, 600.0, 20.0]) / 400.0, abs=2.0)
+    scenario = json.loads(data.attrs["scenario"]) | json.loads(attributes["scenario"])
+    data.attrs |= attributes | {"scenario": json.dumps(scenario)}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    data.to_netcdf(tmp_path / "mission.nc", engine="h5netcdf")
+    assert check_run(tmp_path, sources=True).coast_hits == 1
+    for known, where in ((False, "on land of land.json for"), (True, "on land for")):
+        if known:
+            data["passability"][45:55, 50:70] = 0
+        assert check_dataset(summary, data).coast_hits == known, "files are looked at on request"
+        report = check_dataset(summary, data, sources=True)
+        assert report.coast_hits == 1
+        assert sum(where in fault for fault in report.faults) == 1
+        # The first leg goes 400 m north and 600 m east: it is on that land for 100 m north.
+        metres = 100.0 * np.linalg.norm([400.0, 600.0, 20.0]) / 400.0
+        assert report.coast_metres == pytest.approx(metres, abs=2.0)

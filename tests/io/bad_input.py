@@ -1,162 +1,183 @@
-"""A corpus of malformed and hostile input: what is done to a small site, and what is to be said of it."""
+"""What is done to a small site, and words of the one line that must be said of it.
+
+Files of `DAMAGED` are malformed or hostile. Those of `REFUSED` and `NOTED` are sound, and say something else
+than a hurried operator meant.
+"""
+
+import io
 
 import numpy as np
+from PIL import Image
 
-from tests.io.small_site import JOBS
-from tests.io.spoiling import (
+from tests.io.small_site import (
+    JOBS,
+    X,
+    Y,
     bed,
+    change,
+    changed,
     coast,
     cut,
     everywhere,
     feature,
     file,
     folder,
-    geojson,
     gone,
     huge,
     jobs,
     moved,
     nested,
+    obstacles,
     png_head,
+    put,
     raster,
     ring_of,
     scenario,
     sections,
+    square,
     stated,
+    text,
     tide,
 )
 
+NAN = float("nan")
+#: Half the side of the area and of the files' grids, degrees.
+HALF, GRID = 0.0195, 0.03
 BOMB = "a: &a [x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [*{a}, *{a}, *{a}, *{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
-NAN = float("nan")
-SQUARE = ring_of((148.95, -20.35), (148.96, -20.35), (148.96, -20.34), (148.95, -20.34))
-STAR = ring_of(
-    *(
-        (148.95 + 0.01 * np.cos(turn), -20.35 + 0.01 * np.sin(turn))
-        for turn in np.arange(41) * 40.0 * np.pi / 41
-    )
-)
+ISLE, ISLET = square(148.95, -20.35, 0.01), square(X - 0.004, Y, 0.004)
+TURNS = np.arange(41) * 40.0 * np.pi / 41
+STAR = ring_of(*zip(148.95 + 0.01 * np.cos(TURNS), -20.35 + 0.01 * np.sin(TURNS), strict=True))
 WIDE = ring_of((148.9, -20.3425), (149.0, -20.3425), (149.0, -20.3415), (148.9, -20.3415))
+NORTHERN = ring_of((X - 0.03, Y + 0.01), (X + 0.03, Y + 0.01), (X + 0.03, Y + 0.03), (X - 0.03, Y + 0.03))
 
-#: What is done to the files, and words that the line must hold: the file, and the field or variable.
-CASES = {
+
+def place(longitude, latitude, **depth):
+    return {"longitude": longitude, "latitude": latitude} | depth
+
+
+def rows(*lines):
+    """A table of jobs."""
+    return jobs("\n".join(lines) + "\n")
+
+
+def picture(rows_, columns=slice(None)):
+    """A chart of 60 x 60 pixels, north up: land in some rows and columns."""
+    image = np.full((60, 60, 3), (150, 190, 240), np.uint8)
+    image[rows_, columns] = 210, 195, 150
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG")
+    step = 2 * GRID / 60
+    world = f"{step}\n0\n0\n{-step}\n{X - GRID + step / 2}\n{Y + GRID - step / 2}\n"
+    return raster(stream.getvalue(), world, crs="EPSG:4326")
+
+
+def holes(where, value=NAN):
+    """Other values at some indices."""
+
+    def spoil(values):
+        values[where] = value
+        return values
+
+    return spoil
+
+
+def current(by):
+    return tide(changed(by, "uo", "vo"))
+
+
+def dry_bed(*where):
+    """Dry land in some rows and columns of 7 x 7, south and west first."""
+    return bed(changed(holes(where, -20.0), "depth"))
+
+
+def at_hours(*hours):
+    """A tide of other hours."""
+
+    def spoil(data):
+        return data.isel(time=[0] * len(hours)).assign_coords(
+            time=("time", np.asarray(hours, float), data["time"].attrs)
+        )
+
+    return tide(spoil)
+
+
+#: In the North Sea, where either order of the coordinates is a place.
+NORWAY = sections(site=place(57.0, 5.0))
+#: No files but the jobs, and none at all.
+PLAIN = put(chart={"source": "none"}, bathymetry={}, current={"vortices": 0})
+BARE = change(PLAIN, sections(mission={"jobs": None}))
+NO_BED = sections(bathymetry=None)
+
+
+def mission(*start_and_goal):
+    """Start and goal elsewhere, and no jobs."""
+    start, goal = start_and_goal
+    return sections(mission={"jobs": None, "start": start, "goal": goal})
+
+
+YAML = "scenario.yaml"
+DAMAGED = {
     # the text of the scenario
-    "scenario missing": (gone("scenario.yaml"), "scenario.yaml", "No such file"),
-    "scenario a folder": (folder("scenario.yaml"), "scenario.yaml", "directory"),
-    "scenario empty": (scenario(""), "scenario.yaml", "mapping"),
-    "scenario binary": (scenario(bytes(range(256))), "scenario.yaml", "not a text file"),
-    "scenario of control characters": (scenario("name: \x07\x1b[31m"), "scenario.yaml:1", "YAML"),
-    "scenario huge": (scenario("#" * 300_000), "scenario.yaml", "larger"),
+    "scenario missing": (gone(YAML), YAML, "No such file"),
+    "scenario a folder": (folder(YAML), YAML, "directory"),
+    "scenario empty": (scenario(""), YAML, "mapping"),
+    "scenario binary": (scenario(bytes(range(256))), YAML, "not a text file"),
+    "scenario huge": (scenario("#" * 300_000), YAML, "larger"),
     "scenario a list": (scenario("- a\n- b\n"), "scenario.yaml:1", "mapping"),
-    "scenario two documents": (scenario("name: a\n---\nname: b\n"), "scenario.yaml:2", "document"),
-    "YAML unclosed": (scenario("name: a\nvehicle: {speed: 2"), "scenario.yaml:2", "YAML"),
     "YAML bomb": (scenario(BOMB), "scenario.yaml:2", "aliases"),
-    "YAML tag": (
-        scenario("name: !!python/object/apply:os.system ['true']"), "scenario.yaml:1", "name", "tag",
-    ),
     "YAML merge": (scenario("<<: {name: a}"), "scenario.yaml:1", "key"),
     "YAML deep": (scenario(f"name: {nested(5000)}"), "scenario.yaml:1", "deeply"),
-    "YAML key twice": (scenario("name: a\nname: b\n"), "scenario.yaml:2", "name", "twice"),
     "YAML key a list": (scenario("? [a, b]\n: c\n"), "scenario.yaml:1", "key"),
-    "YAML number beyond reading": (scenario(f"vehicle: {{speed: {'9' * 6000}}}"), "scenario.yaml:1", "speed"),
     "key with a line break": (scenario('"a\\nb": 1\n'), "scenario.yaml:1", "unknown key"),
     # its fields
-    "unknown key": (sections(mission={"prioritys": [1, 2]}), "scenario.yaml:", "did you mean 'priority'"),
     "unknown section": (sections(vehicles={"speed": 1}), "scenario.yaml:", "did you mean 'vehicle'"),
-    "negative speed": (sections(vehicle={"speed": -1}), "scenario.yaml:", "vehicle.speed", "-1"),
     "speed NaN": (sections(vehicle={"speed": NAN}), "scenario.yaml:", "vehicle.speed", "nan"),
-    "time infinite": (
-        sections(mission={"time_available": np.inf}), "scenario.yaml:", "mission.time_available",
-    ),
-    "speed in words": (sections(vehicle={"speed": "2 knots"}), "scenario.yaml:", "vehicle.speed", "2 knots"),
+    "time infinite": (sections(mission={"time_available": np.inf}),
+                      "scenario.yaml:", "mission.time_available"),
     "speed a mapping": (sections(vehicle={"speed": {}}), "scenario.yaml:", "vehicle.speed"),
     "area upside down": (sections(area={"lower": [3000, 0, 0]}), "scenario.yaml:", "area"),
     "departure no date": (sections(site={"departure": "tomorrow"}), "scenario.yaml:", "site.departure"),
-    "departure no day": (sections(site={"departure": "2026-02-30"}), "scenario.yaml:", "site.departure"),
-    "departure at the beginning of time": (
-        sections(site={"departure": "0001-01-01T00:00:00+14:00"}), "scenario.yaml:",
-    ),
-    "start no place": (
-        sections(mission={"start": {"longitude": 1000, "latitude": 0}}),
-        "scenario.yaml:", "mission.start", "Earth",
-    ),
-    "start beyond all numbers": (
-        sections(mission={"start": {"longitude": 10**400, "latitude": 0}}), "scenario.yaml:", "mission.start",
-    ),
-    "start outside": (
-        sections(mission={"start": [9000, 0, 5]}), "scenario.yaml:", "mission.start", "outside",
-    ),
+    "departure at the beginning of time": (sections(site={"departure": "0001-01-01T00:00:00+14:00"}),
+                                           "scenario.yaml:"),
+    "start no place": (sections(mission={"start": place(1000, 0)}), "yaml:", "mission.start", "Earth"),
+    "start outside": (sections(mission={"start": [9000, 0, 5]}), "yaml:", "mission.start", "outside"),
     "start too deep": (sections(mission={"start": [0, 0, 300]}), "scenario.yaml:", "mission.start", "depths"),
     "no site": (sections(site=None), "scenario.yaml:", "chart.source", "site"),
     "vehicle without depths": (sections(vehicle={"depth_min": 40}), "scenario.yaml:", "vehicle.depth_min"),
     # currents
     "current missing": (gone("tide.nc"), "tide.nc", "no such file"),
     "current a folder": (folder("tide.nc"), "tide.nc", "folder"),
-    "current empty": (file("tide.nc", b""), "tide.nc", "NetCDF"),
-    "current text": (file("tide.nc", "u,v\n1,2\n"), "tide.nc", "NetCDF"),
     "current half there": (cut("tide.nc", 0.5), "tide.nc", "NetCDF"),
     "current nearly there": (cut("tide.nc", 0.97), "tide.nc", "NetCDF"),
     "current none of a pattern": (sections(current={"files": "*.grb"}), "*.grb", "no such file"),
     "current no files": (sections(current={"files": []}), "no file"),
-    "current of other variables": (tide(lambda data: data.drop_vars(["uo", "vo"])), "tide.nc", "no current"),
     "current half of it": (tide(lambda data: data.drop_vars("vo")), "tide.nc", "uo"),
     "current missing everywhere": (tide(everywhere("uo", NAN)), "tide.nc", "land only"),
-    "current in kilogrammes": (tide(stated("uo", units="kg")), "tide.nc", "uo", "kg"),
     "current in words": (tide(lambda data: data.assign(uo=data["uo"].astype(str))), "tide.nc", "uo"),
     "current of two shapes": (
-        tide(
-            lambda data: data.assign(
-                vo=data["vo"].isel(latitude=slice(3)).rename(latitude="row").drop_vars("row")
-            )
-        ),
-        "tide.nc", "vo",
-    ),
-    "current without times": (tide(lambda data: data.drop_vars("time")), "tide.nc", "time"),
+        tide(lambda data: data.assign(vo=data["vo"][:, :, :3].rename(latitude="row").drop_vars("row"))),
+        "tide.nc", "vo"),
     "current of no times": (tide(lambda data: data.isel(time=slice(0, 0))), "tide.nc", "time"),
     "current times in words": (tide(stated("time", units="hours since the war")), "tide.nc", "time"),
     "current backwards": (tide(moved("time", lambda t: t[::-1])), "tide.nc", "time"),
-    "current of missing dates": (tide(moved("time", lambda t: t * NAN)), "tide.nc", "time"),
-    "current at NaN": (
-        tide(moved("longitude", lambda x: np.where(x > 148.98, NAN, x))), "tide.nc", "longitude",
-    ),
-    "current off the Earth": (tide(moved("latitude", lambda x: x - 90)), "tide.nc", "latitude"),
+    "current off the Earth": (tide(moved("latitude", lambda y: y - 90)), "tide.nc", "latitude"),
     "current nowhere near": (tide(moved("longitude", lambda x: x + 5)), "tide.nc", "not covered"),
     "current ends early": (sections(mission={"time_available": 86_400}), "tide.nc", "2026-03-02"),
     "current begins later": (sections(site={"departure": "2026-02-01T00:00:00Z"}), "tide.nc", "2026-02-01"),
-    "current enormous": (lambda site: huge(site, "tide.nc", ("u", "v"), (3, 2, 10**8, 10**8)), "tide.nc"),
+    "current enormous": (huge("tide.nc", ("u", "v"), (3, 2, 10**8, 10**8)), "tide.nc"),
     "truth missing": (sections(current={"truth": "hindcast.nc"}), "hindcast.nc", "no such file"),
     # charts
     "coast missing": (gone("coast.geojson"), "coast.geojson", "No such file"),
     "coast a folder": (folder("coast.geojson"), "coast.geojson", "directory"),
-    "coast empty": (file("coast.geojson", b""), "coast.geojson", "JSON"),
     "coast half there": (cut("coast.geojson", 0.6), "coast.geojson", "JSON"),
-    "coast no GeoJSON": (file("coast.geojson", '{"name": "coast"}'), "coast.geojson", "GeoJSON"),
     "coast nested": (file("coast.geojson", nested(200_000)), "coast.geojson", "JSON"),
-    "coast no features": (
-        geojson("coast.geojson", type="FeatureCollection", features=[]), "coast.geojson", "features",
-    ),
-    "coast points": (
-        geojson("coast.geojson", type="Point", coordinates=[148.96, -20.34]), "coast.geojson", "Point",
-    ),
-    "coast crosses itself": (
-        coast(SQUARE, STAR), "coast.geojson", "feature 2",
-    ),
-    "coast ring open": (coast(SQUARE[:-1]), "coast.geojson", "feature 1", "closed"),
-    "coast ring of no size": (coast([[148.95, -20.35]] * 4), "coast.geojson", "feature 1"),
-    "coast at NaN": (coast([*SQUARE[:2], [NAN, -20.3], *SQUARE[3:]]), "coast.geojson", "feature 1", "finite"),
-    "coast off the Earth": (
-        coast([[x, y - 90] for x, y in SQUARE]), "coast.geojson", "feature 1", "latitude",
-    ),
-    "coast in other coordinates": (
-        geojson("coast.geojson", type="Polygon", coordinates=[SQUARE], crs={"properties": {"name": "x"}}),
-        "coast.geojson", "crs",
-    ),
+    "coast crosses itself": (coast(ISLE, STAR), "coast.geojson", "feature 2"),
+    "coast at NaN": (coast([*ISLE[:2], [NAN, -20.3], *ISLE[3:]]), "coast.geojson", "feature 1", "finite"),
     "closed area missing": (gone("closed.geojson"), "closed.geojson"),
     "closed area around the start": (
-        lambda site: site.polygons("closed.geojson", [[x - 0.01, y - 0.01] for x, y in SQUARE]),
-        "mission.start", "land",
-    ),
+        lambda site: site.polygons("closed.geojson", square(148.94, -20.36, 0.01)), "mission.start", "land"),
     "start on land": (sections(mission={"start": [-400, -400, 5]}), "mission.start", "land"),
     "picture missing": (raster(None), "chart.png"),
     "picture damaged": (raster(png_head(100, 100), "1\n0\n0\n-1\n0\n0\n", crs="EPSG:32755"), "chart.png"),
@@ -167,44 +188,224 @@ CASES = {
     # the sea bed
     "sea bed missing": (gone("bed.nc"), "bed.nc", "No such file"),
     "sea bed a folder": (folder("bed.nc"), "bed.nc", "directory"),
-    "sea bed empty": (file("bed.nc", b""), "bed.nc", "NetCDF"),
     "sea bed half there": (cut("bed.nc", 0.5), "bed.nc"),
-    "sea bed of other variables": (bed(lambda data: data.drop_vars("depth")), "bed.nc", "sea floor"),
-    "sea bed of no such variable": (sections(bathymetry={"variable": "relief"}), "bed.nc", "relief", "depth"),
-    "sea bed in seconds": (bed(stated("depth", units="s")), "bed.nc", "depth", "'s'"),
-    "sea bed missing everywhere": (bed(everywhere("depth", NAN)), "bed.nc", "depth", "no values"),
-    "sea bed both ways": (bed(stated("depth", positive="up")), "bed.nc", "depth", "contradictory"),
     "sea bed against the file": (sections(bathymetry={"positive": "up"}), "bed.nc", "depth", "contradictory"),
-    "sea bed upside down": (bed(everywhere("depth", -60.0)), "bed.nc", "depth", "negative"),
-    "sea bed in pieces": (bed(moved("latitude", lambda y: y[[0, 2, 1, 3, 4, 5, 6]])), "bed.nc", "latitude"),
-    "sea bed nowhere near": (bed(moved("latitude", lambda y: y + 5)), "bed.nc", "beyond"),
     "sea bed above the water": (bed(everywhere("depth", 3.0)), "mission.start", "deep"),
-    "sea bed enormous": (lambda site: huge(site, "bed.nc", ("depth",), (10**6, 10**6)), "bed.nc"),
+    "sea bed enormous": (huge("bed.nc", ("depth",), (10**6, 10**6)), "bed.nc"),
     # jobs
     "jobs missing": (gone("jobs.csv"), "jobs.csv", "No such file"),
     "jobs a folder": (folder("jobs.csv"), "jobs.csv", "directory"),
-    "jobs empty": (jobs(""), "jobs.csv", "no rows"),
     "jobs binary": (jobs(bytes(range(256))), "jobs.csv", "text"),
-    "jobs without columns": (jobs("a,b\n1,2\n"), "jobs.csv", "columns"),
     "jobs half a place": (jobs(JOBS.replace("east", "oast")), "jobs.csv", "columns"),
-    "jobs with a slip": (jobs(JOBS.replace("priority", "prioritty")), "jobs.csv", "'priority'"),
     "jobs not numbers": (jobs(JOBS.replace("1000", "far")), "jobs.csv", "row 2", "east", "far"),
-    "jobs NaN": (jobs(JOBS.replace("1000", "nan")), "jobs.csv", "row 2", "east", "nan"),
-    "jobs of negative priority": (jobs(JOBS.replace(",2,", ",-2,")), "jobs.csv", "row 2", "priority"),
-    "jobs of one name": (jobs(JOBS.replace(",b\n", ",a\n")), "jobs.csv", "'a'"),
     "jobs on land": (jobs(JOBS + "-400,-400,5,1,0,c\n"), "jobs.csv", "'c'", "land"),
     "jobs outside": (jobs(JOBS + "-4000,-400,5,1,0,c\n"), "jobs.csv", "'c'", "outside"),
     "jobs too deep": (jobs(JOBS + "0,1500,200,1,0,c\n"), "jobs.csv", "'c'", "depths"),
     "jobs behind land": (coast(WIDE), "jobs.csv", "no clear line", "'goal'"),
-    "jobs an area": (feature("Polygon", [SQUARE]), "jobs.geojson", "Polygon"),
-    "jobs above the water": (
-        feature("Point", [148.97, -20.35, 30]), "jobs.geojson", "feature 1", "elevation",
-    ),
-    "jobs a line of one place": (
-        feature("LineString", [[148.97, -20.35]]), "jobs.geojson", "feature 1", "2 positions",
-    ),
-    "jobs with a slip of a property": (
-        feature("Point", [148.97, -20.35], durations=1), "jobs.geojson", "feature 1", "'duration'",
-    ),
+    "jobs above the water": (feature("Point", [148.97, -20.35, 30]),
+                             "jobs.geojson", "feature 1", "elevation"),
     "jobs beyond all numbers": (feature("Point", [10**400, 0]), "jobs.geojson", "feature 1"),
+}  # fmt: skip
+
+REFUSED = {
+    # the scenario: numbers
+    "hours for seconds": (sections(mission={"time_available": 3}), "time_available", "is this hours?"),
+    "minutes for seconds": (sections(mission={"time_available": 120}),
+                            "time_available", "straight way", "surge_max"),
+    "time of day for seconds": (text("available: 3600", "available: 1:00"), "time_available", "base 60"),
+    "octal number": (text("available: 3600", "available: 07020"), "time_available", "octal"),
+    "truth for a number": (text("available: 3600", "available: yes"), "time_available", "true or false"),
+    "truth in a list": (sections(mission={"start": [True, -1500, 5]}), "mission.start", "true or false"),
+    "truth two sections down": (sections(simulation={"obstacles": {"speed": True}}),
+                                "simulation.obstacles", "true or false"),
+    "range the wrong way": (sections(simulation={"obstacles": {"radius": [60, 20]}}),
+                            "radius", "least and then the greatest"),
+    "durations the wrong way": (sections(mission={"duration": [300, 30]}),
+                                "mission.duration", "least and then the greatest"),
+    "priorities the wrong way": (sections(mission={"priority": [5, 1]}),
+                                 "mission.priority", "least and then the greatest"),
+    "knots with their unit": (sections(vehicle={"speed": "4 kn"}), "vehicle.speed", "4 kn"),
+    "depth upwards": (sections(mission={"start": [-1500, -1500, -5]}), "mission.start", "depths"),
+    # the scenario: where and when
+    "departure a number": (sections(site={"departure": 20260301}),
+                           "site.departure", "a date such as", "20260301"),
+    "site swapped": (sections(site=place(Y, X)), "site.latitude", "swapped"),
+    "start swapped": (sections(mission={"start": place(Y, X, depth=5)}), "mission.start", "swapped"),
+    "start swapped where both are places": (
+        change(BARE, NORWAY, sections(mission={"start": place(5.0, 57.0)})),
+        "mission.start", "swapped it would lie within"),
+    "corners swapped": (sections(area={"lower": place(Y - HALF, X - HALF, depth=0),
+                                       "upper": place(Y + HALF, X + HALF, depth=30)}), "area", "swapped"),
+    # jobs: headings
+    "prio for priority": (rows("north,east,depth,prio", "-500,1000,5,2"), "jobs.csv", "'prio'", "'priority'"),
+    "a unit in a heading": (rows("north,east,depth [m],priority", "-500,1000,5,2"),
+                            "jobs.csv", "'depth [m]'", "'depth'"),
+    "minutes in a heading": (rows("north,east,depth,duration_min", "-500,1000,5,2"),
+                             "jobs.csv", "'duration_min'", "(s)"),
+    "easting and northing": (rows("easting,northing,depth", "495000,7750000,5"), "jobs.csv", "columns"),
+    "degrees as x and y": (rows("x,y,depth", f"{X},{Y},5", f"{X + 0.005},{Y - 0.01},5"),
+                           "jobs.csv", "longitude and latitude"),
+    "degrees as north and east": (rows("north,east,depth", f"{Y - 0.01},{X},5"),
+                                  "jobs.csv", "latitude and longitude"),
+    "no headings": (rows("-500,1000,5", "1000,-800,5"), "jobs.csv", "columns"),
+    # jobs: places
+    "jobs swapped": (rows("lon,lat,depth", f"{Y},{X},5", f"{Y - 0.01},{X},5"),
+                     "row 2", "swapped", "all 2 places"),
+    "features swapped": (feature("Point", [Y, X], [Y - 0.01, X], [Y, X + 0.01]),
+                         "feature 1", "swapped", "all 3 places"),
+    "one job swapped": (rows("lon,lat,depth", f"{X},{Y - 0.01},5", f"{Y - 0.01},{X},5"),
+                        "row 3", "seem swapped"),
+    "jobs swapped where both are places": (
+        change(PLAIN, NORWAY, rows("lon,lat,depth", "5.001,57.001,5", "5.002,57.002,5")),
+        "jobs.csv", "longitude and latitude seem swapped"),
+    "jobs of another place": (rows("lon,lat,depth", "140.1,-20,5", "140.2,-20,5"),
+                              "jobs.csv", "km", "longitude 140.1"),
+    "jobs in metres of a projection": (rows("north,east,depth", "7750000,495000,5", "7750100,495100,5"),
+                                       "jobs.csv", "UTM"),
+    "north and east swapped": (
+        change(PLAIN, sections(area={"upper": [2000, 5000, 30]}),
+               rows("north,east,depth", "4000,100,5", "4500,200,5")),
+        "jobs.csv", "north and east seem swapped"),
+    "a decimal comma": (rows("north,east,depth", "-500,5,1000,5"), "row 2", "4 cells under 3"),
+    "jobs in degrees and minutes": (rows("lon,lat,depth", "148 57.6 E,20 20.4 S,5"),
+                                    "row 2", "finite number"),
+    "two jobs of one name": (rows("north,east,depth,name", "-500,1000,5,a", "900,1000,5,a"),
+                             "two jobs are named 'a'"),
+    "western jobs": (rows("lon,lat,depth", f"-{X},{Y},5", f"-{X},{Y - 0.01},5"),
+                     "jobs.csv", "km", "longitude -148.96"),
+    # known obstacles
+    "obstacles swapped": (obstacles([Y, X], [Y, X + 1], radius=50), "feature 1", "swapped", "all 2 places"),
+    "a diameter for a radius": (obstacles([X, Y], diameter=50), "feature 1", "diameter is unknown"),
+    "a slip of an obstacle": (obstacles([X, Y], radius=5, depthmax=9), "depthmax", "'depth_max'"),
+    # charts
+    "land in metres": (coast(ring_of((495e3, 7750e3), (496e3, 7750e3), (496e3, 7751e3))),
+                       "coast.geojson", "projection"),
+    "chart upside down": (change(picture(slice(40, 60)), dry_bed(slice(4, 7))), "mission.start", "land"),
+    "picture of another place": (
+        change(picture(slice(0, 6)), file("chart.pgw", "0.001\n0\n0\n-0.001\n5\n5\n")),
+        "chart.png", "beyond the picture"),
+    "picture placed by swapped numbers": (
+        change(picture(slice(0, 6)), file("chart.pgw", f"0.001\n0\n0\n-0.001\n{Y - 0.03}\n{X + 0.03}\n")),
+        "chart.png", "beyond the picture"),
+    # sea bed and currents
+    "sea bed above the water": (bed(everywhere("depth", 0.0)), "bed.nc", "below the sea surface", "positive"),
+    "sea bed of two places": (bed(moved("latitude", lambda y: y + 0.02)), "bed.nc", "beyond the data"),
+    "an hour without values": (current(holes(1)), "tide.nc", "2026-03-01T01:00:00Z", "100%"),
+    "most of an hour without values": (current(holes(np.s_[1, :, 1:])), "tide.nc", "T01:00:00Z", "missing"),
+    "a fill value as it is": (current(holes(np.s_[:, :, 3, 3], -9999.0)), "tide.nc", "_FillValue"),
+    "a forecast of another place": (
+        change(sections(current={"outside": "clamp"}), tide(moved("longitude", lambda x: x + 5))),
+        "tide.nc", "100% of the box"),
+    "a forecast that ends at sea": (tide(lambda data: data.isel(longitude=slice(0, 5))),
+                                    "tide.nc", "not covered", "east"),
+    "a forecast swapped": (
+        change(PLAIN, NORWAY, put(current={"source": "file", "files": "tide.nc"}),
+               mission([-500, -500, 5], [500, 500, 5]),
+               sections(area={"lower": [-1000, -1000, 0], "upper": [1000, 1000, 30]}),
+               tide(lambda data: moved("longitude", lambda x: x - X + 5.0)(
+                   moved("latitude", lambda y: y - Y + 57.0)(data)))),
+        "tide.nc", "swapped"),
+}  # fmt: skip
+
+NOTED = {
+    # the scenario
+    "time short of still water": (sections(mission={"time_available": 1200}),
+                                  "time_available", "still water", "1,697 s"),
+    "pitch in tenths of a degree": (sections(vehicle={"pitch_max": 0.02}),
+                                    "vehicle.pitch_max", "1.1 degrees", "20 m in a kilometre"),
+    "deeper than it can dive on the way": (
+        sections(vehicle={"dive_rate_max": 0.001}),
+        "b lies 5 m below", "vehicle.dive_rate_max allows 0, and a path must be 12,500 m long"),
+    "dives faster than it is": (sections(vehicle={"dive_rate_max": 9}),
+                                "vehicle.dive_rate_max", "nothing is limited"),
+    "vehicle faster than it may": (sections(vehicle={"speed": 9}), "vehicle.speed", "surge_max"),
+    "fringe of a picture": (change(picture(slice(0, 6)), dry_bed(6), sections(chart={"fringe": 50})),
+                            "chart.fringe", "has no effect"),
+    "reference system of polygons": (sections(chart={"crs": "EPSG:32755"}), "chart.crs", "has no effect"),
+    "vortices beside a file": (sections(current={"peak_speed": 2.0}), "current.peak_speed", "has no effect"),
+    "waypoints beside jobs": (sections(mission={"waypoints": 12}),
+                              "mission.waypoints", "has no effect", "jobs.csv"),
+    "direction of no sea bed": (change(NO_BED, sections(bathymetry={"positive": "up"})),
+                                "bathymetry.positive", "has no effect"),
+    "departure without a zone": (sections(site={"departure": "2026-03-01T00:00:00"}),
+                                 "site.departure", "UTC", "zone"),
+    "departure a day": (sections(site={"departure": "2026-03-01"}), "site.departure", "UTC", "00:00:00Z"),
+    "area of another place": (
+        change(BARE, mission(None, None), sections(area={"lower": place(140.0, -20.0, depth=0),
+                                                         "upper": place(140.1, -19.9, depth=30)})),
+        "area", "km from the site"),
+    "shipped chart elsewhere": (
+        change(BARE, NORWAY, sections(chart=None), mission(None, None),
+               sections(area={"lower": [1000, 1000, 0], "upper": [3000, 3000, 30]},
+                        mission={"waypoints": 4})),
+        "chart", "Whitsunday", "km from the site"),
+    "picture of no size": (
+        change(picture(slice(0, 6)), put(chart={"source": "image", "image": "chart.png"}), NO_BED,
+               sections(area={"lower": [0, 0, 0], "upper": [400, 400, 30]}, current={"outside": "clamp"}),
+               mission([50, 50, 5], [300, 300, 5])),
+        "chart.image", "pixel_size", "10 m"),
+    # jobs
+    "dwell for duration": (rows("north,east,depth,priority,dwell", "-500,1000,5,2,60"),
+                           "jobs.csv", "'dwell'", "'duration'"),
+    "time for duration": (rows("north,east,depth,priority,time", "-500,1000,5,2,60"),
+                          "jobs.csv", "'time'", "'duration'"),
+    "weight for priority": (rows("north,east,depth,weight", "-500,1000,5,2"),
+                            "jobs.csv", "'weight'", "'priority'"),
+    "z for depth": (rows("north,east,z", "-500,1000,5"), "jobs.csv", "'z'", "'depth'"),
+    "altitude for depth": (rows("north,east,altitude", "-500,1000,-5"),
+                           "jobs.csv", "'altitude'", "positive down"),
+    "id for name": (rows("north,east,depth,id", "-500,1000,5,7"), "jobs.csv", "'id'", "'name'"),
+    "track for line": (rows("north,east,depth,transect", "-500,1000,5,a", "-900,1000,5,a"),
+                       "jobs.csv", "'line'"),
+    "a wish of no job": (rows("north,east,depth,deadline", "-500,1000,5,600"),
+                         "jobs.csv", "'deadline'", "ignored"),
+    "x and y": (rows("x,y,depth", "-500,1000,5"), "jobs.csv", "x and y", "north and east"),
+    "dwell of a feature": (feature("Point", [X + 0.01, Y - 0.01], dwell=60),
+                           "jobs.geojson", "'dwell'", "'duration'"),
+    "weight of many features": (feature("Point", [X + 0.01, Y - 0.01], [X + 0.01, Y], weight=3),
+                                "feature 1", "'weight'", "'priority'"),
+    "milliseconds for seconds": (rows("north,east,depth,duration,name", "-500,1000,5,60000,a"),
+                                 "'a'", "60000 s", "seconds"),
+    "no priorities": (rows("north,east,depth,priority", "-500,1000,5,0"),
+                      "jobs.csv", "no job has a priority"),
+    "a job twice": (rows("north,east,depth,name", "-500,1000,5,a", "-500,1000,5,b"),
+                    "'a' and 'b'", "same place"),
+    # known obstacles and charts
+    "obstacles of another place": (obstacles([X - 1, Y], radius=50), "obstacles.geojson", "none of its"),
+    "a wreck on land": (change(coast(ISLET), obstacles([X - 0.002, Y + 0.002], radius=20, name="wreck")),
+                        "obstacles.geojson", "'wreck' lies on land", "no path is changed"),
+    "land in another place": (coast([[x - 5, y] for x, y in ISLET]),
+                              "coast.geojson", "none of its polygons", "143"),
+    "land swapped": (change(BARE, NORWAY, put(chart={"source": "polygons", "file": "coast.geojson"}),
+                            coast(square(4.98, 56.98, 0.01))), "coast.geojson", "swapped"),
+    "closed area in another place": (lambda site: site.polygons("closed.geojson", square(X, Y - 3, 0.004)),
+                                     "closed.geojson", "closed area", "latitudes -23"),
+    "chart upside down, start in water": (
+        change(picture(slice(40, 60)), dry_bed(slice(4, 7)), mission([0, -1500, 5], [300, 1500, 5])),
+        "chart.png", "contradict each other", "upside down"),
+    "chart mirrored": (
+        change(picture(slice(None), slice(40, 60)), dry_bed(slice(None), slice(0, 3)),
+               mission([-1500, 0, 5], [1500, 300, 5])),
+        "chart.png", "mirrored"),
+    "chart against the current": (change(coast(NORTHERN), mission([-1500, -1500, 5], [0, 1500, 5])),
+                                  "coast.geojson", "contradict each other"),
+    "open water against the current": (
+        change(put(chart={"source": "none"}), NO_BED, current(holes(np.s_[..., 3:, :]))),
+        "open water", "tide.nc", "contradict each other"),
+    "picture of one colour": (change(picture(slice(0, 0)), sections(mission={"jobs": None})),
+                              "chart.png", "no land"),
+    # sea bed and currents
+    "sea bed with holes": (
+        change(bed(changed(holes(np.s_[4, 2]), "depth")), mission([-1500, -1500, 5], [-1000, 1500, 5])),
+        "bed.nc", "no depth"),
+    "sea bed of no unit": (bed(stated("depth", units="")), "bed.nc", "units are not given: metres"),
+    "an hour left out": (at_hours(0, 3, 4, 5, 6, 7), "tide.nc", "T00:00:00Z", "usual step"),
+    "a hole for an hour": (current(holes(np.s_[1, :, 3, 3])),
+                           "tide.nc", "at some times only", "148.96", "T01:00:00Z"),
+    "a hole in the upper water": (current(holes(np.s_[:, 0, 3:5, 3])), "tide.nc", "at 0 m depth", "148.96"),
+    "centimetres for metres": (current(lambda speed: 30.0 * speed), "tide.nc", "9.5 m/s", "units"),
+    "a current of nothing": (current(lambda speed: 0.0 * speed), "tide.nc", "0 everywhere"),
+    "a forecast of last month": (
+        change(sections(current={"outside": "clamp"}), tide(stated("time", units="hours since 2026-02-01"))),
+        "tide.nc", "none of it is covered"),
 }  # fmt: skip

@@ -1,11 +1,18 @@
-"""Malformed and hostile input through the command line: status 2 and one line that names what is wrong."""
+"""Files that are damaged, hostile or say something else than is meant: refused or noted, in one line each."""
 
 import time
+import warnings
 
+import numpy as np
 import pytest
 
+from auvplan.errors import AuvplanError, ScenarioWarning
 from auvplan.executive import loop
-from tests.io.bad_input import CASES
+from auvplan.io.area import load_area
+from auvplan.io.examine import examine_scenario
+from auvplan.scenario.file import load_scenario
+from auvplan.scenario.waypoints import make_graph
+from tests.io.bad_input import DAMAGED, NOTED, REFUSED
 from tests.io.small_site import SmallSite
 
 
@@ -15,41 +22,46 @@ def sound(tmp_path_factory):
     return SmallSite(tmp_path_factory.mktemp("sound") / "site").folder
 
 
+@pytest.fixture
+def spoilt(sound, tmp_path):
+    """A function that spoils a copy of the site and returns the path of its scenario."""
+
+    def spoil(change):
+        site = SmallSite(tmp_path / "site", sound)
+        change(site)
+        return site.folder / "scenario.yaml"
+
+    return spoil
+
+
 def planned(*_):
     """Stands in for the first step of a mission."""
     raise AssertionError("bad input was planned with")
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_bad_input_is_one_line_and_status_2(case, sound, tmp_path, call, monkeypatch):
-    spoil, *words = CASES[case]
-    site, out = SmallSite(tmp_path / "site", sound), tmp_path / "out"
-    spoil(site)
+@pytest.mark.parametrize("case", DAMAGED)
+def test_bad_input_is_one_line_and_status_2(case, spoilt, tmp_path, call, monkeypatch):
+    change, *words = DAMAGED[case]
+    path, out = spoilt(change), tmp_path / "out"
     monkeypatch.setattr(loop, "step", planned)
     # Of this process alone, whatever else the machine does: hostile files must not be worked on for long.
     begin = time.process_time()
-    path = site.folder / "scenario.yaml"
     code, said, err = call("mission", path, "--out", out, "--quiet")
-    assert code == 2, (said, err)
-    assert said == ""
+    assert (code, said) == (2, ""), err
     assert len(err.splitlines()) == 1, err
     assert err.startswith("auvplan: ")
     assert "Traceback" not in err
-    for word in words:
-        assert word in err, (word, err)
+    assert all(word in err for word in words), err
     assert not out.exists() or not list(out.iterdir())
     assert time.process_time() - begin < 20.0
 
 
-@pytest.mark.parametrize("case", [name for name in CASES if not name.startswith("scenario")][::5])
-def test_validate_tells_the_same_faults_with_their_lines(case, sound, tmp_path, call):
-    spoil, *words = CASES[case]
-    site = SmallSite(tmp_path / "site", sound)
-    spoil(site)
-    path = site.folder / "scenario.yaml"
+@pytest.mark.parametrize("case", [name for name in DAMAGED if not name.startswith("scenario")][::5])
+def test_validate_gives_the_same_faults_with_their_lines(case, spoilt, call):
+    change, *words = DAMAGED[case]
+    path = spoilt(change)
     code, said, err = call("validate", path)
-    assert code == 2, (said, err)
-    assert err == ""
+    assert (code, err) == (2, ""), said
     lines = said.splitlines()
     assert all(line.startswith(f"{path}:") for line in lines)
     for word in words:
@@ -63,6 +75,43 @@ def test_unspoilt_it_is_valid(sound, call):
     assert said.splitlines()[0] == f"{path}: valid"
 
 
-def test_the_corpus_is_as_large_as_it_should_be():
-    assert len(CASES) >= 110
-    assert all(words for _, *words in CASES.values())
+def holding(words, lines):
+    """The lines that hold all words."""
+    return [line for line in lines if all(word in line for word in words)]
+
+
+@pytest.mark.parametrize("case", REFUSED | NOTED)
+def test_a_slip_is_refused_or_noted(case, spoilt):
+    change, *words = (REFUSED | NOTED)[case]
+    found = examine_scenario(spoilt(change))
+    said = [*found.lines, *found.warnings, *found.notes]
+    assert all(len(line.splitlines()) == 1 for line in said)
+    assert case in REFUSED or not found.lines
+    assert len(holding(words, found.lines if case in REFUSED else said)) == 1, said
+
+
+@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
+@pytest.mark.parametrize("case", list(NOTED)[::4])
+def test_a_mission_has_the_same_note(case, spoilt):
+    change, *words = NOTED[case]
+    path = spoilt(change)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always", ScenarioWarning)
+        area = load_area(load_scenario(path), path.parent)
+    said = [str(one.message) for one in heard] + list(area.notes)
+    assert holding(words, said), said
+
+
+@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
+@pytest.mark.parametrize("case", [name for name in REFUSED if "seconds" not in name][::6])
+def test_a_mission_refuses_it_in_one_line(case, spoilt):
+    """One that is too short is planned, and fails for want of time."""
+    path = spoilt(REFUSED[case][0])
+
+    def graph():
+        scenario = load_scenario(path)
+        make_graph(scenario, load_area(scenario, path.parent), np.random.default_rng(0))
+
+    with pytest.raises(AuvplanError) as caught:
+        graph()
+    assert len(str(caught.value).splitlines()) == 1

@@ -90,34 +90,27 @@ def _keeps_off(scenario, run):
     assert blocked_by_cells(path, settings)(longitude - 0.045, latitude, track[:, 2]).any()
 
 
-def test_faults_are_told_by_field_and_file(scenario, tmp_path):
-    def faults(**changes):
-        text = SCENARIO
-        for old, new in changes.items():
-            text = text.replace(*new) if old else text
-        path = tmp_path / "changed.yaml"
-        path.write_text(text)
-        return examine_scenario(path).lines
+#: What the scenario has, what it has instead, and words of the line.
+FAULTS = [
+    ("file: cells", "file: cell", "bay.yaml:4:", "chart.file: ", "cell: No such file or directory"),
+    ("upper: [3000", "upper: [9000", "chart.file: ",
+     "the area reaches beyond what the cells cover (M_COVR) with "),
+    ("source: enc, file: cells, hazard_radius: 60", "source: none",
+     "bathymetry.source: 'chart' needs chart.source 'enc'"),
+    ("file: cells, ", "",
+     "chart.file: must be given with source 'raster' or 'polygons' or 'enc', and only then"),
+    ("site: {longitude: 10.05, latitude: 50.05}\n", "", "chart.source: 'enc' needs the section site"),
+    ("hazard_radius: 60", "safety_depth: -1", "chart.safety_depth: "),
+    ("goal: [2500, 2000, 3]", "goal: [-1000, -1000, 3]", "mission.goal: ",
+     "lies on land or in closed water"),
+]  # fmt: skip
 
-    assert faults() == []
-    (line,) = faults(a=("file: cells", "file: cell"))
-    assert "changed.yaml:4:" in line
-    assert "chart.file: " in line
-    assert line.endswith("cell: No such file or directory")
-    (line,) = faults(a=("upper: [3000", "upper: [9000"))
-    assert "chart.file: " in line
-    assert "the area reaches beyond what the cells cover (M_COVR) with " in line
-    (line,) = faults(a=("source: enc, file: cells, hazard_radius: 60", "source: none"))
-    assert "bathymetry.source: 'chart' needs chart.source 'enc'" in line
-    (line,) = faults(a=("file: cells, ", ""))
-    assert "chart.file: must be given with source 'raster' or 'polygons' or 'enc', and only then" in line
-    (line,) = faults(a=("site: {longitude: 10.05, latitude: 50.05}\n", ""))
-    assert "chart.source: 'enc' needs the section site" in line
-    (line,) = faults(a=("hazard_radius: 60", "safety_depth: -1"))
-    assert "chart.safety_depth: " in line
-    (line,) = faults(a=("goal: [2500, 2000, 3]", "goal: [-1000, -1000, 3]"))
-    assert "mission.goal: " in line
-    assert "lies on land or in closed water" in line
+
+@pytest.mark.parametrize(("old", "new", "words"), [(old, new, words) for old, new, *words in FAULTS])
+def test_faults_are_told_by_field_and_file(scenario, old, new, words):
+    scenario.write_text(SCENARIO.replace(old, new))
+    (line,) = examine_scenario(scenario).lines
+    assert all(part in line for part in words)
 
 
 def test_closed_areas_of_cells_are_on_the_map(scenario):

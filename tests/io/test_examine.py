@@ -12,8 +12,7 @@ from auvplan.io.geo import GeoError, read_jobs
 from auvplan.mission.graph import MissionGraph
 from auvplan.scenario.file import scenario_schema, validate_scenario
 from auvplan.scenario.waypoints import slope_warnings
-from tests.io.small_site import SmallSite
-from tests.io.variants import scaled
+from tests.io.small_site import SmallSite, everywhere, square
 
 
 def _plain(value):
@@ -126,13 +125,7 @@ def test_every_file_is_tried(tmp_path):
 def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
     text = FILES.replace("source: file\n  files: tide.nc\n  truth: other.nc", "vortices: 0")
     (tmp_path / "my.yaml").write_text(text.replace("  no_go: closed.geojson\n", ""))
-    ring = [
-        [148.955, -20.345],
-        [148.965, -20.345],
-        [148.965, -20.335],
-        [148.955, -20.335],
-        [148.955, -20.345],
-    ]
+    ring = square(148.955, -20.345, 0.01)
     (tmp_path / "coast.geojson").write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
     (tmp_path / "jobs.csv").write_text(
         "north,east,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
@@ -190,7 +183,7 @@ def test_a_line_with_a_faulty_row_has_no_further_fault(tmp_path):
 
 def test_warnings_of_a_file_are_told_of_each_scenario_that_names_it(tmp_path):
     site = SmallSite(tmp_path / "site")
-    scaled(0.0)(site)
+    site.tide(lambda data: everywhere("uo", 0.0)(everywhere("vo", 0.0)(data)))
     text = (site.folder / "scenario.yaml").read_text()
     site.write("second.yaml", text)
     stated = [examined.warnings for examined in examine_folder(site.folder)]

@@ -1,6 +1,8 @@
 """Runs to files and back."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,44 +10,50 @@ import xarray as xr
 
 from auvplan.check.run import ResultError
 from auvplan.io import load_run, save_run
+from auvplan.io.results import to_dataset
+from auvplan.ocean.chart import Chart
 from auvplan.path.motion import Motion
 from auvplan.runtime.files import OutputError, output_folder, read_mission, write_atomically
 from tests.io.sample_run import SPIT, make_run, refused_leg
 
 
-@pytest.fixture
-def saved(tmp_path):
-    run = make_run()
-    save_run(run, tmp_path / "out")
-    return run, tmp_path / "out"
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A run, one of whose legs was refused, the folder that it was saved to, and what is in it."""
+    run, folder = make_run(), tmp_path_factory.mktemp("saved") / "out"
+    run.legs.insert(1, refused_leg(run))
+    save_run(run, folder)
+    return run, folder, load_run(folder)
 
 
 def test_summary_is_that_of_the_run(saved):
-    run, folder = saved
+    run, folder, _ = saved
     assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(run.summary()))
 
 
 def test_legs_come_back(saved):
-    run, folder = saved
-    data = load_run(folder)
+    run, _, data = saved
     ends = np.cumsum(data.row_size.values)
+    assert data.row_size.values[1] == 0
+    assert data.row_size.sum() == data.sizes["obs"]
     for k, leg in enumerate(run.legs):
-        part = slice(ends[k] - data.row_size.values[k], ends[k])
+        part, count = slice(ends[k] - data.row_size.values[k], ends[k]), len(leg.obstacle_radii)
+        np.testing.assert_allclose(data.obstacle_radius[k, :count], leg.obstacle_radii)
+        if k == 1:
+            continue
         np.testing.assert_array_equal(data.time[part], leg.times)
         np.testing.assert_array_equal(
             np.stack([data.x[part], data.y[part], data.depth[part]], 1), leg.positions
         )
         np.testing.assert_allclose(data.obstacle_position[part], leg.obstacle_positions, rtol=1e-6)
-        np.testing.assert_allclose(data.obstacle_radius[k], leg.obstacle_radii)
         assert (data.leg_index[part] == k).all()
         assert data.leg_t_path[k] == leg.t_path
         assert bool(data.leg_arrived[k])
 
 
 def test_course_attitude_and_body_velocities_come_back(saved):
-    run, folder = saved
-    data = load_run(folder)
-    motion = Motion.joined([leg.motion for leg in run.legs])
+    run, _, data = saved
+    motion = Motion.joined([leg.motion for leg in run.legs if len(leg.times)])
     for name, values in (
         ("course", motion.course % (2 * np.pi)),
         ("yaw", motion.yaw),
@@ -62,12 +70,11 @@ def test_course_attitude_and_body_velocities_come_back(saved):
 
 
 def test_plans_routes_and_graph_come_back(saved):
-    run, folder = saved
-    data = load_run(folder)
+    run, _, data = saved
     plans = [plan for leg in run.legs for plan in leg.plans]
     np.testing.assert_allclose(data.plan_position, [plan.positions for plan in plans], rtol=1e-6)
     np.testing.assert_array_equal(data.plan_time, [plan.times for plan in plans])
-    assert data.plan_leg.values.tolist() == [0, 0, 1, 1, 2, 2]
+    assert data.plan_leg.values.tolist() == [0, 0, 1, 2, 2, 3, 3]
     assert data.route_nodes.values.tolist() == [[0, 1, 3, 2], [1, 3, 2, -1]]
     np.testing.assert_array_equal(data.adjacency.astype(bool), run.graph.adjacency)
     np.testing.assert_array_equal(data.waypoint_position, run.graph.positions)
@@ -78,26 +85,19 @@ def test_plans_routes_and_graph_come_back(saved):
 
 
 def test_coast_stays_exactly_zero_and_nothing_else_is(saved):
-    run, folder = saved
-    raster = load_run(folder).passability.values
-    land = np.zeros(raster.shape, bool)
+    run, _, data = saved
+    raster, land = data.passability.values, np.zeros(data.passability.shape, bool)
     land[SPIT] = True
     np.testing.assert_array_equal(raster == 0.0, land)
     assert np.abs(raster - np.asarray(run.chart.passability)).max() <= 0.5 / 255 + 1e-6
     assert (raster[0, 0]) == 1.0
-
-
-def test_hardly_passable_is_not_made_coast(tmp_path):
-    from auvplan.ocean.chart import Chart
-
     run = make_run()
     run.chart = Chart.from_passability(np.full((4, 4), 1e-4), 500.0)
-    save_run(run, tmp_path)
-    assert (load_run(tmp_path).passability > 0.0).all()
+    assert (to_dataset(run).passability > 0).all(), "hardly passable is not made coast"
 
 
 def test_cf_conventions(saved):
-    _, folder = saved
+    _, folder, _ = saved
     with xr.open_dataset(folder / "mission.nc", engine="h5netcdf", decode_cf=False) as raw:
         assert raw.attrs["Conventions"] == "CF-1.11"
         assert raw.attrs["featureType"] == "trajectory"
@@ -116,15 +116,6 @@ def test_cf_conventions(saved):
         assert decoded.time.dtype.kind == "M"
 
 
-def test_refused_leg_has_no_observations(tmp_path):
-    run = make_run()
-    run.legs.insert(1, refused_leg(run))
-    save_run(run, tmp_path)
-    data = load_run(tmp_path)
-    assert data.row_size.values[1] == 0
-    assert data.row_size.sum() == data.sizes["obs"]
-
-
 @pytest.mark.parametrize("legs", [0, 1])
 def test_little_to_save(tmp_path, legs):
     run = make_run((0, 1), chart=False, obstacles=False)
@@ -137,8 +128,8 @@ def test_little_to_save(tmp_path, legs):
     assert "obstacle_position" not in data
 
 
-def test_saving_again_replaces(saved):
-    _, folder = saved
+def test_saving_again_replaces(saved, tmp_path):
+    folder = Path(shutil.copytree(saved[1], tmp_path / "again"))
     save_run(make_run((0, 1), chart=False, obstacles=False), folder)
     assert load_run(folder).sizes["leg"] == 1
     assert sorted(path.name for path in folder.iterdir()) == ["mission.nc", "summary.json"]

@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 
 from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.scenario.fields import check_fields
-from auvplan.scenario.file import (
-    check_scenario,
-    load_scenario,
-    shipped_scenarios,
-    validate_scenario,
-)
+from auvplan.scenario.file import check_scenario, load_scenario, shipped_scenarios, validate_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import YamlError, read_yaml
 from auvplan.simulation.world import make_vehicle
@@ -47,37 +42,17 @@ planning: {preset: best, t_series: 99}
     assert faults_of(tmp_path, text) == [
         ("vehicle.speed", (3, 10), "must be greater than 0, got -1"),
         ("vehicle.dept_max", (4, 3), "unknown key 'dept_max', did you mean 'depth_max'?"),
-        (
-            "mission.time_available",
-            (6, 19),
-            "must be a valid number, unable to parse string as a number, got 'soon'",
-        ),
+        ("mission.time_available", (6, 19),
+         "must be a valid number, unable to parse string as a number, got 'soon'"),
         ("mission.start", (7, 10), "has too few entries: 2"),
         ("mission.waypoints", (8, 14), "must be greater than or equal to 2, got 1"),
         ("prioritys", (9, 1), "unknown key 'prioritys', did you mean 'mission.priority'?"),
         ("planning.preset", (10, 20), "must be 'default' or 'paper', got 'best'"),
         ("planning.t_series", (10, 36), "must be less than or equal to 20, got 99"),
-    ]
+    ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("key", "meant"),
-    [
-        ("mision: {}", "'mission'"),
-        ("mission: {prioritys: [1, 2]}", "'priority'"),
-        ("time_available: 5", "'mission.time_available'"),
-        ("mission: {turn_rate_max: 1}", "'vehicle.turn_rate_max'"),
-        ("xyzzy: 1", None),
-    ],
-)
-def test_unknown_keys_get_a_suggestion_where_one_is_near(tmp_path, key, meant):
-    ((_, _, reason),) = faults_of(tmp_path, key)
-    assert reason.startswith("unknown key")
-    assert reason.endswith(f"did you mean {meant}?") if meant else "mean" not in reason
-
-
-def test_places_have_a_field_and_a_line(tmp_path):
-    text = """\
+PLACES = """\
 site: {longitude: 148.96, latitude: -20.34}
 area:
   lower: {longitude: 149.0, latitude: -20.3}
@@ -89,83 +64,63 @@ mission:
     lat: -20.3
   waypoints: 1
 """
-    found = faults_of(tmp_path, text)
-    assert [(field, place and place[0]) for field, place, _ in found] == [
-        ("area.lower", 3),
-        ("mission.start", 6),
-        ("mission.goal", 7),
-        ("mission.waypoints", 10),
-    ]
-    assert "south-western corner" in found[0][2]
-    assert "no place on Earth" in found[1][2]
-    assert "must have longitude, latitude" in found[2][2]
-
-
-@pytest.mark.parametrize("number", ["1" + "0" * 400, ".inf", "east", "[1]"])
-def test_places_of_odd_numbers_are_faults(tmp_path, number):
-    text = f"site: {{longitude: 0, latitude: 0}}\nmission: {{start: {{longitude: {number}, latitude: 0}}}}\n"
-    ((field, place, reason),) = faults_of(tmp_path, text)
-    assert (field, place and place[0]) == ("mission.start", 2)
-    assert "numbers" in reason
-
-
-def test_places_without_a_site(tmp_path):
-    ((field, _, reason),) = faults_of(tmp_path, "mission: {start: {longitude: 1, latitude: 2}}")
-    assert field == "mission.start"
-    assert "needs the section site" in reason
-
-
-def test_half_a_box_by_place_is_told_once(tmp_path):
-    text = "site: {longitude: 0, latitude: 0}\narea: {lower: {longitude: 0, latitude: 0}, upper: [1, 1, 1]}\n"
-    ((field, _, reason),) = faults_of(tmp_path, text)
-    assert field == "area.lower"
-    assert "both" in reason
-
-
-def test_rules_between_sections_are_told_beside_faults_of_fields(tmp_path):
-    text = """\
+SECTIONS = """\
 vehicle: {speed: -1}
 chart: {source: polygons, file: coast.geojson}
 current: {source: file, files: tide.nc}
 bathymetry: {source: current, positive: sideways}
 mission: {start: [20000, 1, 1]}
 """
-    found = {field: reason for field, _, reason in faults_of(tmp_path, text)}
-    assert set(found) == {
-        "vehicle.speed", "chart.source", "current.source", "bathymetry.positive", "mission.start",
-    }  # fmt: skip
-    assert "needs the section site" in found["chart.source"]
-    assert "lies outside the area" in found["mission.start"]
-
-
-def test_what_follows_from_another_fault_is_not_stated(tmp_path):
-    """An area that is none says nothing of the start, nor a chart's source that is none of its file."""
-    text = """\
+#: An area that is none says nothing of the start, nor a chart's source that is none of its file.
+FOLLOWING = """\
 area: {lower: [0, 0, 0], upper: [100, wide, 100]}
 chart: {source: polygon, file: coast.geojson}
 mission: {start: [9999, 50, 5], jobs: jobs.csv, goal: here}
 """
-    fields = [field for field, _, _ in faults_of(tmp_path, text)]
-    assert fields == ["area.upper.1", "chart.source", "mission.goal"]
+ORIGIN = "site: {longitude: 0, latitude: 0}\n"
+#: Texts, and field, line and words of each fault.
+TEXTS = [
+    ("mision: {}", [("mision", 1, "did you mean 'mission'?")]),
+    ("mission: {prioritys: [1, 2]}", [("mission.prioritys", 1, "did you mean 'priority'?")]),
+    ("time_available: 5", [("time_available", 1, "did you mean 'mission.time_available'?")]),
+    ("mission: {turn_rate_max: 1}", [("mission.turn_rate_max", 1, "mean 'vehicle.turn_rate_max'?")]),
+    ("xyzzy: 1", [("xyzzy", 1, "unknown key 'xyzzy'")]),
+    (PLACES, [("area.lower", 3, "south-western corner"), ("mission.start", 6, "no place on Earth"),
+              ("mission.goal", 7, "must have longitude, latitude"), ("mission.waypoints", 10, "")]),
+    *((f"{ORIGIN}mission: {{start: {{longitude: {number}, latitude: 0}}}}\n",
+       [("mission.start", 2, "numbers")]) for number in ("1" + "0" * 400, ".inf", "east", "[1]")),
+    ("mission: {start: {longitude: 1, latitude: 2}}", [("mission.start", 1, "needs the section site")]),
+    (ORIGIN + "area: {lower: {longitude: 0, latitude: 0}, upper: [1, 1, 1]}\n", [("area.lower", 2, "both")]),
+    (SECTIONS, [("vehicle.speed", 1, ""), ("chart.source", 2, "needs the section site"),
+                ("current.source", 3, ""), ("bathymetry.positive", 4, ""),
+                ("mission.start", 5, "lies outside the area")]),
+    (FOLLOWING, [("area.upper.1", 1, ""), ("chart.source", 2, ""), ("mission.goal", 3, "")]),
+    ("chart: {source: none, image: a.png, uncertain: b}",
+     [("chart.image", 1, ""), ("chart.uncertain", 1, "")]),
+    ("name: !!python/object/apply:os.system ['true']\nvehicle: {speed: -1}\n",
+     [("name", 1, "tag"), ("vehicle.speed", 2, "")]),
+    *((f"name: {value}\nvehicle: {{speed: -1}}\n", [("name", 1, words), ("vehicle.speed", 2, "")])
+      for value, words in (("!!binary aGk=", "tag"), ("2026-02-30", "day"), ("9" * 5000, "no value"),
+                           ("!!int many", "no value"))),
+    ("name: a\nvehicle: {speed: 1, speed: 2}\nname: b\n", [("vehicle.speed", 2, ""), ("name", 3, "")]),
+]  # fmt: skip
 
 
-def test_two_rules_of_one_section_are_both_stated(tmp_path):
-    fields = [
-        field for field, _, _ in faults_of(tmp_path, "chart: {source: none, image: a.png, uncertain: b}")
-    ]
-    assert fields == ["chart.image", "chart.uncertain"]
+@pytest.mark.parametrize(("text", "expected"), TEXTS)
+def test_faults_have_a_field_a_line_and_a_reason(tmp_path, text, expected):
+    found = faults_of(tmp_path, text)
+    assert [(field, place and place[0]) for field, place, _ in found] == [row[:2] for row in expected]
+    for (_, _, reason), (_, _, words) in zip(found, expected, strict=True):
+        assert words in reason
+        assert "mean" not in reason or "mean" in words
 
 
-@pytest.mark.parametrize("section", ["mission", "site.departure", "chart.window", "current.files"])
 @pytest.mark.parametrize("value", ["", "3", "[1]", "[null]", "[[]]", "text", "{}"])
+@pytest.mark.parametrize("section", ["mission", "site.departure", "chart.window", "current.files"])
 def test_no_shape_of_a_value_gets_through_unseen(tmp_path, section, value):
     head, *name = section.split(".")
-    inner = (
-        f"{{longitude: 1, latitude: 1, {name[0]}: {value}}}"
-        if head == "site"
-        else f"{{{''.join(name)}: {value}}}"
-    )
-    faults_of(tmp_path, f"{head}: {inner if name else value}")
+    needed = "longitude: 1, latitude: 1, " if head == "site" else ""
+    faults_of(tmp_path, f"{head}: " + (f"{{{needed}{name[0]}: {value}}}" if name else value))
 
 
 @pytest.mark.parametrize(
@@ -183,27 +138,6 @@ def test_yaml_that_is_none_has_a_line_and_a_column(text, line, column, words):
     with pytest.raises(YamlError, match=words) as caught:
         read_yaml(text)
     assert caught.value.place == (line, column)
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        ("!!python/object/apply:os.system ['true']", "tag"),
-        ("!!binary aGk=", "tag"),
-        ("2026-02-30", "day"),
-        ("9" * 5000, "no value"),
-        ("!!int many", "no value"),
-    ],
-)
-def test_scalars_that_cannot_be_are_faults_among_others(tmp_path, value, words):
-    found = faults_of(tmp_path, f"name: {value}\nvehicle: {{speed: -1}}\n")
-    assert [field for field, _, _ in found] == ["name", "vehicle.speed"]
-    assert words in found[0][2]
-
-
-def test_keys_given_twice_are_all_stated(tmp_path):
-    found = faults_of(tmp_path, "name: a\nvehicle: {speed: 1, speed: 2}\nname: b\n")
-    assert [(field, place) for field, place, _ in found] == [("vehicle.speed", (2, 21)), ("name", (3, 1))]
 
 
 def test_one_line_with_the_line_number_and_how_many_more(tmp_path):
@@ -325,61 +259,37 @@ def test_a_transit_depth_is_a_depth_or_an_altitude():
     assert make_vehicle(along).transit_altitude == 15.0
 
 
-@pytest.mark.parametrize(
-    ("transit", "words"),
-    [
-        (-1, "vehicle.transit_depth"),
-        ({"height": 3}, "vehicle.transit_depth"),
-        (1e5, "vehicle.transit_depth: 100000 m lies outside the area or the vehicle's depths"),
-        ({"altitude": 15}, "vehicle.transit_depth: an altitude needs a sea bed"),
-    ],
-)
-def test_transits_that_are_none_are_refused(transit, words):
-    with pytest.raises(ScenarioError, match=re.escape(words)):
-        validate_scenario({"vehicle": {"transit_depth": transit}})
+LISTED = {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}
+REFUSED = [
+    ({"vehicle": {"transit_depth": -1}}, "vehicle.transit_depth"),
+    ({"vehicle": {"transit_depth": {"height": 3}}}, "vehicle.transit_depth"),
+    ({"vehicle": {"transit_depth": 1e5}},
+     "vehicle.transit_depth: 100000 m lies outside the area or the vehicle's depths"),
+    ({"vehicle": {"transit_depth": {"altitude": 15}}},
+     "vehicle.transit_depth: an altitude needs a sea bed"),
+    ({"vehicle": {"pitch_max": 30}},
+     "vehicle.pitch_max: must be at most a right angle, 1.571 rad, got 30: 30 degrees are 0.524 rad"),
+    ({"vehicle": {"pitch_max": 0}}, "vehicle.pitch_max: must be greater than 0 or must be 'none', got 0"),
+    ({"vehicle": {"pitch_max": "flat"}}, "vehicle.pitch_max: must be a valid number"),
+    ({"planning": {"task_time": "clock"}}, "planning.task_time: 'clock' goes with preset 'paper' alone"),
+    ({"planning": {"preset": "paper", "control_points": 1}},
+     "planning.control_points: must be greater than or equal to 2, got 1"),
+    ({"planning": {"path_width": 0}}, "planning.path_width: must be greater than 0, got 0"),
+    ({"planning": {"phi": [1, -1]}}, "planning.phi.1: must be greater than or equal to 0, got -1"),
+    ({"planning": {"preset": "paper", "task_time": "expected"}, "mission": LISTED},
+     "planning.task_time: 'expected' leaves out the time that jobs take"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (30, "vehicle.pitch_max: must be at most a right angle, 1.571 rad, got 30: 30 degrees are 0.524 rad"),
-        (0, "vehicle.pitch_max: must be greater than 0 or must be 'none', got 0"),
-        ("flat", "vehicle.pitch_max: must be a valid number"),
-    ],
-)
-def test_limits_on_pitch_are_angles_in_rad(given, words):
-    with pytest.raises(ScenarioError, match=re.escape(words)):
-        validate_scenario({"vehicle": {"pitch_max": given}})
-
-
-@pytest.mark.parametrize(
-    ("sections", "words"),
-    [
-        ({"planning": {"task_time": "clock"}}, "planning.task_time: 'clock' goes with preset 'paper' alone"),
-        (
-            {"planning": {"preset": "paper", "control_points": 1}},
-            "planning.control_points: must be greater than or equal to 2, got 1",
-        ),
-        ({"planning": {"path_width": 0}}, "planning.path_width: must be greater than 0, got 0"),
-        ({"planning": {"phi": [1, -1]}}, "planning.phi.1: must be greater than or equal to 0, got -1"),
-        (
-            {
-                "planning": {"preset": "paper", "task_time": "expected"},
-                "mission": {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]},
-            },
-            "planning.task_time: 'expected' leaves out the time that jobs take",
-        ),
-    ],
-)
-def test_readings_of_the_paper_that_cannot_be_are_refused(sections, words):
+@pytest.mark.parametrize(("sections", "words"), REFUSED)
+def test_settings_that_cannot_be_are_refused(sections, words):
     with pytest.raises(ScenarioError, match=re.escape(words)):
         validate_scenario(sections)
 
 
 def test_jobs_take_their_time_under_the_papers_preset():
     drawn = validate_scenario({"planning": {"preset": "paper"}})
-    jobs = {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}
-    listed = validate_scenario({"planning": {"preset": "paper"}, "mission": jobs})
+    listed = validate_scenario({"planning": {"preset": "paper"}, "mission": LISTED})
     assert (drawn.tasks_under_way, listed.tasks_under_way) == (True, False)
 
 

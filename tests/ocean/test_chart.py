@@ -276,18 +276,6 @@ def test_shipped_picture_is_a_function_of_its_seed():
     assert (reach[kinds == 2] > FRINGE).all()
 
 
-@pytest.mark.usefixtures("x64")
-def test_slopes_of_the_distance_match_finite_differences():
-    rng = np.random.default_rng(3)
-    chart = Chart.from_mask(rng.random((20, 30)) > 0.1, 10.0, origin=(100.0, -50.0))
-    for x, y in rng.uniform([60.0, -90.0], [340.0, 290.0], (40, 2)):  # inside and around
-        slopes = jax.grad(lambda p: chart.distance(p[0], p[1]))(jnp.asarray([x, y]))
-        for k in range(2):
-            step = 1e-6 * np.eye(2)[k]
-            ends = [float(chart.distance(*(np.array([x, y]) + sign * step))) for sign in (1.0, -1.0)]
-            assert float(slopes[k]) == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-3)
-
-
 def test_slopes_by_pixels_are_their_shares():
     chart = Chart.from_mask(np.arange(9).reshape(3, 3) < 8)
     slopes = jax.grad(lambda chart: chart.distance(12.0, 7.5))(chart)

@@ -28,15 +28,8 @@ def test_resolving_twice_changes_nothing():
 
 
 def test_boundary_grows_with_time_since_the_last_look():
-    one = ap.Obstacles.static(
-        [[0.0, 0.0, 0.0]],
-        [20.0],
-        position_std=3.0,
-        radius_std=4.0,
-        growth=0.5,
-        growth_max=30.0,
-        observed_at=100.0,
-    )
+    known = {"position_std": 3.0, "radius_std": 4.0, "observed_at": 100.0}
+    one = ap.Obstacles.static([[0.0, 0.0, 0.0]], [20.0], growth=0.5, growth_max=30.0, **known)
     known = 20.0 + CONFIDENCE * 5.0
     for t, expected in ((50.0, known), (100.0, known), (120.0, known + 10.0), (1e4, known + 30.0)):
         np.testing.assert_allclose(one.boundary(jnp.asarray(t)), [expected], rtol=1e-6)

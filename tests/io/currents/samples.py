@@ -1,10 +1,11 @@
 """Small ocean files whose currents are known in closed form."""
 
-import h5netcdf
 import numpy as np
+import pytest
 import xarray as xr
 
-from auvplan.io.currents import open_ocean
+from auvplan.io.currents import open_ocean, read_current
+from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
 
 #: Degrees; metres in a degree here need not be exact: fields are given in degrees.
@@ -17,6 +18,7 @@ PLACE = (LON + 0.033, LAT + 0.024)
 #: Within the samples' 8 x 6 nodes of 0.01 degrees.
 SITE = Site(LON + 0.035, LAT + 0.025)
 BOX = {"lower": (-2000.0, -1500.0, 0.0), "upper": (2000.0, 1500.0, 25.0)}
+DIMS = ("time", "depth", "latitude", "longitude")
 HOURS = {"units": "hours since 2020-01-01 00:00:00", "standard_name": "time"}
 
 
@@ -34,15 +36,13 @@ def nearby(lon, about):
 
 def regular(lon=None, lat=None, depth=(0.0, 10.0, 30.0), hours=(0.0, 1.0, 3.0), about=LON):
     """A CF dataset on a regular grid; `flow` as if LON were at longitude `about`."""
-    names, attrs = ("uo", "vo"), (EAST, NORTH)
     lon = LON + 0.01 * np.arange(8) if lon is None else np.asarray(lon, float)
     lat = LAT + 0.01 * np.arange(6) if lat is None else np.asarray(lat, float)
     depth, hours = np.asarray(depth, float), np.asarray(hours, float)
     t, z, y, x = np.meshgrid(hours, depth, lat, nearby(lon, about), indexing="ij")
     east, north = flow(x, y, z, t)
-    dims = ("time", "depth", "latitude", "longitude")
     return xr.Dataset(
-        {names[0]: (dims, east, dict(attrs[0])), names[1]: (dims, north, dict(attrs[1]))},
+        {"uo": (DIMS, east, dict(EAST)), "vo": (DIMS, north, dict(NORTH))},
         {
             "time": ("time", hours, dict(HOURS)),
             "depth": ("depth", depth, {"units": "m", "positive": "down", "axis": "Z"}),
@@ -52,6 +52,51 @@ def regular(lon=None, lat=None, depth=(0.0, 10.0, 30.0), hours=(0.0, 1.0, 3.0), 
     )
 
 
+def described(data, **attributes):
+    """The components without other attributes than their unit and these, `{}` being east and north."""
+    for name, way in (("uo", "east"), ("vo", "north")):
+        if "{}_v" in attributes.get("standard_name", ""):
+            way = {"east": "x", "north": "y"}[way]
+        data[name].attrs = {"units": "m s-1"} | {k: v.format(way) for k, v in attributes.items()}
+    return data
+
+
+def named(east, north, **attributes):
+    return described(regular(), **attributes).rename(uo=east, vo=north)
+
+
+def timed(values=(0.0, 1.0), units=None):
+    """Two times, an hour apart unless they are others."""
+    data = regular(hours=[0.0, 1.0])
+    data["time"] = ("time", np.asarray(values), {"units": units} if units else {})
+    return data
+
+
+def other_levels(name, values=None, **attributes):
+    """Levels along a dimension of another name, with or without an axis."""
+    data = regular().rename(depth=name).drop_vars(name)
+    return data if values is None else data.assign_coords({name: (name, values, attributes)})
+
+
+SIGMA = {"values": [0.0, -1.0 / 3.0, -1.0], "standard_name": "ocean_sigma_coordinate"}
+
+
+def over_a_bed(depth, more=None, **attributes):
+    """Shares of the depth as levels."""
+    data = other_levels("sigma", **attributes)
+    return data.assign(h=(DIMS[2:], np.full((6, 8), depth), {"units": "m"} | (more or {})))
+
+
+def on_nodes(data, **shifts):
+    """Places of the nodes as arrays [6, 8] of some names in place of axes, moved by so many degrees."""
+    data = data.rename(longitude="x", latitude="y").drop_vars(["x", "y"])
+    lon, lat = np.meshgrid(LON + 0.01 * np.arange(8), LAT + 0.01 * np.arange(6))
+    for name, shift in shifts.items():
+        values, unit = (lon, "degrees_east") if "lon" in name.lower() else (lat, "degrees_north")
+        data[name] = (("y", "x"), values + shift, {"units": unit})
+    return data
+
+
 def write(dataset, path, **encoding):
     """Write as NetCDF-4, or as NetCDF-3 where the name ends in nc3."""
     engine = "scipy" if str(path).endswith(".nc3") else "h5netcdf"
@@ -59,12 +104,22 @@ def write(dataset, path, **encoding):
     return path
 
 
-def check(path, lon=PLACE[0], lat=PLACE[1], depth=7.0, hour=0.6, about=LON, atol=1e-6):
-    """Open a file, compare its current at a place with `flow`, and give it back closed."""
-    with open_ocean(path) as ocean:
-        e, n, _ = ocean.at(lon, lat, depth, START + 3600.0 * hour)
-        np.testing.assert_allclose([e, n], flow(nearby(lon, about), lat, depth, hour), atol=atol)
+def check(source, lon=PLACE[0], lat=PLACE[1], depth=7.0, hour=0.6, about=LON, atol=1e-6, **options):
+    """Compare the current of a file or data set at places with `flow`, and give it back closed."""
+    with open_ocean(source, **options) as ocean:
+        found = ocean.at(lon, lat, depth, START + 3600.0 * np.asarray(hour))
+        np.testing.assert_allclose(found[:2], flow(nearby(lon, about), lat, depth, hour), atol=atol)
         return ocean
+
+
+def refused(source, *words, site=SITE, box=BOX):
+    """A file or data set is refused in one line that holds some words."""
+    with pytest.raises(CurrentError) as caught:
+        read_current(source, site, **box)
+    message = str(caught.value)
+    assert all(part in message for part in words), message
+    assert getattr(source, "name", "dataset") in message
+    assert "\n" not in message
 
 
 def turned_grid(rows=9, columns=12, angle=0.7, step=0.004):
@@ -99,6 +154,7 @@ def roms(transform=2, angle=0.7, land=(), levels=6, zeta=0.4):
     v = np.where(mask[1:] * mask[:-1] > 0, v, np.nan)
     hours = np.array([0.0, 2.0])
     shade = (1.0 + s)[None, :, None, None] * np.ones((2, 1, 1, 1))
+    rising = 1e-3 * (1 + s_w)[None, :, None, None] * np.ones((2, 1, rows, columns))
     level, rho = ("ocean_time", "s_rho"), ("eta_rho", "xi_rho")
     rise = zeta * (1.0 + 0.0 * hours)[:, None, None] * np.where(mask > 0, 1.0, np.nan)
     speed = {"units": "meter second-1"}
@@ -106,11 +162,7 @@ def roms(transform=2, angle=0.7, land=(), levels=6, zeta=0.4):
         {
             "u": ((*level, "eta_u", "xi_u"), shade * u, speed),
             "v": ((*level, "eta_v", "xi_v"), shade * v, speed),
-            "w": (
-                ("ocean_time", "s_w", *rho),
-                1e-3 * (1 + s_w)[None, :, None, None] * np.ones((2, 1, rows, columns)),
-                speed,
-            ),
+            "w": (("ocean_time", "s_w", *rho), rising, speed),
             "zeta": (("ocean_time", *rho), rise, {"units": "meter"}),
             "h": (rho, floor, {"units": "meter"}),
             "mask_rho": (rho, mask),
@@ -145,50 +197,38 @@ def mesh(rows=7, columns=8, step=0.01, hole=None):
     return lon.ravel(), lat.ravel(), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
 
 
+LONGITUDE = {"standard_name": "longitude", "units": "degrees_east"}
+LATITUDE = {"standard_name": "latitude", "units": "degrees_north"}
+
+
 def fvcom(hole=None, middles=True):
     """FVCOM output: velocities in cells, h, zeta, siglay at nodes; float32 time, exact Itime and Itime2."""
     lon, lat, triangles = mesh(hole=hole)
     lonc, latc = lon[triangles].mean(axis=1), lat[triangles].mean(axis=1)
-    sigma = -np.array([0.1, 0.5, 0.9])
-    hours = np.array([0.0, 1.0])
-    depth = 50.0
+    sigma, hours, depth = -np.array([0.1, 0.5, 0.9]), np.array([0.0, 1.0]), 50.0
     east, north = flow(lonc, latc, depth * -sigma[None, :, None], hours[:, None, None])
     days = 58849.0 + hours / 24.0
-    height = np.zeros((2, len(lon)))
+    levels, since = ("time", "siglay", "nele"), {"units": "days since 1858-11-17 00:00:00"}
+    speed = {"units": "meters s-1"}
     variables = {
-        "u": (("time", "siglay", "nele"), east, {**EAST, "units": "meters s-1"}),
-        "v": (("time", "siglay", "nele"), north, {**NORTH, "standard_name": "Northward_sea_water_velocity",
-                                                 "units": "meters s-1"}),
-        "ww": (("time", "siglay", "nele"), np.full(east.shape, 2e-3), {"units": "meters s-1"}),
-        "h": (("node",), np.full(len(lon), depth), {"units": "m"}),
-        "zeta": (("time", "node"), height, {"units": "meters"}),
+        "u": (levels, east, EAST | speed),
+        "v": (levels, north, speed | {"standard_name": "Northward_sea_water_velocity"}),
+        "ww": (levels, np.full(east.shape, 2e-3), speed),
+        "h": ("node", np.full(len(lon), depth), {"units": "m"}),
+        "zeta": (("time", "node"), np.zeros((2, len(lon))), {"units": "meters"}),
         "siglay": (("siglay", "node"), np.repeat(sigma[:, None], len(lon), axis=1),
                    {"standard_name": "ocean_sigma/general_coordinate", "positive": "up"}),
-        "nv": (("three", "nele"), triangles.T + 1, {}),
-        "lon": (("node",), lon, {"standard_name": "longitude", "units": "degrees_east"}),
-        "lat": (("node",), lat, {"standard_name": "latitude", "units": "degrees_north"}),
-        "lonc": (("nele",), lonc * middles, {"standard_name": "longitude", "units": "degrees_east"}),
-        "latc": (("nele",), latc * middles, {"standard_name": "latitude", "units": "degrees_north"}),
-        "time": (("time",), days.astype(np.float32), {"units": "days since 1858-11-17 00:00:00"}),
-        "Itime": (("time",), np.floor(days).astype(np.int32), {"units": "days since 1858-11-17 00:00:00"}),
-        "Itime2": (("time",), np.round(days % 1 * 86_400_000).astype(np.int32),
+        "nv": (("three", "nele"), triangles.T + 1),
+        "lon": ("node", lon, LONGITUDE),
+        "lat": ("node", lat, LATITUDE),
+        "lonc": ("nele", lonc * middles, LONGITUDE),
+        "latc": ("nele", latc * middles, LATITUDE),
+        "time": ("time", days.astype(np.float32), since),
+        "Itime": ("time", np.floor(days).astype(np.int32), since),
+        "Itime2": ("time", np.round(days % 1 * 86_400_000).astype(np.int32),
                    {"units": "msec since 00:00:00"}),
     }  # fmt: skip
-    return variables
-
-
-def write_plain(variables, path):
-    """Write variables that xarray's data model refuses, as siglay(siglay, node), variable by variable."""
-    with h5netcdf.File(path, "w") as file:
-        for dims, values, _ in variables.values():
-            for dim, size in zip(dims, np.shape(values), strict=True):
-                if dim not in file.dimensions:
-                    file.dimensions[dim] = size
-        for name, (dims, values, attrs) in variables.items():
-            variable = file.create_variable(name, dims, np.asarray(values).dtype)
-            variable[...] = values
-            variable.attrs.update(attrs)
-    return path
+    return xr.Dataset(variables)
 
 
 def ugrid(location="node"):
@@ -202,46 +242,44 @@ def ugrid(location="node"):
     cells = np.concatenate([merged, np.delete(cells, [0, half], axis=0)])
     means = [np.array([part[row[row >= 0]].mean() for row in cells]) for part in (lon, lat)]
     x, y = (lon, lat) if location == "node" else means
-    dim = "n_node" if location == "node" else "n_face"
+    dims, on = ("time", f"n_{location}"), {"location": location, "mesh": "mesh"}
     hours = np.array([0.0, 1.0])
     east, north = flow(x, y, 0.0, hours[:, None])
-    variables = {
-        "mesh": ((), np.int32(0), {"cf_role": "mesh_topology", "topology_dimension": np.int32(2),
-                                   "node_coordinates": "mesh_x mesh_y",
-                                   "face_node_connectivity": "mesh_faces"}),
-        "mesh_x": (("n_node",), lon, {"standard_name": "longitude", "units": "degrees_east"}),
-        "mesh_y": (("n_node",), lat, {"standard_name": "latitude", "units": "degrees_north"}),
-        "mesh_faces": (("n_face", "n_corner"), cells.astype(np.int32),
-                       {"_FillValue": np.int32(-1), "start_index": np.int32(0)}),
-        "ucx": (("time", dim), east, {**EAST, "location": location, "mesh": "mesh"}),
-        "ucy": (("time", dim), north, {**NORTH, "location": location, "mesh": "mesh"}),
-        "time": (("time",), hours, dict(HOURS)),
-    }  # fmt: skip
-    return variables
+    topology = {"cf_role": "mesh_topology", "topology_dimension": np.int32(2),
+                "node_coordinates": "mesh_x mesh_y", "face_node_connectivity": "mesh_faces"}  # fmt: skip
+    return xr.Dataset(
+        {
+            "mesh": ((), np.int32(0), topology),
+            "mesh_x": ("n_node", lon, LONGITUDE),
+            "mesh_y": ("n_node", lat, LATITUDE),
+            "mesh_faces": (("n_face", "n_corner"), cells.astype(np.int32),
+                           {"_FillValue": np.int32(-1), "start_index": np.int32(0)}),
+            "ucx": (dims, east, EAST | on),
+            "ucy": (dims, north, NORTH | on),
+            "time": ("time", hours, HOURS),
+        }
+    )  # fmt: skip
 
 
 def schism():
     """SCHISM output: hvel(time, node, level, two), zcor, elev; levels from the bed, 10 or 30 m deep."""
     lon, lat, triangles = mesh()
-    hours = np.array([0.0, 1.0])
-    elev = 0.5
-    floor = np.where(lon < LON + 0.035, 10.0, 30.0)
-    levels = np.array([-30.0, -10.0, -5.0, 0.0])
+    hours, elev = np.array([0.0, 1.0]), 0.5
+    floor, levels = np.where(lon < LON + 0.035, 10.0, 30.0), np.array([-30.0, -10.0, -5.0, 0.0])
     zcor = np.where(levels >= -floor[:, None], levels, np.nan) + 0.0
     zcor[:, -1] = elev
-    depth = elev - zcor
-    east, north = flow(lon[:, None], lat[:, None], depth, hours[:, None, None])
+    east, north = flow(lon[:, None], lat[:, None], elev - zcor, hours[:, None, None])
+    corners = np.concatenate([triangles + 1, np.full((len(triangles), 1), -1)], axis=1).astype(np.int32)
     dims = ("time", "nSCHISM_hgrid_node", "nSCHISM_vgrid_layers")
-    return {
-        "hvel": ((*dims, "two"), np.stack([east, north], axis=-1), {"units": "m/s"}),
-        "zcor": (dims, np.stack([zcor, zcor]), {"units": "m"}),
-        "elev": (dims[:2], np.full((2, len(lon)), elev), {"units": "m"}),
-        "SCHISM_hgrid_node_x": (dims[1:2], lon, {"standard_name": "longitude", "units": "degrees_east"}),
-        "SCHISM_hgrid_node_y": (dims[1:2], lat, {"standard_name": "latitude", "units": "degrees_north"}),
-        "SCHISM_hgrid_face_nodes": (
-            ("nSCHISM_hgrid_face", "nMaxSCHISM_hgrid_face_nodes"),
-            np.concatenate([triangles + 1, np.full((len(triangles), 1), -1)], axis=1).astype(np.int32),
-            {"start_index": np.int32(1), "_FillValue": np.int32(-1)},
-        ),
-        "time": (("time",), hours, dict(HOURS)),
-    }
+    return xr.Dataset(
+        {
+            "hvel": ((*dims, "two"), np.stack([east, north], axis=-1), {"units": "m/s"}),
+            "zcor": (dims, np.stack([zcor, zcor]), {"units": "m"}),
+            "elev": (dims[:2], np.full((2, len(lon)), elev), {"units": "m"}),
+            "SCHISM_hgrid_node_x": (dims[1], lon, LONGITUDE),
+            "SCHISM_hgrid_node_y": (dims[1], lat, LATITUDE),
+            "SCHISM_hgrid_face_nodes": (("nSCHISM_hgrid_face", "nMaxSCHISM_hgrid_face_nodes"), corners,
+                                        {"start_index": np.int32(1), "_FillValue": np.int32(-1)}),
+            "time": ("time", hours, HOURS),
+        }
+    )  # fmt: skip

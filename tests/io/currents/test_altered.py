@@ -79,13 +79,12 @@ def reading(path):
         data[name].transpose(*dims).values * part for name, part in zip((east, north), factors, strict=True)
     ]
     about = data["time"].attrs
+    since = "seconds since 1970-01-01"
     try:
         dates = cftime.num2date(data["time"].values, about["units"], about.get("calendar", "standard"))
         if about.get("calendar") == "julian":
             dates = [date.change_calendar("standard") for date in dates]
-        seconds = [
-            cftime.date2num(cftime.datetime(*d.timetuple()[:6]), "seconds since 1970-01-01") for d in dates
-        ]
+        seconds = [cftime.date2num(cftime.datetime(*date.timetuple()[:6]), since) for date in dates]
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
     axes = [np.asarray(seconds, float), np.abs(data["depth"].values)]

@@ -6,13 +6,18 @@ import xarray as xr
 
 from auvplan.io.currents import open_ocean
 from auvplan.ocean.gridded import CurrentError
-from tests.io.currents.samples import HOURS, LAT, LON, START, flow, turned_grid, write
+from tests.io.currents.samples import HOURS, LAT, LON, START, check, flow, refused, turned_grid
 
 STEP = 0.01
-#: Middles of 7 x 9 cells.
+#: Middles of 7 x 9 cells, and places amid them.
 EAST, NORTH = LON + STEP * np.arange(9), LAT + STEP * np.arange(7)
+AMID = LON + STEP * np.array([1.0, 2.3, 6.5]), LAT + STEP * np.array([1.0, 3.6, 4.2])
 DEPTH, TIMES = np.array([0.0, 10.0, 30.0]), np.array([0.0, 1.0])
 SPEED = {"units": "m/s"}
+AXES = {
+    "time": ("time", TIMES, HOURS),
+    "depth": ("depth", DEPTH, {"units": "m", "positive": "down", "standard_name": "depth"}),
+}
 
 
 def stated(lon, lat, which):
@@ -22,106 +27,93 @@ def stated(lon, lat, which):
     return flow(lon, lat, depths, hours)[which]
 
 
-def axes():
-    return {
-        "time": ("time", TIMES, HOURS),
-        "depth": ("depth", DEPTH, {"units": "m", "positive": "down", "standard_name": "depth"}),
+def on_edges(names, axes, xq, yq, walls=(1.0, 1.0), own=({}, {})):
+    """Components on the edges at `xq` and `yq`; names of the components, of x and y of middles and edges."""
+    x, y, x_edge, y_edge = axes
+    units = {x: "degrees_east", x_edge: "degrees_east", y: "degrees_north", y_edge: "degrees_north"}
+    places = {x: EAST, y: NORTH, x_edge: xq, y_edge: yq}
+    east, north = stated(*np.meshgrid(xq, NORTH), 0), stated(*np.meshgrid(EAST, yq), 1)
+    fields = {
+        names[0]: (("time", "depth", y, x_edge), east * walls[0], SPEED | own[0]),
+        names[1]: (("time", "depth", y_edge, x), north * walls[1], SPEED | own[1]),
     }
+    return xr.Dataset(fields, AXES | {name: (name, places[name], {"units": units[name]}) for name in axes})
 
 
-def expect(ocean, lon, lat, atol=1e-6):
-    """The current amid the cells is `flow`."""
+def expect(data, lon, lat, atol):
     for depth, hour in ((0.0, 0.0), (7.0, 0.5), (25.0, 1.0)):
-        found = ocean.at(lon, lat, depth, START + 3600.0 * hour)
-        np.testing.assert_allclose(found[:2], flow(lon, lat, depth, hour), atol=atol)
+        ocean = check(data, lon, lat, depth, hour, atol=atol)
+    return ocean
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
-def test_mom6(tmp_path, symmetric):
+def test_mom6(symmetric):
     more = [-0.5] if symmetric else []
-    xq, yq = (
-        LON + STEP * np.append(more, np.arange(9) + 0.5),
-        LAT + STEP * np.append(more, np.arange(7) + 0.5),
-    )
-    east, north = (*np.meshgrid(xq, NORTH),), (*np.meshgrid(EAST, yq),)
-    degrees = {"x": {"units": "degrees_east"}, "y": {"units": "degrees_north"}}
-    along = [SPEED | {"standard_name": f"sea_water_{axis}_velocity"} for axis in "xy"]
-    data = xr.Dataset(
-        {
-            "uo": (("time", "depth", "yh", "xq"), stated(*east, 0), along[0]),
-            "vo": (("time", "depth", "yq", "xh"), stated(*north, 1), along[1]),
-        },
-        axes()
-        | {"xh": ("xh", EAST, degrees["x"]), "yh": ("yh", NORTH, degrees["y"])}
-        | {"xq": ("xq", xq, degrees["x"]), "yq": ("yq", yq, degrees["y"])},
-    )
-    with open_ocean(write(data, tmp_path / "mom6.nc")) as ocean:
-        assert ocean.kind == "roms"
-        expect(ocean, LON + STEP * np.array([1.0, 2.3, 6.5]), LAT + STEP * np.array([1.0, 3.6, 4.2]), 2e-5)
+    xq, yq = (first + STEP * np.append(more, np.arange(n) + 0.5) for first, n in ((LON, 9), (LAT, 7)))
+    own = [{"standard_name": f"sea_water_{axis}_velocity"} for axis in "xy"]
+    data = on_edges(("uo", "vo"), ("xh", "yh", "xq", "yq"), xq, yq, own=own)
+    assert expect(data, *AMID, 2e-5).kind == "roms"
 
 
-def test_mitgcm(tmp_path):
+MITGCM = ("UVEL", "VVEL"), ("XC", "YC", "XG", "YG"), EAST - STEP / 2, NORTH - STEP / 2
+
+
+def test_mitgcm():
     """Edges lie west and south of the middles of the same index."""
-    east, north = (*np.meshgrid(EAST - STEP / 2, NORTH),), (*np.meshgrid(EAST, NORTH - STEP / 2),)
-    data = xr.Dataset(
-        {
-            "UVEL": (("time", "depth", "YC", "XG"), stated(*east, 0), SPEED),
-            "VVEL": (("time", "depth", "YG", "XC"), stated(*north, 1), SPEED),
-        },
-        axes()
-        | {"XC": ("XC", EAST, {"units": "degrees_east"}), "YC": ("YC", NORTH, {"units": "degrees_north"})}
-        | {"XG": ("XG", EAST - STEP / 2), "YG": ("YG", NORTH - STEP / 2)},
-    )
-    with open_ocean(write(data, tmp_path / "mit.nc")) as ocean:
-        expect(ocean, LON + STEP * np.array([1.0, 2.3, 6.5]), LAT + STEP * np.array([1.0, 3.6, 4.2]), 2e-5)
-    lost = data.isel(XG=slice(0, 5))
-    with pytest.raises(CurrentError, match="5 edges along XG do not fit 9 middles along XC"):
-        open_ocean(write(lost, tmp_path / "lost.nc"))
+    data = on_edges(*MITGCM)
+    expect(data, *AMID, 2e-5)
+    refused(data.isel(XG=slice(0, 5)), "5 edges along XG do not fit 9 middles along XC")
 
 
-def nemo(folder, angle=0.5):
-    """NEMO's files of each component and of the mesh, on a turned grid."""
+def test_walls_of_mitgcm_hold_zeros():
+    """On MITgcm's edges beside land is 0, which is no current; hFacC tells land by level."""
+    open_ = np.ones((3, 7, 9))
+    open_[:, :, :3] = 0.0
+    open_[1, :, 7:] = 0.0
+    walls = open_ * np.roll(open_, 1, axis=2), open_ * np.roll(open_, 1, axis=1)
+    data = on_edges(*MITGCM, walls=walls).assign(hFacC=(("depth", "YC", "XC"), 0.3 * open_))
+    with open_ocean(data) as ocean:
+        assert np.isnan(ocean.at(EAST[1], NORTH[3], 0.0, START)[0])
+        assert np.isnan(ocean.at(EAST[8], NORTH[3], 10.0, START)[0])
+        beside, expected = ocean.at(EAST[6], NORTH[3], 10.0, START), flow(EAST[6] - 0.005, NORTH[3], 10.0)
+        np.testing.assert_allclose(beside[0], expected[0])
+    check(data, EAST[4], NORTH[3], 10.0, 0.0)
+
+
+def nemo(angle=0.5):
+    """NEMO's data of each component and of the mesh, on a turned grid; its middles."""
     lon, lat = turned_grid(angle=angle)
     rows = [np.diff(axis, axis=1, append=2 * axis[:, -1:] - axis[:, -2:-1]) / 2 for axis in (lon, lat)]
     columns = [np.diff(axis, axis=0, append=2 * axis[-1:] - axis[-2:-1]) / 2 for axis in (lon, lat)]
-    places = {"u": [axis + half for axis, half in zip((lon, lat), rows, strict=True)]}
-    places["v"] = [axis + half for axis, half in zip((lon, lat), columns, strict=True)]
-    paths = []
-    for name, kind, sign in (("vozocrtx", "u", 1.0), ("vomecrty", "v", -1.0)):
-        parts = [stated(*places[kind], which) for which in (0, 1)]
-        along = parts[0] * np.cos(angle) + parts[1] * np.sin(angle)
-        across = parts[1] * np.cos(angle) - parts[0] * np.sin(angle)
-        depth = f"depth{kind}"
-        data = xr.Dataset(
-            {
-                name: (("time_counter", depth, "y", "x"), along if sign > 0 else across, SPEED),
-                "nav_lon": (("y", "x"), places[kind][0]),
-                "nav_lat": (("y", "x"), places[kind][1]),
-            },
-            {
-                "time_counter": ("time_counter", TIMES, HOURS),
-                depth: (depth, DEPTH, {"units": "m", "positive": "down"}),
-            },
-        )
-        paths.append(write(data, folder / f"grid_{kind}.nc"))
-    dims = ("t", "y", "x")
-    wet = np.ones((1, *lon.shape))
-    wet[0, :2, :2] = 0
-    mesh = {
-        "glamt": (dims, lon[None]),
-        "gphit": (dims, lat[None]),
-        "tmask": (("t", "z", "y", "x"), wet[None]),
-    }
-    return paths, write(xr.Dataset(mesh), folder / "mesh_mask.nc"), lon, lat
+    parts = []
+    for name, kind, (right, up) in (("vozocrtx", "u", rows), ("vomecrty", "v", columns)):
+        places, depth = (lon + right, lat + up), f"depth{kind}"
+        east, north = (stated(*places, which) for which in (0, 1))
+        along = {"u": east * np.cos(angle) + north * np.sin(angle),
+                 "v": north * np.cos(angle) - east * np.sin(angle)}[kind]  # fmt: skip
+        fields = {
+            name: (("time_counter", depth, "y", "x"), along, SPEED),
+            "nav_lon": (("y", "x"), places[0]),
+            "nav_lat": (("y", "x"), places[1]),
+        }
+        axes = {
+            "time_counter": ("time_counter", TIMES, HOURS),
+            depth: (depth, DEPTH, {"units": "m", "positive": "down"}),
+        }
+        parts.append(xr.Dataset(fields, axes))
+    wet = np.ones((1, 1, *lon.shape))
+    wet[..., :2, :2] = 0
+    mesh = {"tmask": (("t", "z", "y", "x"), wet)}
+    mesh |= {name: (("t", "y", "x"), axis[None]) for name, axis in (("glamt", lon), ("gphit", lat))}
+    return parts, xr.Dataset(mesh), lon, lat
 
 
-def test_nemo_with_its_mesh_file(tmp_path):
-    paths, mesh, lon, lat = nemo(tmp_path)
+def test_nemo_with_its_mesh_file():
+    parts, mesh, lon, lat = nemo()
     with pytest.raises(
         CurrentError, match=r"nav_l.. differs, as on the edges of cells: name the model's mesh file"
     ):
-        open_ocean(paths)
-    with open_ocean([*paths, mesh]) as ocean:
-        assert ocean.kind == "roms"
-        expect(ocean, lon[3:7, 3:9].ravel(), lat[3:7, 3:9].ravel(), 2e-3)
+        open_ocean(parts)
+    assert expect([*parts, mesh], lon[3:7, 3:9].ravel(), lat[3:7, 3:9].ravel(), 2e-3).kind == "roms"
+    with open_ocean([*parts, mesh]) as ocean:
         assert np.isnan(ocean.at(lon[0, 0], lat[0, 0], 0.0, START)[0])

@@ -8,15 +8,15 @@ import pytest
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.currents.ocean import summary_of
 from auvplan.runtime.files import write_dataset
-from tests.io.currents.samples import LAT, LON, START, fvcom, regular, roms, schism, ugrid, write, write_plain
+from tests.io.currents.samples import LAT, LON, START, fvcom, regular, roms, schism, ugrid, write
 
 MADE = {
-    "regular": lambda path: write(regular(), path),
-    "roms": lambda path: write(roms(land=[(3, 4)]), path),
-    "fvcom": lambda path: write_plain(fvcom(), path),
-    "nodes": lambda path: write_plain(ugrid("node"), path),
-    "faces": lambda path: write_plain(ugrid("face"), path),
-    "schism": lambda path: write_plain(schism(), path),
+    "regular": regular,
+    "roms": lambda: roms(land=[(3, 4)]),
+    "fvcom": fvcom,
+    "nodes": lambda: ugrid("node"),
+    "faces": lambda: ugrid("face"),
+    "schism": schism,
 }
 REAL = [
     ["currents/norfjords160_roms_native_24h.nc"],
@@ -29,8 +29,8 @@ REAL = [
 
 
 @pytest.mark.parametrize("kind", MADE)
-def test_the_form_has_the_current_of_every_model_at_its_points(tmp_path, kind):
-    with open_ocean(MADE[kind](tmp_path / "made.nc")) as ocean:
+def test_the_form_has_the_current_of_every_model_at_its_points(kind):
+    with open_ocean(MADE[kind]()) as ocean:
         form, points = ocean.form, ocean.geometry.dims
         assert form["uo"].dims == form["vo"].dims == ("time", "level", *points)
         assert form["depth"].dims in (("level",), ("level", *points), ("time", "level", *points))
@@ -74,7 +74,7 @@ def compare(paths, tmp_path, count=300):
 
 @pytest.mark.parametrize("kind", MADE)
 def test_round_trip_of_made_files(tmp_path, kind):
-    compare(MADE[kind](tmp_path / "made.nc"), tmp_path)
+    compare(write(MADE[kind](), tmp_path / "made.nc"), tmp_path)
 
 
 @pytest.mark.parametrize("names", REAL, ids=lambda names: names[0].split("/")[1])

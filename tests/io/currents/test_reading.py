@@ -26,7 +26,6 @@ from tests.io.currents.samples import (
     regular,
     roms,
     write,
-    write_plain,
 )
 
 
@@ -61,29 +60,29 @@ def test_a_dataset_goes_in_where_a_file_does(make, decode, tmp_path):
         read_current(bare, SITE, **BOX)
 
 
-def test_single_time_is_steady(tmp_path):
-    path = write(regular(hours=[0.0]), tmp_path / "a.nc")
-    found = read_current(path, SITE, **BOX)
+def test_single_time_is_steady():
+    data = regular(hours=[0.0])
+    found = read_current(data, SITE, **BOX)
     assert found.field.steady
-    assert read_current(path, SITE, times=(0.0, 0.0), **BOX).field.steady
+    assert read_current(data, SITE, times=(0.0, 0.0), **BOX).field.steady
     with pytest.raises(CurrentError, match="the file covers 2020-01-01T00:00:00Z only"):
-        read_current(path, SITE, times=(0.0, 60.0), **BOX)
-    assert read_current(path, SITE, times=(0.0, 60.0), outside="clamp", **BOX).field.steady
+        read_current(data, SITE, times=(0.0, 60.0), **BOX)
+    assert read_current(data, SITE, times=(0.0, 60.0), outside="clamp", **BOX).field.steady
 
 
-def test_epoch(tmp_path):
-    path = write(regular(), tmp_path / "a.nc")
-    found = read_current(path, SITE, **BOX)
+def test_epoch():
+    data = regular()
+    found = read_current(data, SITE, **BOX)
     assert found.epoch == datetime(2020, 1, 1, tzinfo=UTC)
     np.testing.assert_allclose(found.field.times, [0.0, 3600.0, 10800.0])
     epoch = datetime(2020, 1, 1, 0, 30, tzinfo=UTC)
-    later = read_current(path, Site(SITE.longitude, SITE.latitude, epoch), times=(0.0, 600.0), **BOX)
+    later = read_current(data, Site(SITE.longitude, SITE.latitude, epoch), times=(0.0, 600.0), **BOX)
     np.testing.assert_allclose(later.field.times, [-1800.0, 1800.0])
     assert later.epoch == epoch
 
 
-def test_moments_of_all_kinds(tmp_path):
-    with open_ocean(write(regular(), tmp_path / "a.nc")) as ocean:
+def test_moments_of_all_kinds():
+    with open_ocean(regular()) as ocean:
         moment = datetime(2020, 1, 1, 0, 30)
         zoned = (moment + timedelta(hours=2)).replace(tzinfo=UTC) - timedelta(hours=2)
         given = [moment, zoned, np.datetime64(moment), START + 1800.0]
@@ -92,15 +91,15 @@ def test_moments_of_all_kinds(tmp_path):
             ocean.at(*PLACE, 0.0, "noon")
 
 
-def test_grid_fits_the_box(tmp_path):
-    path = write(regular(), tmp_path / "a.nc")
-    found = read_current(path, SITE, spacing=300.0, depths=[1.0, 4.0], **BOX)
+def test_grid_fits_the_box():
+    data = regular()
+    found = read_current(data, SITE, spacing=300.0, depths=[1.0, 4.0], **BOX)
     assert found.field.u.shape == (3, 2, 15, 11)
     assert found.origin == (-2000.0, -1500.0)
     assert found.spacing == pytest.approx((4000 / 14, 300.0))
     np.testing.assert_allclose(found.field.depths, [1.0, 4.0])
     with pytest.raises(CurrentError, match="more than 512"):
-        read_current(path, SITE, spacing=1.0, **BOX)
+        read_current(data, SITE, spacing=1.0, **BOX)
 
 
 def to_the_edge():
@@ -113,14 +112,14 @@ def to_the_edge():
 
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("box", [BOX, to_the_edge()], ids=["within", "to the edge"])
-def test_between_the_nodes_of_a_grid_the_current_is_the_files(tmp_path, turned, box):
+def test_between_the_nodes_of_a_grid_the_current_is_the_files(turned, box):
     """Values without any order: interpolated twice, on nodes between them, they would be half gone."""
     data = regular()
     rng = np.random.default_rng(3)
     for name in ("uo", "vo"):
         data[name] = data[name].copy(data=rng.normal(0.0, 0.5, data[name].shape))
-    path = write(data.isel(latitude=slice(None, None, -1)) if turned else data, tmp_path / "a.nc")
-    found = read_current(path, SITE, **box)
+    turned_ = data.isel(latitude=slice(None, None, -1)) if turned else data
+    found = read_current(turned_, SITE, **box)
     assert found.field.u.shape[2:] == (6, 8)
     x, y = rng.uniform(box["lower"][:2], box["upper"][:2], (500, 2)).T
     z, t = rng.uniform(0.0, 25.0, 500), rng.uniform(0.0, 10_800.0, 500)
@@ -133,25 +132,25 @@ def test_between_the_nodes_of_a_grid_the_current_is_the_files(tmp_path, turned, 
     np.testing.assert_allclose(v, there["uo"], atol=0.01)
 
 
-def test_where_rows_are_not_even_nodes_are_denser(tmp_path):
+def test_where_rows_are_not_even_nodes_are_denser():
     lat = LAT + np.array([0.0, 0.01, 0.016, 0.03, 0.035, 0.05])
     data = regular(lat=lat)
-    found = read_current(write(data, tmp_path / "a.nc"), SITE, **BOX)
+    found = read_current(data, SITE, **BOX)
     assert found.spacing == pytest.approx((4000 / 29, 3000 / 22), rel=0.03)
 
 
-def test_levels_reach_beyond_the_box(tmp_path):
-    path = write(regular(depth=[0.0, 5.0, 10.0, 30.0, 60.0]), tmp_path / "a.nc")
-    found = read_current(path, SITE, **BOX)
+def test_levels_reach_beyond_the_box():
+    data = regular(depth=[0.0, 5.0, 10.0, 30.0, 60.0])
+    found = read_current(data, SITE, **BOX)
     np.testing.assert_allclose(found.field.depths, [0.0, 5.0, 10.0, 30.0])
 
 
-def test_clamp_holds_the_nearest(tmp_path):
-    path = write(regular(), tmp_path / "a.nc")
+def test_clamp_holds_the_nearest():
+    data = regular()
     box = {"lower": (-2000.0, -1500.0, 0.0), "upper": (9000.0, 1500.0, 25.0)}
     with pytest.raises(CurrentError, match=r"of the box is not covered: .* degrees\) north$"):
-        read_current(path, SITE, **box)
-    found = read_current(path, SITE, outside="clamp", spacing=1000.0, **box)
+        read_current(data, SITE, **box)
+    found = read_current(data, SITE, outside="clamp", spacing=1000.0, **box)
     assert "beyond the data's area, in 58% of the box, its nearest value holds" in found.notes
     np.testing.assert_allclose(found.field.u[:, :, -1], found.field.u[:, :, -3], atol=1e-3)
     # Data ends 2.8 km north of the site; half a cell, 0.56 km, farther it still tells of water.
@@ -161,10 +160,10 @@ def test_clamp_holds_the_nearest(tmp_path):
     assert (found.covered == found.water).all()
 
 
-def test_half_of_the_weight_must_be_water(tmp_path):
+def test_half_of_the_weight_must_be_water():
     data = regular()
     data["uo"][:, :, :, 4:] = np.nan
-    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+    with open_ocean(data) as ocean:
         e, _, _ = ocean.at(LON + np.array([0.0300, 0.0349, 0.0351, 0.0400]), LAT + 0.02, 0.0, START)
         assert np.isfinite(e).tolist() == [True, True, False, False]
         assert e[1] == pytest.approx(e[0])
@@ -208,16 +207,11 @@ def test_columns(depth, levels, bottom):
         assert found[0] == values[valid - 1]
 
 
-def test_boxes_far_away_are_told_how_far(tmp_path):
+def test_boxes_far_away_are_told_how_far():
     """Whatever the grid, without looking through all of it."""
-    paths = [
-        write(regular(), tmp_path / "regular.nc"),
-        write(roms(), tmp_path / "roms.nc"),
-        write_plain(fvcom(), tmp_path / "fvcom.nc"),
-    ]
-    for path in paths:
+    for data in (regular(), roms(), fvcom()):
         with pytest.raises(CurrentError, match=r"100% of the box is not covered: .*2\d{5} m .*north"):
-            read_current(path, Site(LON, LAT + 2.5), **BOX)
+            read_current(data, Site(LON, LAT + 2.5), **BOX)
 
 
 def test_places_are_mixtures_of_the_corners_of_their_triangles(monkeypatch):

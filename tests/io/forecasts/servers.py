@@ -14,14 +14,8 @@ from urllib.parse import unquote
 import numpy as np
 import xarray as xr
 
-_TYPES = {
-    "float64": "Float64",
-    "float32": "Float32",
-    "int32": "Int32",
-    "int16": "Int16",
-    "int8": "Byte",
-    "uint8": "Byte",
-}
+_TYPES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "int16": "Int16"}
+_TYPES |= {"int8": "Byte", "uint8": "Byte"}
 _JAVA = {"float64": "double", "float32": "float", "int32": "int", "int16": "short", "int8": "byte"}
 _PART = re.compile(r"\[(\d+)(?::(\d+))?(?::(\d+))?\]")
 

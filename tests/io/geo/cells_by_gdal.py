@@ -23,11 +23,12 @@ _BED_TOLERANCE = 0.5
 #: By so much a distance may differ from that of another projection, share.
 _TOLERANCE = 0.005
 
-Blocked = Callable[[Array, Array, Array], Mask]
+#: [n] where something is so, of longitude and latitude, degrees, and depth, m, [n] each.
+Look = Callable[[Array, Array, Array], Mask]
 
 
-def blocked_by_cells(path: str, chart: dict[str, Any]) -> Blocked:
-    """Return where cells close the water, of longitude and latitude, degrees, and depth, m, [n] each.
+def blocked_by_cells(path: str, chart: dict[str, Any]) -> Look:
+    """Return where cells close the water.
 
     Args:
         path: of a cell or of a folder with cells.
@@ -42,7 +43,7 @@ def blocked_by_cells(path: str, chart: dict[str, Any]) -> Blocked:
     return blocked
 
 
-def bed_of_cells(path: str, low: float) -> Blocked:
+def bed_of_cells(path: str, low: float) -> Look:
     """Return where places lie deeper than the least depth of the depth area around them.
 
     Args:
@@ -53,11 +54,7 @@ def bed_of_cells(path: str, low: float) -> Blocked:
         (_coverage(cell), [(shape, least + low + _BED_TOLERANCE) for shape, least in _depth_areas(cell)])
         for cell in _by_scale(path)
     ]
-
-    def below(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        return _deeper(cells, longitude, latitude, depth)[0]
-
-    return below
+    return lambda longitude, latitude, depth: _deeper(cells, longitude, latitude, depth)[0]
 
 
 def _deeper(
@@ -65,10 +62,8 @@ def _deeper(
 ) -> tuple[Mask, Mask]:
     """Return which places are deeper than an area around them begins, and which some cell covers.
 
-    Args:
-        cells: coverage of each, finest first, and its areas with the depth at which they begin, m. Of the
-            cells around a place the first one rules.
-        longitude, latitude, depth: [n] degrees and m.
+    Of each cell, finest first, there are its coverage and its areas with the depth at which they begin, m; of
+    the cells around a place the first one rules.
     """
     found, covered = np.zeros(len(longitude), bool), np.zeros(len(longitude), bool)
     for coverage, areas in cells:
@@ -81,34 +76,32 @@ def _deeper(
 
 
 def _depth_areas(cell: str) -> Iterator[tuple[Any, float]]:
-    for kind in ("DEPARE", "DRGARE"):
-        for stated, shape in _rows(cell, kind):
-            if "Polygon" in shape.geom_type:
-                valid = shapely.make_valid(shape)
-                shapely.prepare(valid)
-                yield valid, max(float(stated.get("DRVAL1", 0.0)), 0.0)
+    for stated, shape in (*_rows(cell, "DEPARE"), *_rows(cell, "DRGARE")):
+        if "Polygon" in shape.geom_type:
+            yield _prepared(shape), max(float(stated.get("DRVAL1", 0.0)), 0.0)
+
+
+def _prepared(shape: Any) -> Any:
+    valid = shapely.make_valid(shape)
+    shapely.prepare(valid)
+    return valid
 
 
 def hazards_of_cells(path: str) -> list[tuple[str, float, float, float]]:
     """Return rocks, wrecks and obstructions that are points: name, longitude, latitude, degrees, depth, m."""
     found, finer = [], shapely.Polygon()
     for cell in _by_scale(path):
-        coverage = _coverage(cell)
         for kind in _HAZARDS:
             for stated, shape in _rows(cell, kind):
                 if shape.geom_type == "Point" and not shapely.covers(finer, shape):
                     name = stated.get("OBJNAM") or f"{kind} {stated.get('FIDN')} of {Path(cell).name}"
                     found.append((str(name), shape.x, shape.y, _begins(stated)))
-        finer = shapely.union(finer, coverage)
+        finer = shapely.union(finer, _coverage(cell))
     return found
 
 
 def _by_scale(path: str) -> list[str]:
-    """Return the paths of cells, those of the largest scale first; the latest edition of each.
-
-    Raises:
-        FileNotFoundError: there is no cell.
-    """
+    """Return the paths of cells, those of the largest scale first; the latest edition of each."""
     place = Path(path)
     latest: dict[str, tuple[tuple[int, int], float, Path]] = {}
     for cell in [place] if place.is_file() else sorted(place.rglob("*.000")):
@@ -117,16 +110,13 @@ def _by_scale(path: str) -> list[str]:
         known = latest.get(cell.name)
         if edition[0] > 0 and (known is None or known[0] < edition):  # that of a cancelled cell is 0
             latest[cell.name] = edition, float(stated.get("DSPM_CSCL") or np.inf), cell
-    if not latest:
-        raise FileNotFoundError("no S-57 cell that is not cancelled")
+    assert latest, "no S-57 cell that is not cancelled"
     return [str(cell) for _, _, cell in sorted(latest.values(), key=lambda one: (one[1], one[2].name))]
 
 
 def _coverage(cell: str) -> Any:
     parts = [shapely.make_valid(shape) for _, shape in _rows(cell, "M_COVR", "CATCOV = 1 OR CATCOV IS NULL")]
-    found = shapely.union_all(parts)
-    shapely.prepare(found)
-    return found
+    return _prepared(shapely.union_all(parts))
 
 
 def _closures(cell: str, chart: dict[str, Any]) -> list[tuple[Any, float]]:
@@ -134,40 +124,35 @@ def _closures(cell: str, chart: dict[str, Any]) -> list[tuple[Any, float]]:
     least, radius = float(chart["safety_depth"]), float(chart["hazard_radius"])
     found = []
     for kind in _SOLID:
-        found += [(_solid(shape, radius), -np.inf) for _, shape in _rows(cell, kind)]
+        for _, shape in _rows(cell, kind):
+            found.append((_around(shape, radius) if shape.geom_type == "Point" else shape, -np.inf))
     for kind in ("DEPARE", "DRGARE"):
         shallow = _rows(cell, kind, f"DRVAL1 < {least!r} OR DRVAL1 IS NULL")
         found += [(shape, -np.inf) for _, shape in shallow]
     for kind in _HAZARDS:
-        extended = ((stated, shape) for stated, shape in _rows(cell, kind) if shape.geom_type != "Point")
-        for stated, shape in extended:
-            line = "Line" in shape.geom_type
-            found.append((_around(shape, radius) if line else shape, _begins(stated)))
+        for stated, shape in _rows(cell, kind):
+            if shape.geom_type != "Point":
+                line = "Line" in shape.geom_type
+                found.append((_around(shape, radius) if line else shape, _begins(stated)))
     for kind in _layers(cell):
         for stated, shape in _rows(cell, kind) if _may_close(cell, kind) else ():
             if _FORBIDDEN & set(str(stated.get("RESTRN", "")).split(",")) and "Polygon" in shape.geom_type:
                 found.append((shape, -np.inf))
-    valid = [(shapely.make_valid(shape), top) for shape, top in found]
-    for shape, _ in valid:
-        shapely.prepare(shape)
-    return valid
-
-
-def _solid(shape: Any, radius: float) -> Any:
-    return _around(shape, radius) if shape.geom_type == "Point" else shape
+    return [(_prepared(shape), top) for shape, top in found]
 
 
 def _around(shape: Any, radius: float) -> Any:
     """Return the surroundings of a point or a line, m, in degrees."""
     at = shape.centroid
-    there = Transformer.from_crs(
-        "EPSG:4326", f"+proj=aeqd +lon_0={at.x!r} +lat_0={at.y!r} +datum=WGS84 +units=m", always_xy=True
-    )
-    metres = shapely.transform(shape, lambda at: np.column_stack(there.transform(at[:, 0], at[:, 1])))
-    grown = metres.buffer(radius * (1.0 - _TOLERANCE))
-    return shapely.transform(
-        grown, lambda at: np.column_stack(there.transform(at[:, 0], at[:, 1], direction="INVERSE"))
-    )
+    local = f"+proj=aeqd +lon_0={at.x!r} +lat_0={at.y!r} +datum=WGS84 +units=m"
+    there = Transformer.from_crs("EPSG:4326", local, always_xy=True)
+
+    def turned(shape: Any, direction: str) -> Any:
+        return shapely.transform(
+            shape, lambda at: np.column_stack(there.transform(*at.T, direction=direction))
+        )
+
+    return turned(turned(shape, "FORWARD").buffer(radius * (1.0 - _TOLERANCE)), "INVERSE")
 
 
 def _begins(stated: dict[str, Any]) -> float:

@@ -13,76 +13,33 @@ _UNIT, _FIELD = b"\x1f", b"\x1e"
 _FACTOR = 10_000_000
 #: Codes of object classes and attributes (S-57, appendix A).
 _CLASSES = {
-    "DEPARE": 42,
-    "DRGARE": 46,
-    "LNDARE": 71,
-    "MARCUL": 82,
-    "MIPARE": 83,
-    "OBSTRN": 86,
-    "PILPNT": 90,
-    "PONTON": 95,
-    "RESARE": 112,
-    "SLCONS": 122,
-    "UNSARE": 154,
-    "UWTROC": 153,
-    "WRECKS": 159,
-    "M_COVR": 302,
-}
+    "DEPARE": 42, "DRGARE": 46, "LNDARE": 71, "MARCUL": 82, "MIPARE": 83, "OBSTRN": 86, "PILPNT": 90,
+    "PONTON": 95, "RESARE": 112, "SLCONS": 122, "UNSARE": 154, "UWTROC": 153, "WRECKS": 159, "M_COVR": 302,
+}  # fmt: skip
 _ATTRIBUTES = {
-    "CATCOV": 18,
-    "CATWRK": 71,
-    "DRVAL1": 87,
-    "DRVAL2": 88,
-    "OBJNAM": 116,
-    "PEREND": 118,
-    "PERSTA": 119,
-    "RESTRN": 131,
-    "VALSOU": 179,
-    "WATLEV": 187,
-}
+    "CATCOV": 18, "CATWRK": 71, "DRVAL1": 87, "DRVAL2": 88, "OBJNAM": 116, "PEREND": 118, "PERSTA": 119,
+    "RESTRN": 131, "VALSOU": 179, "WATLEV": 187,
+}  # fmt: skip
+#: Tag, controls, name, labels and formats of each field.
 _DEFINITIONS = (
     ("0001", "0500;&   ", "ISO 8211 Record Identifier", "", "(b12)"),
-    (
-        "DSID",
-        "1600;&   ",
-        "Data set identification field",
-        "RCNM!RCID!EXPP!INTU!DSNM!EDTN!UPDN!UADT!ISDT!STED!PRSP!PSDN!PRED!PROF!AGEN!COMT",
-        "(b11,b14,2b11,3A,2A(8),R(4),b11,2A,b11,b12,A)",
-    ),
-    (
-        "DSSI",
-        "1600;&   ",
-        "Data set structure information field",
-        "DSTR!AALL!NALL!NOMR!NOCR!NOGR!NOLR!NOIN!NOCN!NOED!NOFA",
-        "(3b11,8b14)",
-    ),
-    (
-        "DSPM",
-        "1600;&   ",
-        "Data set parameter field",
-        "RCNM!RCID!HDAT!VDAT!SDAT!CSCL!DUNI!HUNI!PUNI!COUN!COMF!SOMF!COMT",
-        "(b11,b14,3b11,b14,4b11,2b14,A)",
-    ),
+    ("DSID", "1600;&   ", "Data set identification field",
+     "RCNM!RCID!EXPP!INTU!DSNM!EDTN!UPDN!UADT!ISDT!STED!PRSP!PSDN!PRED!PROF!AGEN!COMT",
+     "(b11,b14,2b11,3A,2A(8),R(4),b11,2A,b11,b12,A)"),
+    ("DSSI", "1600;&   ", "Data set structure information field",
+     "DSTR!AALL!NALL!NOMR!NOCR!NOGR!NOLR!NOIN!NOCN!NOED!NOFA", "(3b11,8b14)"),
+    ("DSPM", "1600;&   ", "Data set parameter field",
+     "RCNM!RCID!HDAT!VDAT!SDAT!CSCL!DUNI!HUNI!PUNI!COUN!COMF!SOMF!COMT", "(b11,b14,3b11,b14,4b11,2b14,A)"),
     ("VRID", "1600;&   ", "Vector record identifier field", "RCNM!RCID!RVER!RUIN", "(b11,b14,b12,b11)"),
     ("VRPT", "2600;&   ", "Vector record pointer field", "*NAME!ORNT!USAG!TOPI!MASK", "(B(40),4b11)"),
     ("SG2D", "2500;&   ", "2-D coordinate field", "*YCOO!XCOO", "(2b24)"),
-    (
-        "FRID",
-        "1600;&   ",
-        "Feature record identifier field",
-        "RCNM!RCID!PRIM!GRUP!OBJL!RVER!RUIN",
-        "(b11,b14,2b11,2b12,b11)",
-    ),
+    ("FRID", "1600;&   ", "Feature record identifier field", "RCNM!RCID!PRIM!GRUP!OBJL!RVER!RUIN",
+     "(b11,b14,2b11,2b12,b11)"),
     ("FOID", "1600;&   ", "Feature object identifier field", "AGEN!FIDN!FIDS", "(b12,b14,b12)"),
     ("ATTF", "2600;&   ", "Feature record attribute field", "*ATTL!ATVL", "(b12,A)"),
-    (
-        "FSPT",
-        "2600;&   ",
-        "Feature record to spatial record pointer field",
-        "*NAME!ORNT!USAG!MASK",
-        "(B(40),3b11)",
-    ),
-)
+    ("FSPT", "2600;&   ", "Feature record to spatial record pointer field", "*NAME!ORNT!USAG!MASK",
+     "(B(40),3b11)"),
+)  # fmt: skip
 _PAIRS = "0001DSIDDSIDDSSI0001DSPM0001FRIDFRIDFOIDFRIDATTFFRIDFSPT0001VRIDVRIDVRPTVRIDSG2D"
 _PRIMITIVE = {"Point": 1, "LineString": 2, "Polygon": 3}
 
@@ -135,13 +92,9 @@ def write_cell(
     for count, one in enumerate(objects, 1):
         number, deleted = one.number or count, one.shape is None
         primitive = 255 if deleted else _PRIMITIVE[one.shape.geom_type]
+        codes = 100, number, primitive, 2, _CLASSES[one.kind], 1 + deleted, 1 + deleted
         record = [
-            (
-                "FRID",
-                struct.pack(
-                    "<BIBBHHB", 100, number, primitive, 2, _CLASSES[one.kind], 1 + deleted, 1 + deleted
-                ),
-            ),
+            ("FRID", struct.pack("<BIBBHHB", *codes)),
             ("FOID", struct.pack("<HIH", 550, number, 1)),
         ]
         if one.attributes:
@@ -154,11 +107,9 @@ def write_cell(
             record.append(("FSPT", vectors.of(one.shape)))
         features.append(record)
     name = path.name.encode()
-    identity = struct.pack("<BIBB", 10, 1, 1 + bool(update), 5) + name + _UNIT + str(edition).encode() + _UNIT
-    identity += (
-        str(update or reissued).encode() + _UNIT + b"2026010120260101" + b"03.1" + struct.pack("<B", 1)
-    )
-    identity += _UNIT + b"2.0" + _UNIT + struct.pack("<BH", 1 + bool(update), 550) + _UNIT
+    issue = (struct.pack("<BIBB", 10, 1, 1 + bool(update), 5) + name, str(edition).encode())
+    issue += (str(update or reissued).encode(), b"2026010120260101" + b"03.1" + struct.pack("<B", 1), b"2.0")
+    identity = _UNIT.join(issue) + _UNIT + struct.pack("<BH", 1 + bool(update), 550) + _UNIT
     counts = len(features), 0, vectors.nodes, vectors.joints, vectors.edges, 0
     head = [("DSID", identity), ("DSSI", struct.pack("<3B8I", 2, 0, 0, 0, 0, *counts))]
     records = [head]

@@ -8,6 +8,7 @@ from tests.io.geo.files import geographic
 
 SITE = Site(-5.66, 56.43, origin=(2000.0, 1000.0))
 AREA = {"lower": (-1000.0, -1500.0), "upper": (4000.0, 3000.0)}
+METRES = {"units": "m"}
 LATITUDE, LONGITUDE = 56.36 + 0.01 * np.arange(14), -5.74 + 0.02 * np.arange(9)
 
 
@@ -16,23 +17,19 @@ def sea_floor(longitude, latitude):
     return 40.0 + 900.0 * (longitude + 5.66) - 700.0 * (latitude - 56.43)
 
 
-def write_grid(path, name="elevation", *, sign=-1.0, attributes=None, values=None, form=None, **axes):
-    """A NetCDF file of `sea_floor` on two axes."""
-    lat, lon = axes.get("lat", LATITUDE), axes.get("lon", LONGITUDE)
+def grid(name="elevation", *, sign=-1.0, attributes=METRES, values=None, lat=LATITUDE, lon=LONGITUDE):
+    """A data set of `sea_floor` on two axes."""
     near = (np.asarray(lon) + 180.0 + 5.66) % 360.0 - 180.0 - 5.66
-    grid = sign * sea_floor(near[None, :], np.asarray(lat)[:, None]) if values is None else values
-    stated = {"units": "m"} if attributes is None else attributes
-    dataset = xr.Dataset(
-        {name: (("lat", "lon"), grid, stated)},
-        {
-            "lat": ("lat", lat, {"units": "degrees_north"}),
-            "lon": ("lon", lon, {"units": "degrees_east"}),
-        },
-    )
-    if form == "NETCDF3_CLASSIC":
-        dataset.to_netcdf(path, engine="scipy", format=form)
-    else:
-        dataset.to_netcdf(path, engine="h5netcdf")
+    if values is None:
+        values = sign * sea_floor(near[None, :], np.asarray(lat)[:, None])
+    axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    return xr.Dataset({name: (("lat", "lon"), values, attributes)}, axes)
+
+
+def write_grid(path, name="elevation", *, form=None, **options):
+    """A NetCDF file of it."""
+    engine = "h5netcdf" if form is None else "scipy"
+    grid(name, **options).to_netcdf(path, engine=engine, format=form)
     return path
 
 

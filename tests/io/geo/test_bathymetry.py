@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator, griddata
 from auvplan.io.geo import GeoError, read_bathymetry, read_raster
 from auvplan.site import Site
 from tests.io.geo.files import geographic, write_geotiff
-from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
+from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, grid, sea_floor, write_grid
 
 
 @pytest.mark.parametrize(
@@ -35,14 +35,13 @@ from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, s
         ("h", 1 / 0.3048, {"units": "ft"}),
     ],
 )
-@pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
-def test_both_senses_and_all_units(tmp_path, name, sign, attributes, form):
-    path = write_grid(tmp_path / "b.nc", name, sign=sign, attributes=attributes, form=form)
+def test_both_senses_and_all_units(name, sign, attributes):
+    data = grid(name, sign=sign, attributes=attributes)
     if attributes["units"] == "dbar":
-        with pytest.raises(GeoError, match=r"b\.nc: h is in 'dbar', not in m, km, cm, fathoms or ft"):
-            read_bathymetry(path, SITE, **AREA)
+        with pytest.raises(GeoError, match=r"h is in 'dbar', not in m, km, cm, fathoms or ft"):
+            read_bathymetry(data, SITE, **AREA)
         return
-    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    found = read_bathymetry(data, SITE, pixel_size=100.0, **AREA)
     assert found.depth.shape == (50, 45)
     assert found.depth.dtype == np.float32
     assert found.origin == (-1000.0, -1500.0)
@@ -63,38 +62,35 @@ def test_both_senses_and_all_units(tmp_path, name, sign, attributes, form):
         {"lon": np.linspace(-180.0, 180.0, 721)},
     ],
 )
-def test_axes_of_all_kinds(tmp_path, axes):
-    found = read_bathymetry(write_grid(tmp_path / "b.nc", **axes), SITE, pixel_size=250.0, **AREA)
+def test_axes_of_all_kinds(axes):
+    found = read_bathymetry(grid(**axes), SITE, pixel_size=250.0, **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
 
 
 @pytest.mark.parametrize("longitude", [-180.0, 180.0, 0.0])
 @pytest.mark.parametrize("first", [-180.0, 0.25, -179.75])
-def test_the_seam_of_a_global_grid(tmp_path, longitude, first):
+def test_the_seam_of_a_global_grid(longitude, first):
     """No step where the last column meets the first one."""
     site, lon = Site(longitude, 10.0), np.arange(first, first + 360.0, 0.5)
     lat = np.arange(8.0, 12.1, 0.5)
     values = -(50.0 + 30.0 * np.sin(np.deg2rad(lon))[None, :] + lat[:, None])
-    path = write_grid(tmp_path / "b.nc", values=values, lat=lat, lon=lon)
-    found = read_bathymetry(path, site, lower=(-50_000, -80_000), upper=(50_000, 60_000), pixel_size=5000.0)
+    area = {"lower": (-50_000, -80_000), "upper": (50_000, 60_000), "pixel_size": 5000.0}
+    found = read_bathymetry(grid(values=values, lat=lat, lon=lon), site, **area)
     x, y = expected(found, site)
     np.testing.assert_allclose(found.depth, 50.0 + 30.0 * np.sin(np.deg2rad(x)) + y, atol=0.02)
 
 
-def test_default_pixels(tmp_path):
-    path = write_grid(tmp_path / "b.nc")
+def test_default_pixels():
     spacing = 0.01 * 111_350.0
-    assert read_bathymetry(path, SITE, **AREA).pixel_size == pytest.approx(500.0)
-    fine = write_grid(
-        tmp_path / "f.nc", lat=np.arange(56.38, 56.48, 0.001), lon=np.arange(-5.75, -5.55, 0.004)
-    )
+    assert read_bathymetry(grid(), SITE, **AREA).pixel_size == pytest.approx(500.0)
+    fine = grid(lat=np.arange(56.38, 56.48, 0.001), lon=np.arange(-5.75, -5.55, 0.004))
     assert read_bathymetry(fine, SITE, **AREA).pixel_size == pytest.approx(spacing / 20, rel=0.01)
-    dense = write_grid(tmp_path / "d.nc", lat=np.arange(56.4, 56.42, 5e-5), lon=np.arange(-5.68, -5.66, 1e-4))
+    dense = grid(lat=np.arange(56.4, 56.42, 5e-5), lon=np.arange(-5.68, -5.66, 1e-4))
     found = read_bathymetry(dense, SITE, lower=(0.0, 100.0), upper=(700.0, 900.0))
     assert found.pixel_size == 10.0
 
 
-def test_two_dimensional_coordinates_of_a_turned_grid(tmp_path):
+def test_two_dimensional_coordinates_of_a_turned_grid():
     """ROMS: a grid at 37 degrees to the axes, with islets that the mask tells."""
     angle = np.deg2rad(37.0)
     a, b = np.meshgrid(np.arange(-9000.0, 9001, 500), np.arange(-8000.0, 8001, 400), indexing="ij")
@@ -114,19 +110,17 @@ def test_two_dimensional_coordinates_of_a_turned_grid(tmp_path):
             "mask_rho": (rho, mask),
         }
     )
-    dataset.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
-    found = read_bathymetry(tmp_path / "r.nc", SITE, pixel_size=100.0, **AREA)
+    found = read_bathymetry(dataset, SITE, pixel_size=250.0, **AREA)
     known = np.isfinite(found.depth)
     np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.05)
     assert 0.0 < (~known).mean() < 0.1
-    assert not known[int((1500 + 1000) / 100), int((700 + 1500) / 100)]
+    assert not known[int((1500 + 1000) / 250), int((700 + 1500) / 250)]
     assert any("mask_rho" in note for note in found.notes)
-    with pytest.raises(GeoError, match=r"r\.nc: the area reaches beyond the data .* of its edge in the"):
-        read_bathymetry(tmp_path / "r.nc", SITE, lower=(-1000.0, -1500.0), upper=(15_000.0, 3000.0))
+    with pytest.raises(GeoError, match=r"the area reaches beyond the data .* of its edge in the"):
+        read_bathymetry(dataset, SITE, lower=(-1000.0, -1500.0), upper=(15_000.0, 3000.0))
     dataset["lat_rho"] = (rho, np.minimum(places[..., 1], places[::-1, ::-1, 1]))
-    dataset.to_netcdf(tmp_path / "folded.nc", engine="h5netcdf")
     with pytest.raises(GeoError, match="contradict each other, the grid folds"):
-        read_bathymetry(tmp_path / "folded.nc", SITE, **AREA)
+        read_bathymetry(dataset, SITE, **AREA)
 
 
 def test_the_fjord_of_a_roms_file(shared):
@@ -165,10 +159,10 @@ def test_oban_at_asymmetric_places(shared):
     )
 
 
-def test_missing_values_stay_missing(tmp_path):
+def test_missing_values_stay_missing():
     values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     values[6, 4], values[0] = np.nan, np.nan
-    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=values), SITE, pixel_size=100.0, **AREA)
+    found = read_bathymetry(grid(values=values), SITE, pixel_size=100.0, **AREA)
     unknown = np.isnan(found.depth)
     x, y = expected(found)
     # The four cells about the missing node, no more and no less.
@@ -180,7 +174,7 @@ def test_missing_values_stay_missing(tmp_path):
 def test_numbers_that_stand_for_none(tmp_path):
     values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     values[6, 4], values[5, 2] = -32768.0, -9999.0
-    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=values), SITE, pixel_size=100.0, **AREA)
+    found = read_bathymetry(grid(values=values), SITE, pixel_size=100.0, **AREA)
     assert np.isnan(found.depth).any()
     assert "2 values that no sea floor has" in " ".join(found.notes)
     assert np.nanmax(np.abs(found.depth)) < 500.0
@@ -194,19 +188,16 @@ def test_numbers_that_stand_for_none(tmp_path):
     np.testing.assert_allclose(twin.depth, found.depth, atol=1e-3)
 
 
-def test_one_variable_of_several(tmp_path):
-    path = write_grid(tmp_path / "b.nc")
-    with xr.open_dataset(path, engine="h5netcdf") as source:
-        both = source.load()
+def test_one_variable_of_several():
+    both = grid()
     both["tid"] = both["elevation"] * 0 + 11
     both["deep"] = (("time", "lat", "lon"), both["elevation"].values[None] * 2)
-    both.to_netcdf(tmp_path / "c.nc", engine="h5netcdf")
-    first = read_bathymetry(tmp_path / "c.nc", SITE, **AREA)
-    deep = read_bathymetry(tmp_path / "c.nc", SITE, variable="deep", positive="up", **AREA)
+    first = read_bathymetry(both, SITE, **AREA)
+    deep = read_bathymetry(both, SITE, variable="deep", positive="up", **AREA)
     np.testing.assert_allclose(deep.depth, 2 * first.depth, rtol=1e-5)
     assert deep.notes == ("units are not given: metres",)
-    with pytest.raises(GeoError, match=r"no variable 'floor'; it has elevation, tid, deep, lat, lon"):
-        read_bathymetry(tmp_path / "c.nc", SITE, variable="floor", **AREA)
+    with pytest.raises(GeoError, match=r"no variable 'floor'; it has elevation, lat, lon, tid, deep"):
+        read_bathymetry(both, SITE, variable="floor", **AREA)
 
 
 def floor_tiff(path, *, per_metre=-1.0, dtype="float32", epsg=4326, **options):
@@ -297,7 +288,7 @@ def projected(path):
 
 
 def test_arrays_in_place_of_files(tmp_path):
-    path = write_grid(tmp_path / "b.nc")
+    path, classic = write_grid(tmp_path / "b.nc"), write_grid(tmp_path / "c.nc", form="NETCDF3_CLASSIC")
     wanted = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
     heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     plain = xr.DataArray(heights, {"lat": LATITUDE, "lon": LONGITUDE}, attrs={"units": "m"})
@@ -307,7 +298,8 @@ def test_arrays_in_place_of_files(tmp_path):
     )
     tiff = floor_tiff(tmp_path / "b.tif")
     for source in (
-        xr.open_dataset(path), plain, plain.T, (-100.0 * plain).rename("depth").assign_attrs(units="cm"),
+        xr.open_dataset(path), classic, plain, plain.T,
+        (-100.0 * plain).rename("depth").assign_attrs(units="cm"),
         plain.rename(lon="x", lat="y").assign_attrs(crs=4326, units="m"), turned,
         read_raster(tiff), plain.to_dataset(name="z"),
     ):  # fmt: skip

@@ -7,7 +7,9 @@ import xarray as xr
 from auvplan.io.geo import GeoError, read_bathymetry
 from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
-from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
+from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, grid, sea_floor
+
+LAND = np.full((14, 9), 30.0)
 
 
 @pytest.mark.parametrize(
@@ -22,9 +24,8 @@ from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, s
 )
 @pytest.mark.parametrize("kind", ["nc", "tif"])
 def test_rectangles_beyond_the_data(tmp_path, lower, upper, words, kind):
-    if kind == "nc":
-        path = write_grid(tmp_path / "b.nc")
-    else:
+    path = grid()
+    if kind == "tif":
         values = -sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
         corner = (LONGITUDE[0], LATITUDE[-1])
         path = write_geotiff(tmp_path / "b.tif", values, corner=corner, scale=(0.02, 0.01), point=True)
@@ -38,7 +39,7 @@ def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form)
     """Of a file whose larger part is land, of an area that holds one sign alone."""
     heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + 60.0
     if form == "grid":
-        path = write_grid(tmp_path / "b.nc", "ROSE", values=heights, attributes={"units": "m"})
+        path = grid("ROSE", values=heights)
     else:
         corner = (LONGITUDE[0], LATITUDE[-1])
         path = write_geotiff(tmp_path / "b.tif", heights[::-1], corner=corner, scale=(0.02, 0.01), point=True)
@@ -51,18 +52,16 @@ def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form)
 @pytest.mark.parametrize(
     ("name", "values"), [("relief", 100.0), ("bathymetry", 100.0), ("bathymetry", 0.0), ("band_depth", 0.0)]
 )
-def test_a_sense_that_nothing_tells_is_asked_for(tmp_path, name, values):
-    grid = sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + values
-    path = write_grid(tmp_path / "b.nc", name, values=grid, attributes={"units": "m"})
+def test_a_sense_that_nothing_tells_is_asked_for(name, values):
+    path = grid(name, values=sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + values)
     with pytest.raises(GeoError, match=r'are heights or depths: say positive="up" or "down" \(bathymetry\.p'):
         read_bathymetry(path, SITE, **AREA)
     found = read_bathymetry(path, SITE, positive="down", **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) + values, atol=1e-3)
 
 
-def test_negative_values_alone_are_heights(tmp_path):
-    path = write_grid(tmp_path / "b.nc", "bathymetry", values=np.full((14, 9), -30.0), attributes={})
-    found = read_bathymetry(path, SITE, **AREA)
+def test_negative_values_alone_are_heights():
+    found = read_bathymetry(grid("bathymetry", values=-LAND, attributes={}), SITE, **AREA)
     assert (found.depth == 30.0).all()
     assert found.notes == (
         "bathymetry was taken as positive up: its values are negative",
@@ -86,13 +85,9 @@ def test_etopo_is_heights_everywhere(shared, longitude, latitude):
     np.testing.assert_allclose(found.depth[0, 0], -height, atol=1.0)
 
 
-def test_the_argument_overrides_a_name(tmp_path):
-    path = write_grid(tmp_path / "b.nc", "h", sign=-1)
-    found = read_bathymetry(path, SITE, positive="up", **AREA)
+def test_the_argument_overrides_a_name():
+    found = read_bathymetry(grid("h", sign=-1), SITE, positive="up", **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=1e-3)
-
-
-LAND = np.full((14, 9), 30.0)
 
 
 @pytest.mark.parametrize(
@@ -112,15 +107,14 @@ LAND = np.full((14, 9), 30.0)
         ("z", {"units": "m"}, LAND, {"pixel_size": 0.0}, "pixel_size must be positive"),
     ],
 )  # fmt: skip
-def test_grids_that_are_refused(tmp_path, name, stated, values, arguments, words):
-    path = write_grid(tmp_path / "b.nc", name, attributes=stated, values=values)
+def test_grids_that_are_refused(name, stated, values, arguments, words):
     with pytest.raises(GeoError, match=words) as caught:
-        read_bathymetry(path, SITE, **arguments, **AREA)
+        read_bathymetry(grid(name, attributes=stated, values=values), SITE, **arguments, **AREA)
     assert "\n" not in str(caught.value)
 
 
-def test_land_is_negative_and_stated(tmp_path):
-    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=LAND), SITE, **AREA)
+def test_land_is_negative_and_stated():
+    found = read_bathymetry(grid(values=LAND), SITE, **AREA)
     assert (found.depth == -30.0).all()
     assert found.notes == ("no pixel lies below the sea surface",)
 
@@ -135,10 +129,9 @@ def test_land_is_negative_and_stated(tmp_path):
         ({"lon": np.zeros(9)}, "longitude neither rises nor falls"),
     ],
 )
-def test_axes_that_are_none(tmp_path, axes, words):
-    values = np.full((len(axes.get("lat", LATITUDE)), len(axes.get("lon", LONGITUDE))), -5.0)
-    with pytest.raises(GeoError, match=rf"b\.nc: elevation: {words}"):
-        read_bathymetry(write_grid(tmp_path / "b.nc", values=values, **axes), SITE, **AREA)
+def test_axes_that_are_none(axes, words):
+    with pytest.raises(GeoError, match=rf"elevation: {words}"):
+        read_bathymetry(grid(values=-LAND, **axes), SITE, **AREA)
 
 
 def test_files_that_are_none(tmp_path):
@@ -154,12 +147,12 @@ def test_files_that_are_none(tmp_path):
         with pytest.raises(GeoError, match=words) as caught:
             read_bathymetry(path, SITE, **AREA)
         assert "\n" not in str(caught.value)
-    xr.Dataset({"t": ("x", np.zeros(3))}).to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
-    with pytest.raises(GeoError, match=r"t\.nc: no variable is known for a sea floor: name one of t"):
-        read_bathymetry(tmp_path / "t.nc", SITE, **AREA)
-    xr.Dataset({"h": (("x", "y"), np.zeros((3, 3)))}).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
-    with pytest.raises(GeoError, match=r"h\.nc: h has no longitude on its dimensions x, y"):
-        read_bathymetry(tmp_path / "h.nc", SITE, **AREA)
+    for data, words in (
+        (xr.Dataset({"t": ("x", np.zeros(3))}), "no variable is known for a sea floor: name one of t"),
+        (xr.Dataset({"h": (("x", "y"), np.zeros((3, 3)))}), "h has no longitude on its dimensions x, y"),
+    ):
+        with pytest.raises(GeoError, match=words):
+            read_bathymetry(data, SITE, **AREA)
     colours = write_geotiff(tmp_path / "c.tif", np.zeros((9, 9, 3), np.uint8))
     with pytest.raises(GeoError, match=r"c\.tif: three bands are colours, not depths"):
         read_bathymetry(colours, SITE, **AREA)

@@ -19,6 +19,8 @@ from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
 
 LAND, REEF, WATER = (120, 140, 80), (150, 214, 204), (40, 95, 160)
 MEANINGS = {0: 0.0, 1: 0.35, 2: 1.0}
+PLACED: dict[str, Any] = {"corner": (SITE.longitude - 0.003, SITE.latitude + 0.002), "scale": (1e-4, 1e-4)}
+WHOLE: dict[str, Any] = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
 
 
 def test_the_whitsunday_picture_agrees_with_its_truth(shared):
@@ -127,14 +129,11 @@ def test_classes_need_a_meaning(tmp_path):
 def test_a_picture_of_told_greys(tmp_path):
     grey = np.full((40, 60), 232, np.uint8)
     grey[:10, :20] = 128
-    path = write_geotiff(
-        tmp_path / "g.tif", grey, corner=(SITE.longitude - 0.003, SITE.latitude + 0.002), scale=(1e-4, 1e-4)
-    )
-    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0), "pixel_size": 5.0}
+    path = write_geotiff(tmp_path / "g.tif", grey, **PLACED)
     with pytest.raises(ChartError, match=r"chart\.colours"):
-        chart_from_raster(path, SITE, **area)
+        chart_from_raster(path, SITE, **WHOLE)
     colours = ChartColours(water=("#e8e8e8",), land=("grey",))
-    chart = chart_from_raster(path, SITE, colours=colours, **area)
+    chart = chart_from_raster(path, SITE, colours=colours, **WHOLE)
     assert not chart.is_water(200.0, -290.0)
     assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
 
@@ -142,24 +141,14 @@ def test_a_picture_of_told_greys(tmp_path):
 def test_a_picture_in_doubt_is_refused_once_named(tmp_path):
     colours = np.full((40, 60, 3), (185, 125, 55), np.uint8)
     colours[10:30, 10:40] = (41, 59, 109)
-    path = write_geotiff(
-        tmp_path / "i.tif",
-        colours,
-        corner=(SITE.longitude - 0.003, SITE.latitude + 0.002),
-        scale=(1e-4, 1e-4),
-    )
-    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
+    path = write_geotiff(tmp_path / "i.tif", colours, **PLACED)
     with pytest.raises(ChartError) as caught:
-        chart_from_raster(path, SITE, **area)
+        chart_from_raster(path, SITE, **WHOLE)
     assert str(caught.value).count(str(path)) == 1
     stated = ChartColours(water=("#b97d37",), land=("#293b6d",))
-    chart = chart_from_raster(path, SITE, colours=stated, **area)
+    chart = chart_from_raster(path, SITE, colours=stated, **WHOLE)
     assert chart.is_water(-200.0, -290.0)
     assert not chart.is_water(0.0, 0.0)
-
-
-PLACED: dict[str, Any] = {"corner": (SITE.longitude - 0.003, SITE.latitude + 0.002), "scale": (1e-4, 1e-4)}
-WHOLE: dict[str, Any] = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
 
 
 def half(shade: int = 0) -> np.ndarray:

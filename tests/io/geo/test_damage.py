@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from auvplan.io.currents import read_current
 from auvplan.io.geo import (
     GeoError,
     chart_from_polygons,
@@ -11,8 +13,13 @@ from auvplan.io.geo import (
     read_jobs,
     read_zones,
 )
-from auvplan.ocean.chart import ChartError
-from tests.io.geo import sea_floors
+from auvplan.io.geo.s57 import read_cells
+from auvplan.ocean.chart import Chart, ChartError
+from auvplan.ocean.gridded import CurrentError
+from auvplan.ocean.whitsunday import render
+from tests.io.currents import samples
+from tests.io.geo import sea_floors, test_s57
+from tests.io.geo.enc_cells import write_cell
 from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff
 
 BOX = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0)}
@@ -26,6 +33,23 @@ def picture(path):
     return write_geotiff(path, values, corner=(148.958, -20.3385), scale=(1e-4, 1e-4), compress="deflate")
 
 
+def image(path):
+    Image.fromarray(render(100)[:30, :30]).save(path)
+    return path
+
+
+def current(path):
+    return samples.write(samples.regular(), path)
+
+
+def read_box(path):
+    read_current(path, samples.SITE, **samples.BOX).source.close()
+
+
+def read_bed(path):
+    read_bathymetry(path, sea_floors.SITE, **sea_floors.AREA)
+
+
 def polygons(path):
     return write_geojson(path, feature("Polygon", [ring((0, 0), (0, 50), (50, 0))]))
 
@@ -37,13 +61,14 @@ def table(path):
 
 READERS = {
     "picture.tif": (picture, lambda path: chart_from_raster(path, SITE, **BOX)),
-    "grid.nc": (
-        sea_floors.write_grid,
-        lambda path: read_bathymetry(path, sea_floors.SITE, **sea_floors.AREA),
-    ),
-    "classic.nc": (
-        lambda path: sea_floors.write_grid(path, form="NETCDF3_CLASSIC"),
-        lambda path: read_bathymetry(path, sea_floors.SITE, **sea_floors.AREA),
+    **dict.fromkeys(("chart.png", "chart.jpg", "chart.tif"), (image, Chart.from_image)),
+    "grid.nc": (sea_floors.write_grid, read_bed),
+    "classic.nc": (lambda path: sea_floors.write_grid(path, form="NETCDF3_CLASSIC"), read_bed),
+    "current.nc": (current, read_box),
+    "current.nc3": (current, read_box),
+    "A.000": (
+        lambda path: write_cell(path, test_s57.bay()),
+        lambda path: read_cells(path, test_s57.SITE, deepest=15.0, pixel_size=100.0, **test_s57.BOX),
     ),
     "land.geojson": (polygons, lambda path: chart_from_polygons(path, SITE, **BOX)),
     "zones.geojson": (polygons, lambda path: read_zones(path, SITE)),
@@ -58,15 +83,16 @@ def test_damaged_files(tmp_path, name):
     whole = write(tmp_path / name).read_bytes()
     read(tmp_path / name)
     rng, said = np.random.default_rng(1), []
-    for trial in range(30):
+    for trial in range(15 if name.startswith("chart") else 30):
         damaged = np.frombuffer(whole, np.uint8).copy()
-        places = rng.integers(0, len(whole) if trial % 2 else min(len(whole), 400), rng.integers(1, 5))
+        reach = len(whole) if trial % 2 else min(len(whole), 6000 if "current" in name else 400)
+        places = rng.integers(0, reach, rng.integers(1, 5) if reach < 6000 else 20)
         damaged[places] = rng.integers(0, 256, len(places))
         end = rng.integers(0, len(whole)) if trial % 5 == 0 else len(whole)
         (tmp_path / name).write_bytes(damaged[:end].tobytes())
         try:
             read(tmp_path / name)
-        except (GeoError, ChartError) as error:
+        except (GeoError, ChartError, CurrentError) as error:
             said.append(str(error))
     assert said
     assert all(name in line and "\n" not in line and len(line) < 600 for line in said)

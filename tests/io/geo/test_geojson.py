@@ -12,6 +12,7 @@ from auvplan.io.geo.polygons import read_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, ring, write_geojson
+from tests.io.small_site import ring_of
 
 GOOD = feature("Polygon", [ring((0, 0), (0, 50), (50, 0))])
 SQUARE = [[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]]
@@ -89,23 +90,18 @@ def test_one_line_that_names_the_file_and_the_feature(tmp_path, content, words):
         assert len(str(caught.value)) < 400
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "urn:ogc:def:crs:OGC:1.3:CRS84",
-        "urn:ogc:def:crs:OGC::CRS84",
-        "OGC:CRS84",
-        "EPSG:4326",
-        "urn:ogc:def:crs:EPSG::4326",
-        "http://www.opengis.net/def/crs/EPSG/0/4326",
-        "http://www.opengis.net/def/crs/OGC/1.3/CRS84",
-        "WGS84",
-    ],
-)
-def test_names_of_wgs_84(tmp_path, name):
+WGS_84 = [
+    "urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC::CRS84", "OGC:CRS84", "EPSG:4326", "WGS84",
+    "urn:ogc:def:crs:EPSG::4326", "http://www.opengis.net/def/crs/EPSG/0/4326",
+    "http://www.opengis.net/def/crs/OGC/1.3/CRS84",
+]  # fmt: skip
+
+
+def test_names_of_wgs_84(tmp_path):
     path = tmp_path / "l.geojson"
-    path.write_text(json.dumps(collection(GOOD, crs=named(name))))
-    assert len(read_zones(path, SITE)) == 1
+    for name in WGS_84:
+        path.write_text(json.dumps(collection(GOOD, crs=named(name))))
+        assert len(read_zones(path, SITE)) == 1
 
 
 def test_empty_polygons_among_others_are_passed_over(tmp_path):
@@ -148,10 +144,7 @@ def test_a_ring_that_touches_itself_is_parted_with_a_warning(tmp_path):
     [
         ([BOW], 0.5),
         ([[[0, 0], [4, 0], [4, 3], [1, 3], [1, 1], [5, 1], [5, 4], [0, 4], [0, 0]]], 19.0),  # around twice
-        (
-            [SQUARE, [[0.5, 0.2], [1.5, 0.2], [1.5, 0.6], [0.5, 0.6], [0.5, 0.2]]],
-            1.0,
-        ),  # a hole across the shore
+        ([SQUARE, ring_of((0.5, 0.2), (1.5, 0.2), (1.5, 0.6), (0.5, 0.6))], 1.0),  # a hole across the shore
     ],
 )
 def test_a_ring_that_crosses_itself_keeps_all_land_that_may_be_meant(tmp_path, rings, area):

@@ -1,24 +1,15 @@
 """Known obstacles from GeoJSON: places, depths, motion, and one clear line for each fault."""
 
-import json
-
 import numpy as np
 import pytest
 
 from auvplan.io.geo import GeoError, read_obstacles
-from auvplan.site import Site
-
-SITE = Site(148.96, -20.34)
+from tests.io.geo.files import SITE, feature, write_geojson
 
 
 def written(tmp_path, *properties, kind="Point", place=(148.97, -20.34)):
-    features = [
-        {"type": "Feature", "properties": stated, "geometry": {"type": kind, "coordinates": list(place)}}
-        for stated in properties
-    ]
-    path = tmp_path / "obstacles.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    return path
+    features = [feature(kind, list(place), **stated) for stated in properties]
+    return write_geojson(tmp_path / "obstacles.geojson", *features)
 
 
 def test_an_obstacle_stands_where_the_file_has_it_from_surface_to_bed(tmp_path):

@@ -36,10 +36,8 @@ def test_gpx_waypoints_as_gpxpy_writes_them(tmp_path):
     path = tmp_path / "jobs.gpx"
     path.write_text(made.to_xml())
     jobs = read_jobs(path, SITE, default_depth=3.0)
-    assert [(job.name, job.priority, job.duration) for job in jobs.points] == [
-        ("tide gauge", 1, 0),
-        ("2", 1, 0),
-    ]
+    found = [(job.name, job.priority, job.duration) for job in jobs.points]
+    assert found == [("tide gauge", 1, 0), ("2", 1, 0)]
     close([job.position for job in jobs.points], [(148.9415, -20.344, 12.5), (148.94, -20.313, 3.0)])
     assert jobs.notes == (
         f"{path}: priority is not given by 2 of 2 jobs: taken as 1",
@@ -57,12 +55,11 @@ def placemarks(*marks):
     features = []
     for name, shape, data, mode in marks:
         stated = [fastkml.Data(name=key, value=str(value)) for key, value in data.items()]
-        geometry = fastkml.geometry.create_kml_geometry(shape, altitude_mode=mode)
-        features.append(
-            fastkml.Placemark(
-                name=name, kml_geometry=geometry, extended_data=fastkml.ExtendedData(elements=stated)
-            )
-        )
+        parts = {
+            "kml_geometry": fastkml.geometry.create_kml_geometry(shape, altitude_mode=mode),
+            "extended_data": fastkml.ExtendedData(elements=stated),
+        }
+        features.append(fastkml.Placemark(name=name, **parts))
     document = fastkml.Document(features=[fastkml.Folder(features=features)])
     return fastkml.KML(features=[document]).to_string()
 
@@ -71,14 +68,10 @@ ABSOLUTE = fastkml.enums.AltitudeMode.absolute
 MARKS = [
     ("wreck", pygeoif.Point(148.989, -20.366, -22.0), {"Priority": 5, "duration": 300}, ABSOLUTE),
     ("buoy", pygeoif.Point(148.95, -20.35, 0.0), {"depth": 8}, None),
-    (
-        "sound",
-        pygeoif.LineString([(148.945, -20.327, -12.0), (148.937, -20.323, -14.0)]),
-        {"priority": 4},
-        ABSOLUTE,
-    ),
+    ("sound", pygeoif.LineString([(148.945, -20.327, -12.0), (148.937, -20.323, -14.0)]), {"priority": 4},
+     ABSOLUTE),
     ("plain", pygeoif.Point(148.94, -20.33), {}, None),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["jobs.kml", "jobs.kmz"])
@@ -112,20 +105,10 @@ def test_kml_as_gdal_writes_it(tmp_path):
     path = tmp_path / "jobs.kml"
     places = shapely.to_wkb(shapely.points([[148.95, -20.35], [148.96, -20.36]]))
     fields = [np.array(["a", "b"], object), np.array([3, 2]), np.array([7.5, 9.0])]
-    raw.write(
-        str(path),
-        places,
-        fields,
-        ["Name", "priority", "depth"],
-        driver="KML",
-        geometry_type="Point",
-        crs="EPSG:4326",
-    )
-    jobs = read_jobs(path, SITE)
-    assert [(job.name, job.priority, job.position[2]) for job in jobs.points] == [
-        ("a", 3, 7.5),
-        ("b", 2, 9.0),
-    ]
+    kept = {"driver": "KML", "geometry_type": "Point", "crs": "EPSG:4326"}
+    raw.write(str(path), places, fields, ["Name", "priority", "depth"], **kept)
+    found = [(job.name, job.priority, job.position[2]) for job in read_jobs(path, SITE).points]
+    assert found == [("a", 3, 7.5), ("b", 2, 9.0)]
 
 
 def item(command=16, hold=0, place=(-20.35, 148.95, -9.0), **more):
@@ -137,20 +120,10 @@ def item(command=16, hold=0, place=(-20.35, 148.95, -9.0), **more):
 def survey(depth=15.0, **more):
     """As QGroundControl 4 saves one."""
     points = [[-20.33, 148.95], [-20.34, 148.95], [-20.34, 148.952], [-20.33, 148.952]]
-    style = {
-        "CameraCalc": {"CameraName": "Manual (no camera specs)", "DistanceToSurface": -depth, "version": 2},
-        "Items": [],
-        "VisualTransectPoints": points,
-        "version": 2,
-    }
-    return {
-        "TransectStyleComplexItem": style | more,
-        "angle": 0,
-        "complexItemType": "survey",
-        "polygon": points,
-        "type": "ComplexItem",
-        "version": 5,
-    }
+    camera = {"CameraName": "Manual (no camera specs)", "DistanceToSurface": -depth, "version": 2}
+    style = {"CameraCalc": camera, "Items": [], "VisualTransectPoints": points, "version": 2} | more
+    kind = {"angle": 0, "complexItemType": "survey", "type": "ComplexItem", "version": 5}
+    return kind | {"polygon": points, "TransectStyleComplexItem": style}
 
 
 def plan(path, *items):
@@ -179,7 +152,8 @@ def gpx(body):
 
 
 def kml(body):
-    return f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>a</name>{body}</Placemark></Document></kml>'
+    mark = f"<Document><Placemark><name>a</name>{body}</Placemark></Document>"
+    return f'<kml xmlns="http://www.opengis.net/kml/2.2">{mark}</kml>'
 
 
 def point(coordinates, mode=""):
@@ -188,63 +162,31 @@ def point(coordinates, mode=""):
 
 
 BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
-FAULTS = {
-    "no waypoint": ("a.gpx", gpx("<rte/>"), r"no waypoints \(wpt\)"),
-    "longitude": (
-        "a.gpx",
-        gpx('<wpt lat="-20"><name>w</name></wpt>'),
-        "waypoint 1 'w': lon must be a number, got ''",
-    ),
-    "elevation": (
-        "a.gpx",
-        gpx('<wpt lat="-20" lon="149"><ele>deep</ele></wpt>'),
-        "waypoint 1: ele must be a number",
-    ),
-    "above the sea": (
-        "a.gpx",
-        gpx('<wpt lat="-20" lon="149"><ele>5</ele></wpt>'),
-        "waypoint 1: elevation 5 m is above",
-    ),
-    "swapped": (
-        "a.gpx",
-        gpx('<wpt lat="149" lon="-20"/>'),
-        "waypoint 1: .*longitude and latitude seem swapped",
-    ),
-    "other root": ("a.gpx", "<kml/>", "is no GPX: its root is kml"),
-    "no xml": ("a.gpx", "<gpx>\n<wpt>", "line 2, column 6: not valid XML"),
-    "entities": ("a.gpx", BOMB + "<gpx>&b;</gpx>", "document type or entities"),
-    "file of elsewhere": (
-        "a.kml",
-        '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><kml>&a;</kml>',
-        "document type",
-    ),
-    "no placemarks": ("a.kml", "<kml/>", "has no placemarks"),
-    "polygon": (
-        "a.kml",
-        kml("<Polygon/>"),
-        "placemark 1 'a': a Polygon, where Point or LineString is wanted",
-    ),
-    "no geometry": ("a.kml", kml(""), "placemark 1 'a': has no geometry"),
-    "no number": ("a.kml", point("148.9, -20.3"), "placemark 1 'a': coordinates must be a number, got ''"),
-    "bottom": (
-        "a.kml",
-        point("148.9,-20.3,5", "relativeToSeaFloor"),
-        "altitudeMode relativeToSeaFloor counts from the sea bed",
-    ),
-    "altitude": (
-        "a.kml",
-        point("148.9,-20.3,5", "absolute"),
-        "placemark 1 'a': elevation 5 m is above the sea",
-    ),
-    "no zip": ("a.kmz", "text", "a.kmz: "),
-    "no plan": ("a.plan", "{}", "no mission.items"),
-    "no json": ("a.plan", "{", "not valid JSON"),
-}
+FAULTS = [
+    ("a.gpx", gpx("<rte/>"), r"no waypoints \(wpt\)"),
+    ("a.gpx", gpx('<wpt lat="-20"><name>w</name></wpt>'), "waypoint 1 'w': lon must be a number, got ''"),
+    ("a.gpx", gpx('<wpt lat="-20" lon="149"><ele>deep</ele></wpt>'), "waypoint 1: ele must be a number"),
+    ("a.gpx", gpx('<wpt lat="-20" lon="149"><ele>5</ele></wpt>'), "waypoint 1: elevation 5 m is above"),
+    ("a.gpx", gpx('<wpt lat="149" lon="-20"/>'), "waypoint 1: .*longitude and latitude seem swapped"),
+    ("a.gpx", "<kml/>", "is no GPX: its root is kml"),
+    ("a.gpx", "<gpx>\n<wpt>", "line 2, column 6: not valid XML"),
+    ("a.gpx", BOMB + "<gpx>&b;</gpx>", "document type or entities"),
+    ("a.kml", '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><kml>&a;</kml>', "document type"),
+    ("a.kml", "<kml/>", "has no placemarks"),
+    ("a.kml", kml("<Polygon/>"), "placemark 1 'a': a Polygon, where Point or LineString is wanted"),
+    ("a.kml", kml(""), "placemark 1 'a': has no geometry"),
+    ("a.kml", point("148.9, -20.3"), "placemark 1 'a': coordinates must be a number, got ''"),
+    ("a.kml", point("148.9,-20.3,5", "relativeToSeaFloor"),
+     "altitudeMode relativeToSeaFloor counts from the sea bed"),
+    ("a.kml", point("148.9,-20.3,5", "absolute"), "placemark 1 'a': elevation 5 m is above the sea"),
+    ("a.kmz", "text", "a.kmz: "),
+    ("a.plan", "{}", "no mission.items"),
+    ("a.plan", "{", "not valid JSON"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("case", FAULTS)
-def test_faults_are_one_line(tmp_path, case):
-    name, text, words = FAULTS[case]
+@pytest.mark.parametrize(("name", "text", "words"), FAULTS)
+def test_faults_are_one_line(tmp_path, name, text, words):
     path = tmp_path / name
     path.write_text(text)
     with pytest.raises(GeoError, match=words) as stated:

@@ -24,12 +24,8 @@ AREA = {"lower": (-1000.0, -800.0), "upper": (1000.0, 1203.0)}
 def test_the_whitsunday_land_of_polygons(shared):
     site = in_the_middle()
     maps = shared / "data" / "maps"
-    chart = chart_from_polygons(
-        maps / "whitsunday_land_osm.geojson",
-        site,
-        uncertain=maps / "whitsunday_reefs_eatlas.geojson",
-        **HOOK,
-    )
+    reefs = maps / "whitsunday_reefs_eatlas.geojson"
+    chart = chart_from_polygons(maps / "whitsunday_land_osm.geojson", site, uncertain=reefs, **HOOK)
     known = truth(shared, chart, site)
     assert not ((known == 0) & (kinds(chart) != 0)).any()
     assert (kinds(chart) == known).mean() > 0.99
@@ -47,14 +43,11 @@ def test_the_whitsunday_land_of_polygons(shared):
 
 
 def test_land_with_a_hole_a_fringe_and_reefs(tmp_path):
-    island = [
-        ring((100, 200), (100, 700), (600, 700), (600, 200)),
-        ring((300, 400), (440, 400), (440, 540), (300, 540)),
-    ]
-    land = write_geojson(tmp_path / "land.geojson", feature("Polygon", island))
-    reef = write_geojson(
-        tmp_path / "reef.geojson", feature("Polygon", [ring((-900, -700), (-900, -500), (-700, -600))])
-    )
+    shore = ring((100, 200), (100, 700), (600, 700), (600, 200))
+    lake = ring((300, 400), (440, 400), (440, 540), (300, 540))
+    land = write_geojson(tmp_path / "land.geojson", feature("Polygon", [shore, lake]))
+    shoal = ring((-900, -700), (-900, -500), (-700, -600))
+    reef = write_geojson(tmp_path / "reef.geojson", feature("Polygon", [shoal]))
     chart = chart_from_polygons(land, SITE, fringe=60.0, uncertain=reef, **AREA)
     assert chart.shape == (200, 201)
     assert not chart.is_water([150.0, 350.0, 590.0], [250.0, 390.0, 690.0]).any()
@@ -150,11 +143,8 @@ def test_a_crop_keeps_what_it_knows_of_a_coast_beyond_it():
 def test_zones(tmp_path):
     site = Site(148.96, -20.34, origin=(300.0, -200.0))
     places = geographic(*np.array([(100, 200), (100, 700), (600, 200)], float).T, site).tolist()
-    named, bare = (
-        feature("Polygon", [[*places, places[0]]], Name="cable"),
-        feature("Polygon", [[*places, places[0]]]),
-    )
-    zones = read_zones(write_geojson(tmp_path / "z.json", named, bare), site)
+    areas = [feature("Polygon", [[*places, places[0]]], **name) for name in ({"Name": "cable"}, {})]
+    zones = read_zones(write_geojson(tmp_path / "z.json", *areas), site)
     assert [zone.name for zone in zones] == ["cable", "2"]
     twin = Polygon([(100, 200), (100, 700), (600, 200)])
     assert zones[0].polygon.symmetric_difference(twin).area < 1.0
@@ -169,12 +159,10 @@ def test_zones(tmp_path):
         (Polygon([(0, 0), (10, 10), (10, 0), (0, 10)]), "no-go area 1: .*intersection"),
         (Polygon(), "no-go area 1: is no polygon"),
         (Point(0, 0), "no-go area 1: is no polygon"),
-        (
-            Zone("cable", Polygon([(0, 0), (1, float("inf")), (2, 3)])),
-            "no-go area 'cable': a coordinate is not finite",
-        ),
+        (Zone("cable", Polygon([(0, 0), (1, float("inf")), (2, 3)])),
+         "no-go area 'cable': a coordinate is not finite"),
     ],
-)
+)  # fmt: skip
 def test_areas_that_cannot_be_closed(given, words):
     with pytest.raises(ChartError, match=words):
         with_no_go(None, [given], **AREA)

@@ -19,7 +19,7 @@ from auvplan.io.geo.nodes import placed
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
-from tests.ocean.test_chart_files import png_header
+from tests.io.small_site import png_head
 
 RNG = np.random.default_rng(3)
 VALUES = RNG.integers(0, 200, (7, 5)).astype(np.int16)
@@ -186,10 +186,7 @@ def test_what_a_sidecar_gives(tmp_path):
     path = write_geotiff(tmp_path / "b.tif", COLOURS, corner=(148.0, -20.0))
     for text, words in (
         (kept, r"b\.tif: lies elsewhere by its tags than by b\.tif\.aux\.xml"),
-        (
-            "<PAMDataset><SRS>EPSG:32755</SRS></PAMDataset>",
-            r"b\.tif: is in WGS 84, but by b\.tif\.aux\.xml in",
-        ),
+        ("<PAMDataset><SRS>EPSG:32755</SRS></PAMDataset>", "is in WGS 84, but by b.tif.aux.xml in"),
         ("<PAMDataset>", r"b\.tif\.aux\.xml: is damaged"),
     ):
         (tmp_path / "b.tif.aux.xml").write_text(text)
@@ -237,7 +234,7 @@ def cut(folder: Path) -> Path:
     ("write", "crs", "words"),
     [
         (lambda folder: folder / "nowhere.tif", None, r"nowhere\.tif: No such file"),
-        (content("f.png", png_header(10_000, 9_000)), None, f"10000 x 9000 pixels .* than {MAX_PIXELS}"),
+        (content("f.png", png_head(10_000, 9_000)), None, f"10000 x 9000 pixels .* than {MAX_PIXELS}"),
         (content("f.png", b"this is a letter"), None, "not a picture"),
         (content("f.tif", b""), None, "not a picture"),
         (content("f.asc", b"no such thing"), None, "not a picture or grid that can be read"),

@@ -26,18 +26,10 @@ def square():
 
 
 def written(path, shapes, crs="EPSG:4326", layer=None, kind="Polygon", **columns):
-    pyogrio = pytest.importorskip("pyogrio")
-    names = list(columns)
-    pyogrio.raw.write(
-        path,
-        geometry=shapely.to_wkb(np.asarray(shapes, object)),
-        field_data=[np.asarray(columns[name]) for name in names],
-        fields=names,
-        geometry_type=kind,
-        crs=crs,
-        layer=layer,
-        append=path.exists() and layer is not None,
-    )
+    raw = pytest.importorskip("pyogrio.raw")
+    shapes, values = shapely.to_wkb(np.asarray(shapes, object)), [np.asarray(v) for v in columns.values()]
+    kept = {"geometry_type": kind, "crs": crs, "layer": layer}
+    raw.write(path, shapes, values, list(columns), append=path.exists() and layer is not None, **kept)
     return path
 
 
@@ -45,9 +37,8 @@ def written(path, shapes, crs="EPSG:4326", layer=None, kind="Polygon", **columns
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:32755"])
 def test_the_same_chart_as_from_geojson(tmp_path, name, crs):
     shape = square()
-    twin = write_geojson(
-        tmp_path / "land.json", feature("Polygon", [np.array(shape.exterior.coords).tolist()])
-    )
+    outline = np.array(shape.exterior.coords).tolist()
+    twin = write_geojson(tmp_path / "land.json", feature("Polygon", [outline]))
     if crs != "EPSG:4326":
         there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         dense = shapely.segmentize(shape, 1e-4)
@@ -88,18 +79,16 @@ def test_rings_that_cross_are_repaired_with_a_warning(tmp_path):
 
 def test_other_formats_under_a_known_name_are_not_given_to_gdal(tmp_path):
     """Some name files or servers that GDAL would read."""
-    twin = write_geojson(
-        tmp_path / "twin.json", feature("Polygon", [geographic(*np.array(CORNERS).T).tolist()])
-    )
+    outline = geographic(*np.array(CORNERS).T).tolist()
+    twin = write_geojson(tmp_path / "twin.json", feature("Polygon", [outline]))
     source = f"<SrcDataSource>{twin}</SrcDataSource>"
     virtual = f'<OGRVRTDataSource><OGRVRTLayer name="twin">{source}</OGRVRTLayer></OGRVRTDataSource>'
     (tmp_path / "land.gpkg").write_text(virtual)
     with zipfile.ZipFile(tmp_path / "land.zip", "w") as archive:
         archive.writestr("land.gpkg", virtual)
+    words = r"land\.gpkg is neither a GeoPackage, a Shapefile nor a FlatGeobuf"
     for name in ("land.gpkg", "land.zip"):
-        with pytest.raises(
-            GeoError, match=r"land\.gpkg is neither a GeoPackage, a Shapefile nor a FlatGeobuf"
-        ):
+        with pytest.raises(GeoError, match=words):
             read_zones(tmp_path / name, SITE)
 
 
@@ -132,12 +121,9 @@ def test_layers_of_any_geometry(tmp_path):
 
 
 def test_an_empty_polygon_of_a_projection_is_left_out(tmp_path):
-    pyogrio = pytest.importorskip("pyogrio")
     square = shapely.box(5e5, 7.7e6, 5.01e5, 7.701e6)
     for number, shapes in enumerate(([square], [square, shapely.Polygon(), None])):
-        path = tmp_path / f"{number}.gpkg"
-        pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
-                          geometry_type="Unknown")  # fmt: skip
+        path = written(tmp_path / f"{number}.gpkg", shapes, "EPSG:32755", kind="Unknown")
         assert [one.number for one in read_vector_polygons(path)] == [1]
 
 

@@ -1,6 +1,5 @@
 """Time windows of jobs: moments, times of day, seconds; each slip in one line."""
 
-import json
 from datetime import UTC, datetime
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.site import Site
+from tests.io.geo.files import feature, write_geojson
 
 SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
 HOUR = 3600.0
@@ -96,11 +96,9 @@ def test_dates_need_a_departure():
 def test_both_formats_tell_the_same(tmp_path):
     table = tmp_path / "jobs.csv"
     table.write_text("name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
-    point = {"type": "Point", "coordinates": [148.95, -20.33]}
     properties = {"name": "a", "duration": 60, "from": "01:00Z", "to": "02:00Z"}
-    feature = {"type": "Feature", "geometry": point, "properties": properties}
-    other = tmp_path / "jobs.geojson"
-    other.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    point = feature("Point", [148.95, -20.33], **properties)
+    other = write_geojson(tmp_path / "jobs.geojson", point)
     (one,), (two,) = (read_jobs(path, SITE, until=6 * HOUR).points for path in (table, other))
     assert one.windows == two.windows == ((HOUR, 2 * HOUR - 60.0),)
 
