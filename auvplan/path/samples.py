@@ -83,8 +83,8 @@ def _time_error(
     """Return s, [B], by which paths take longer or shorter in samples than in the current that they met."""
     positions, times = (np.asarray(found[name], float) for name in ("positions", "times"))
     way, middle = np.diff(positions, axis=1), 0.5 * (positions[:, 1:] + positions[:, :-1])
-    places = np.moveaxis(middle, -1, 0)
-    sampled_water = np.stack(evaluated(samples, *places, 0.5 * (times[:, 1:] + times[:, :-1])), axis=-1)
+    x, y, z = np.moveaxis(middle, -1, 0)
+    sampled_water = np.stack(evaluated(samples, x, y, z, 0.5 * (times[:, 1:] + times[:, :-1])), axis=-1)
     gap = np.linalg.norm(way, axis=-1)
     direction = way / np.maximum(gap, TINY)[..., None]
     seconds = []
