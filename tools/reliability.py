@@ -124,7 +124,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     "The same seed, the same result": {
         "tests": (
             "tests/executive/test_executive.py::test_a_mission_does_not_depend_on_those_beside_it",
-            "tests/executive/test_executive.py::test_same_key_same_mission_and_the_second_one_compiles_nothing",
+            "tests/executive/test_executive.py::test_same_key_same_mission_and_later_ones_compile_nothing",
         ),
         "fault": ("benchmarks.determinism",),
     },

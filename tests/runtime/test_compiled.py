@@ -134,7 +134,7 @@ def test_a_damaged_entry_is_left_out_and_told_to_the_log(place, caplog, harm):
     with caplog.at_level(logging.INFO, "auvplan.runtime.cache"):
         np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
     assert len(caplog.messages) == 1
-    assert "made anew" in caplog.text
+    assert "made again" in caplog.text
     caplog.clear()
     program()(np.arange(3.0), times=2)
     assert not caplog.messages
@@ -147,7 +147,7 @@ def test_an_entry_that_is_no_program_is_left_out(place, caplog):
     cache.store(name, key, (b"nothing of the kind", None))
     with caplog.at_level(logging.INFO, "auvplan.runtime.cache"):
         np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
-    assert "made anew" in caplog.text
+    assert "made again" in caplog.text
 
 
 def test_nothing_is_kept_where_that_is_switched_off(place, monkeypatch):
@@ -306,7 +306,7 @@ def test_the_command_says_what_was_left_out(place, caplog, call, tmp_path):
         call("--verbose", "chart", picture, "--out", tmp_path / "out")
         (entry,) = (entry for entry in entries() if "classify" in entry.name)
         entry.path.write_bytes(b"damaged")
-    assert "made anew" in caplog.text
+    assert "made again" in caplog.text
 
 
 def test_compiled_code_is_in_packages_that_keys_depend_on():
