@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,8 +161,8 @@ class WaysAround:
 
         One that is `taut` keeps off banks as paths must that are timed at samples, where it can.
         """
-        for size in _CELLS:
-            cells = self._grid(clearance, size, _WIDER if taut else 1.0).path(start, goal)
+        for wider, size in product((_WIDER, 1.0) if taut else (1.0,), _CELLS):
+            cells = self._grid(clearance, size, wider).path(start, goal)
             if cells is None:
                 continue
             sampled = replace(clearance, window=_WINDOW * _length(cells)) if taut else clearance

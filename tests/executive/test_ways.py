@@ -185,3 +185,12 @@ def test_a_way_past_a_bank_is_one_that_times_can_be_sampled_along():
     assert seconds[0] == pytest.approx(ways.length(*ends) / 2.0, rel=0.01)
     assert ways.length(*ends) < 1.1 * np.linalg.norm(ends[1] - ends[0])
     assert len(way) > 2
+
+
+def test_a_channel_of_four_pixels_through_a_shoal_is_found():
+    depth = np.full((500, 500), 30.0)
+    depth[:, 238:262] = 1.0
+    depth[373:377, 238:262] = 30.0
+    area = OperatingArea(seabed=Seabed.from_depth(depth, 8.0, clearance=3.0))
+    ends = np.array([[3000.0, 500.0, 5.0], [2900.0, 3500.0, 5.0]])
+    assert WaysAround(settings(), area).length(*ends) == pytest.approx(3003.0, rel=1e-3)
