@@ -222,7 +222,7 @@ def test_pixels_are_as_large_as_the_file_tells(tmp_path, call):
     code, out, err = call(*arguments, "--pixel-size", 25)
     assert code == 0, err
     assert "pixels of 25 m" in out
-    assert "tells pixels of 300" in out
+    assert "has pixels of 300" in out
     Image.fromarray(render(100)).save(tmp_path / "w.png")
     (tmp_path / "w.pgw").write_text("40\n0\n0\n-40\n697205\n7774095\n")
     code, out, err = call("chart", tmp_path / "w.png", "--out", tmp_path / "out")

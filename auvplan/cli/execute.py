@@ -70,7 +70,9 @@ def execute(
     ] = None,
     notices: Annotated[
         Path | None,
-        typer.Option("--notices", help="File of JSON lines that tell of obstacles and currents as it grows."),
+        typer.Option(
+            "--notices", help="File of JSON lines, read as it grows, that report obstacles and currents."
+        ),
     ] = None,
     limit: Annotated[
         list[str] | None,
@@ -82,7 +84,7 @@ def execute(
     quiet: shared.QuietOption = False,
     as_json: shared.JsonOption = False,
 ) -> None:
-    """Plan a mission and execute it on a vehicle: upload, follow, plan the rest anew, end safely."""
+    """Plan a mission and execute it on a vehicle: upload, follow, re-plan the rest, end safely."""
     quiet = quiet or as_json
     from auvplan.link.opening import SIMULATOR, check_address
 

@@ -100,7 +100,7 @@ def validate(
         str, typer.Argument(help="A scenario file (YAML), a folder of them, or the name of a shipped one.")
     ],
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw what the files tell on one map, to this PNG.")
+        Path | None, typer.Option("--plot", help="Draw what the files contain on one map, to this PNG.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

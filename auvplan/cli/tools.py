@@ -36,7 +36,7 @@ def chart(
         float | None,
         typer.Option(
             min=1e-3,
-            help="Metres per pixel; by default what a GeoTIFF or a world file tells, otherwise 10.",
+            help="Metres per pixel; by default that of a GeoTIFF or world file, otherwise 10.",
             show_default=False,
         ),
     ] = None,
@@ -67,7 +67,7 @@ def chart(
     if stated is not None:
         notes += stated.notes
         if pixel_size is not None and abs(pixel_size / stated.metres - 1.0) > 0.01:
-            notes.append(f"{image} tells pixels of {stated.metres:.4g} m, --pixel-size says {pixel_size:g} m")
+            notes.append(f"{image} has pixels of {stated.metres:.4g} m, --pixel-size says {pixel_size:g} m")
     size = pixel_size or (stated.metres if stated else 10.0)
     output_folder(out)
     made = Chart.from_classified(found, size)

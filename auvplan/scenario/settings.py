@@ -189,7 +189,7 @@ class ChartSettings(Section):
         description="path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells",
     )
     crs: str | None = Field(
-        default=None, description="reference system of a raster that does not tell, such as EPSG:32755"
+        default=None, description="reference system of a raster that names none, such as EPSG:32755"
     )
     uncertain: str | None = Field(
         default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
@@ -214,7 +214,7 @@ class ChartSettings(Section):
     )
     no_go_windows: str | None = Field(
         default=None,
-        description="when polygons of no_go are closed that do not tell it themselves, 'from/to, from/to' as "
+        description="when polygons of no_go that have no hours are closed, 'from/to, from/to' as "
         "windows of jobs; always if absent",
     )
     pixel_size: Positive = Field(default=10.0, description="m")
@@ -248,17 +248,17 @@ class BathymetrySettings(Section):
     )
     file: str | None = Field(default=None, description="path of a NetCDF file, a GeoTIFF or another raster")
     crs: str | None = Field(
-        default=None, description="reference system of a raster that does not tell, such as EPSG:32755"
+        default=None, description="reference system of a raster that names none, such as EPSG:32755"
     )
     variable: str | None = Field(default=None, description="of the NetCDF file; found by its name if absent")
     positive: Literal["up", "down"] | None = Field(
-        default=None, description="direction in which values grow, where the file does not tell"
+        default=None, description="direction in which values grow, where the file does not state it"
     )
     pixel_size: Positive | None = Field(default=None, description="m; half of the source's spacing if absent")
     water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = Field(
         default=None,
         description="m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
-        "files, where they tell it and it is below the datum, else 0",
+        "files, where they have it and it is below the datum, else 0",
     )
 
     @model_validator(mode="after")
@@ -545,7 +545,7 @@ class PlanningSettings(Section):
 
     Differences from the paper:
         The preset "paper" keeps its rules. The default times edges in the forecast current, visits waypoints
-        once, keeps time for the way back, plans paths anew where the sea has changed and the mission where
+        once, keeps time for the return, re-plans paths where the current has changed and the mission where
         its route no longer fits.
     """
 
@@ -612,7 +612,7 @@ class PlanningSettings(Section):
     )
     window_change: Preset[NotNegative] = Field(
         default=_FROM_PRESET,
-        description="share by which the time left on a path must have changed for a window to plan it anew; "
+        description="share by which the time left on a path must have changed for a window to re-plan it; "
         "0 does at every window; default 0.01, paper 0",
     )
     reserve: Preset[NotNegative] = Field(
