@@ -41,6 +41,9 @@ STUDIES: dict[str, dict[str, Any]] = {
 #: Both of these ask whether paths are sought in depth.
 _ASKED = "auvplan.path.stages.is_searched_in_depth", "auvplan.mission.travel_times.is_searched_in_depth"
 
+#: Missions in sheared seas meet no obstacle that is not known: what is late there is late for the current.
+_NO_SURPRISES = {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}}
+
 #: Arrivals count as off from this share of the leg's time in the plan on.
 _OFF = 0.05
 
@@ -74,7 +77,8 @@ def two_layers(folder: Path) -> Path:
         sea[name] = (speed * part * xr.ones_like(sea[name])).transpose(*sea[name].dims)
     sea.to_netcdf(folder / "layers.nc")
     settings["current"]["files"] = "layers.nc"
-    settings["mission"] = {"waypoints": 14, "time_available": 3600}
+    settings["mission"] = {"waypoints": 14, "time_available": 9000}
+    settings["simulation"] = _NO_SURPRISES
     del settings["obstacles"]
     path.write_text(yaml.safe_dump(settings))
     return path
@@ -90,6 +94,7 @@ def of_model(folder: Path, name: str) -> Path:
         "chart": {"source": "current"},
         "bathymetry": {"source": "current"},
         "current": {"source": "file", "files": str(SHARED / file), "outside": "clamp"},
+        "simulation": _NO_SURPRISES,
         "vehicle": {"speed": speed, "sway_max": speed},
         "mission": {"waypoints": 14, "time_available": available, "waypoint_clearance": clearance},
     }
