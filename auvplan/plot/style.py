@@ -214,7 +214,7 @@ def place_labels(
         middles = place + np.tile(around, (4, 1)) * (distances * pixel + half)
         tried = np.concatenate([middles - half, middles + half], axis=1)
         room = 2.0 * pixel * np.array([-1.0, -1.0, 1.0, 1.0])
-        price = 10.0 * _overlaps(tried, boxes).sum(axis=1) + 0.1 * distances[:, 0]
+        price = 40.0 * _overlaps(tried, boxes).sum(axis=1) + 0.1 * distances[:, 0]
         price += 3.0 * _overlaps(tried + room, np.tile(points, (1, 2))).sum(axis=1)
         price += 50.0 * ((tried[:, :2] < inside[:2]) | (tried[:, 2:] > inside[2:])).any(axis=1)
         chosen = int(np.argmin(price))
