@@ -248,14 +248,14 @@ class AreaFiles:
         self.until = scenario.mission.time_available if until is None else until
         self.unread, self.given = unread, dict(given or {})
         for field in self.given:
-            section, name = field.split(".") if field in GIVEN else ("", "")
-            if not section:
+            if field not in GIVEN:
                 raise ValueError(f"given: {field!r} cannot be given: {', '.join(GIVEN)} can be")
+            section, name = field.split(".")
             if getattr(getattr(scenario, section), name) is None:
                 raise ValueError(f'given: the scenario has no {field}: name it, such as "in memory"')
         self.outcomes: dict[str, tuple[Any, AuvplanError | None]] = {}
-        self._given = _site(scenario) if site is None else site
-        self._place = self._given and replace(self._given, epoch=None)  # charts do not depend on the epoch
+        self._stated = _site(scenario) if site is None else site
+        self._place = self._stated and replace(self._stated, epoch=None)  # charts do not depend on the epoch
         self._box = scenario.box
         #: Corners of the area, (north, east) m, by the names that readers give them.
         self._sides: dict[str, Any] = {"lower": self._box[0][:2], "upper": self._box[1][:2]}
@@ -298,7 +298,9 @@ class AreaFiles:
     def site(self) -> Site | None:
         """Where and when: without a departure the epoch is the first time of the current's files."""
         current = self.readable("current")
-        return self._given if current is None else self._given and replace(self._given, epoch=current.epoch)
+        return (
+            self._stated if current is None else self._stated and replace(self._stated, epoch=current.epoch)
+        )
 
     @property
     def forecast(self) -> GriddedCurrent | HarmonicCurrent | None:
@@ -320,11 +322,11 @@ class AreaFiles:
         current = self.current if settings.source == "current" else None
         key = settings, self._place, self._box, self.home, current
         own = {
-            field.removeprefix("chart."): self.given[field]
-            for field in ("chart.file", "chart.uncertain")
-            if field in self.given
+            name: self.given[f"chart.{name}"]
+            for name in ("file", "uncertain")
+            if f"chart.{name}" in self.given
         }
-        return read_land(*key, own) if own else _once(lambda: read_land(*key), "land", *key)
+        return self._once(lambda: read_land(*key, own), "land", *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -470,8 +472,12 @@ class AreaFiles:
     @property
     def _on_earth(self) -> Site:
         """The site, which scenarios with files of places have."""
-        assert self._given is not None
-        return self._given
+        assert self._stated is not None
+        return self._stated
+
+    def _once(self, read: Callable[[], _Read], *key: Any) -> _Read:
+        """`_once`; where objects are given, which no key distinguishes, nothing is kept."""
+        return read() if self.given else _once(read, *key)
 
     def _source(self, field: str, name: str) -> Any:
         """Return the path of the file that a field names, or what is given in its place."""
@@ -505,7 +511,7 @@ class AreaFiles:
             )
 
         how = settings.spacing, settings.outside, settings.crs, settings.epoch, chart
-        found = read() if field in self.given else _once(read, "current", tuple(paths), site, box, times, how)
+        found = self._once(read, "current", tuple(paths), site, box, times, how)
         if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
             return self._current_of(field, files, replace(site, epoch=found.epoch))
         return found
@@ -532,7 +538,7 @@ class AreaFiles:
             return cropped(closed, settings, box)
 
         current = self.readable("current") if settings.source == "current" else None
-        return _once(burnt, "closed", settings, self._place, box, self.home, current, wide is None)
+        return self._once(burnt, "closed", settings, self._place, box, self.home, current, wide is None)
 
     def _low_water(self) -> tuple[float, tuple[str, ...]]:
         """Return the surface at its lowest, m above the sea bed's datum, and what is to be noted of it.

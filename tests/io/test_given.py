@@ -86,3 +86,18 @@ def test_what_is_wrong_with_an_object_names_it(site):
     assert caught.value.field == "chart.file"
     with pytest.raises(ValueError, match=r"given: 'chart\.image' cannot be given: current\.files, "):
         ap.load_area(scenario, given={"chart.image": 0})
+
+
+def test_what_is_given_is_not_confused_with_what_was_given_before(site):
+    """Areas of one scenario, read one after the other, with other land and other closed areas."""
+    scenario = ap.load_scenario(site.folder / "scenario.yaml")
+    land, closed = features(site, "coast.geojson"), features(site, "closed.geojson")
+    first, second, third = (
+        ap.load_area(scenario, given={"chart.file": coast, "chart.no_go": zones})
+        for coast, zones in ((land, closed), (closed, closed), (land, land))
+    )
+    of_files = ap.load_area(scenario)
+    np.testing.assert_array_equal(first.chart.passability, of_files.chart.passability)
+    for other in (second, third):
+        assert (np.asarray(first.chart.passability) != np.asarray(other.chart.passability)).any()
+    assert (np.asarray(first.coast.passability) != np.asarray(second.coast.passability)).any()

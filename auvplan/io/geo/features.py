@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from xml.etree.ElementTree import Element, ParseError
 from zipfile import ZipFile
 
@@ -64,8 +64,19 @@ class Feature:
 
 
 Reader = Callable[[Path, Faults, list[str]], Iterator[Feature]]
-#: A file, GeoJSON as a mapping, or what gives that as its `__geo_interface__`, such as a GeoDataFrame.
-Features = str | Path | Mapping[str, Any] | Any
+
+
+class GeoInterface(Protocol):
+    """What gives its features as GeoJSON, such as a GeoDataFrame."""
+
+    @property
+    def __geo_interface__(self) -> Mapping[str, Any]:
+        """Return GeoJSON as a mapping."""
+        ...
+
+
+#: A file, or GeoJSON in memory.
+Features = str | Path | Mapping[str, Any] | GeoInterface
 
 
 def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
