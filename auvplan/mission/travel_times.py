@@ -141,15 +141,15 @@ def travel_times(
         return tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
 
     def estimate(chosen: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
-        """Set times of edges by the straight line or by a fan of detours; return the tracks [S, 3] timed."""
+        """Set times of edges by the straight line or by a fan; return the detours [S, 3] m of the fans."""
         found = []
         for part, real in padded_batches(len(chosen), (together,)):
             edges = chosen[part]
             ends = (np.asarray(a[edges], np.float32) for a in (starts, goals, depart))
             out = _estimate(*ends, currents=current_of(edges), detours=detours, steps=steps, **common)
-            lasts, good, tracks = (np.asarray(a)[:real] for a in out)
-            seconds[edges[:real]], passable[edges[:real]] = lasts, good
-            found += list(tracks)
+            seconds[edges[:real]], passable[edges[:real]] = (np.asarray(a)[:real] for a in out[:2])
+            if detours:
+                found += list(np.asarray(out[2])[:real])
         return found
 
     def follow(chosen: NDArray[np.int_], polylines: list[np.ndarray], clear: NDArray[np.bool_]) -> None:
@@ -180,20 +180,22 @@ def travel_times(
         pairs = np.concatenate([starts, goals], axis=1)[blocked]
         pair = np.unique(pairs, axis=0, return_inverse=True)[1]
         alike = [blocked[pair == number] for number in range(pair.max() + 1)]
-        spread = [np.linspace(0, len(edges) - 1, _TRIED).round().astype(int) for edges in alike]
-        tried = np.concatenate([edges[np.unique(few)] for edges, few in zip(alike, spread, strict=True)])
-        fans = estimate(tried, _FANS, config.detours, config.detour_steps)
-        tracks = {edge: track for edge, track in zip(tried.tolist(), fans, strict=True) if passable[edge]}
+        tried, others = [], []
+        for edges in alike:
+            few = np.unique(np.linspace(0, len(edges) - 1, _TRIED).round().astype(int))
+            tried.append(edges[few])
+            others.append(np.delete(edges, few))
+        fans = iter(estimate(np.concatenate(tried), _FANS, config.detours, config.detour_steps))
         served = [
-            (other, tracks[edge])
-            for edges in alike
-            for edge in edges.tolist()
-            if edge in tracks
-            for other in np.setdiff1d(edges, tried)
+            (other, track)
+            for own, rest in zip(tried, others, strict=True)
+            for edge, track in zip(own, fans, strict=False)
+            if passable[edge]
+            for other in rest
         ]
-        others, along = zip(*served, strict=True) if served else ((), ())
-        follow(np.array(others, int), list(along), np.zeros(len(others), bool))
-        blocked = np.setdiff1d(blocked, tried)
+        edges = np.array([edge for edge, _ in served], int)
+        follow(edges, [track for _, track in served], np.zeros(len(edges), bool))
+        blocked = np.sort(np.concatenate(others))
         blocked = blocked[~passable[blocked]]
     return np.maximum(seconds, _vertical_times(starts, goals, vehicle)), passable & inside
 
