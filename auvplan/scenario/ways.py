@@ -161,21 +161,21 @@ class WaysAround:
 
         One that is `taut` keeps off banks as paths must that are timed at samples, where it can.
         """
-        for wider, size in product((_WIDER, 1.0) if taut else (1.0,), _CELLS):
+        off_banks = taut and self._area.seabed is not None
+        for wider, size in product((_WIDER, 1.0) if off_banks else (1.0,), _CELLS):
             cells = self._grid(clearance, size, wider).path(start, goal)
             if cells is None:
                 continue
-            sampled = replace(clearance, window=_WINDOW * _length(cells)) if taut else clearance
-            if (way := self._pulled(start, goal, cells, (sampled, clearance))) is not None:
-                return _taut(way, sampled) if taut else way
+            kept = [replace(clearance, window=_WINDOW * _length(cells))] if off_banks else []
+            kept.append(clearance)
+            if (way := self._pulled(start, goal, cells, kept)) is not None:
+                return _taut(way, kept[0]) if taut else way
         return None
 
-    def _pulled(
-        self, start: Array, goal: Array, cells: Array, clearances: tuple[Clearance, Clearance]
-    ) -> Array | None:
+    def _pulled(self, start: Array, goal: Array, cells: Array, clearances: list[Clearance]) -> Array | None:
         """Return the corners of a path over cells [C, 2] m, each as far along it as a clear line leads.
 
-        Clear by the first of the clearances, where that leads nowhere by the second.
+        Lines are clear by the first of the clearances by which any leads on.
         """
         share = np.linspace(0.0, 1.0, len(cells) + 2)[1:-1, None]
         depths = start[2] * (1.0 - share) + goal[2] * share
