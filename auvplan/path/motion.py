@@ -57,12 +57,8 @@ class Motion:
             yaw, pitch = orientation(way)
             met = water if reading == "eq8" else np.zeros_like(water)
             return cls(yaw, pitch, ground_velocity(speed, yaw, pitch, met))
-        length = np.linalg.norm(way, axis=1, keepdims=True)
-        tangent = way / np.where(length > 0.0, length, 1.0)
-        along = (water * tangent).sum(axis=1)
-        across = np.linalg.norm(water - along[:, None] * tangent, axis=1)
-        progress, _ = along_track(reading, speed, along, across)
-        return cls.through_water(np.asarray(progress)[:, None] * tangent, water)
+        tangent, progress = progress_along(reading, speed, way, water)
+        return cls.through_water(progress[:, None] * tangent, water)
 
     @classmethod
     def through_water(cls, over_ground: ArrayLike, water: ArrayLike) -> "Motion":
@@ -106,6 +102,27 @@ class Motion:
     def body_velocity(self) -> Array:
         """Surge u, sway v and heave w, [n, 3] m/s: the velocity over ground in axes of the hull (Eq. 7)."""
         return np.einsum("...ji,...j->...i", rotation(self.yaw, self.pitch), self.ground_velocity)
+
+
+def progress_along(
+    reading: SpeedReading, speed: float, way: ArrayLike, water: ArrayLike
+) -> tuple[Array, Array]:
+    """Return the directions of segments and the speeds over ground along them that travel times use.
+
+    Args:
+        reading, speed: as for `Motion.along`.
+        way: [..., n, 3] m, from the first to the last ends of the segments.
+        water: [..., n, 3] m/s, the current on them.
+
+    Returns:
+        ``(tangent, progress)``: [..., n, 3], zero where a segment has no length, and [..., n] m/s.
+    """
+    way, water = np.asarray(way, float), np.asarray(water, float)
+    length = np.linalg.norm(way, axis=-1, keepdims=True)
+    tangent = way / np.where(length > 0.0, length, 1.0)
+    along = (water * tangent).sum(axis=-1)
+    across = np.linalg.norm(water - along[..., None] * tangent, axis=-1)
+    return tangent, np.asarray(along_track(reading, speed, along, across)[0])
 
 
 def orientation(displacement: ArrayLike) -> tuple[Array, Array]:

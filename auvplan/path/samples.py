@@ -16,10 +16,10 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.sampled import SampledCurrent, sampled
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS
-from auvplan.path.kinematics import TINY
+from auvplan.path.motion import progress_along
 from auvplan.path.passages import SURROUNDINGS
 from auvplan.path.stages import Legs
-from auvplan.vehicle import Vehicle, along_track
+from auvplan.vehicle import Vehicle
 
 #: Share of the vehicle's speed by which samples may differ from the current.
 _WITHIN = 0.01
@@ -85,14 +85,10 @@ def _time_error(
     way, middle = np.diff(positions, axis=1), 0.5 * (positions[:, 1:] + positions[:, :-1])
     x, y, z = np.moveaxis(middle, -1, 0)
     sampled_water = np.stack(evaluated(samples, x, y, z, 0.5 * (times[:, 1:] + times[:, :-1])), axis=-1)
-    gap = np.linalg.norm(way, axis=-1)
-    direction = way / np.maximum(gap, TINY)[..., None]
     seconds = []
     for water in (sampled_water, np.asarray(found["water"], float)):
-        along = (water * direction).sum(axis=-1)
-        across = np.linalg.norm(water - along[..., None] * direction, axis=-1)
-        ground, _ = along_track(config.speed_reading, np.asarray(vehicle.speed), along, across)
-        seconds.append((gap / ground).sum(axis=1))
+        _, progress = progress_along(config.speed_reading, float(np.asarray(vehicle.speed)), way, water)
+        seconds.append((np.linalg.norm(way, axis=-1) / progress).sum(axis=1))
     return np.abs(seconds[0] - seconds[1])
 
 
