@@ -243,6 +243,7 @@ class Mission:
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
         departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where currents are
             forecast to change; None before they are timed.
+        sketches: paths [K, S, 3] m by which edges are timed, by the ends of each, [6] m as bytes.
         refusals: of legs in a row.
         obstruction: the last leg that was refused and why, or empty.
         no_route: why the last call of the mission planner found no route, or empty.
@@ -272,6 +273,7 @@ class Mission:
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
     departures: Array | None = None
     travel_time: Array | None = None
+    sketches: dict[bytes, Array] = field(default_factory=dict)
     refusals: int = 0
     obstruction: str = ""
     no_route: str = ""

@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 
 from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
-from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.context import Array, Mission, SimulationContext
 from auvplan.executive.lines import follow, rows_of
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.path.cost import VIOLATIONS
+from auvplan.path.planner import sketch_paths
 from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
 from auvplan.runtime import prng
@@ -123,6 +125,33 @@ def believed(
     obstacles = as_obstacles([mission.active_leg.belief for mission in missions], context.scenario.sensors)
     currents = [mission.sea.forecast() for mission in missions] if forecasts is None else forecasts
     return context.environment(stacked(currents), obstacles)
+
+
+def sketched(
+    context: SimulationContext, mission: Mission, starts: Array, goals: Array, departs: Array
+) -> list[Array]:
+    """Return paths [K, S, 3] m between B pairs of places, nearly as quick as those that legs would have.
+
+    What was found between two places is kept.
+
+    Args:
+        starts, goals: [B, 3] m.
+        departs: [B] s since the epoch.
+    """
+    keys = [ends.tobytes() for ends in np.concatenate([starts, goals], axis=1)]
+    if rows := [row for row, key in enumerate(keys) if key not in mission.sketches]:
+        # Worlds are shaped as those of legs are, whose programs serve.
+        places = mission.faults.places if context.simulated else 0
+        known = context.known_obstacles(mission.now)
+        still = Obstacles.static(known.position, known.radius).padded(
+            len(known.radius) + context.surprises + places
+        )
+        each = jax.tree.map(lambda leaf: np.stack([np.asarray(leaf)] * len(rows)), still)
+        env = context.environment(stacked([mission.sea.forecast()] * len(rows)), each)
+        chosen = (plane[rows] for plane in (starts, goals, departs))
+        paths = sketch_paths(*chosen, env, context.vehicle, context.path_config, world_per_leg=True)
+        mission.sketches |= {keys[row]: path for row, path in zip(rows, paths, strict=True)}
+    return [mission.sketches[key] for key in keys]
 
 
 def _call(

@@ -151,6 +151,7 @@ def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed
             "sea": copy(model.sea),
             "now": now,
             "learnt": {},
+            "sketches": {},
             "visited": set(),
             "barred": set(),
         }

@@ -9,11 +9,12 @@ import numpy as np
 
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.lines import as_followed, line_times
+from auvplan.executive.path_calls import sketched
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.jobs import ways_off_lines
 from auvplan.mission.timetable import Array, Timetable
-from auvplan.mission.travel_times import TravelTimeConfig
+from auvplan.mission.travel_times import Sketch, TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.records import RouteRecord
 from auvplan.runtime import prng
@@ -113,6 +114,7 @@ def _time_departures(context: SimulationContext, mission: Mission, detour: float
             effort(context.path_config),
             bends=_BENDS,
             around=context.around.paths if mission.run.names else None,
+            sketch=_sketch(context, mission),
         )
     )
     edges, along = line_times(context, mission, departures)
@@ -135,13 +137,20 @@ def _along_lines(
     return replace(timed, travel_time=np.where(open_, times, np.nan), adjacency=open_)
 
 
+def _sketch(context: SimulationContext, mission: Mission) -> Sketch | None:
+    """Return what finds paths over a sea bed that hinders; None where the planner looks for no passages."""
+    return partial(sketched, context, mission) if context.path_config.passages else None
+
+
 def _timed(context: SimulationContext, mission: Mission) -> tuple[MissionGraph, float]:
     """Return the timed graph and the wall-clock seconds that took, free of compilation."""
     env = context.environment(mission.sea.forecast())
     config = effort(context.path_config)
     around = context.around.paths if mission.run.names else None
     return context.clock.time(
-        lambda: mission.graph.with_travel_times(env, context.vehicle, mission.now, config, around=around)
+        lambda: mission.graph.with_travel_times(
+            env, context.vehicle, mission.now, config, around=around, sketch=_sketch(context, mission)
+        )
     )
 
 

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.mission.timetable import Stages, Timetable, stages
-from auvplan.mission.travel_times import PathsRound, TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import PathsRound, Sketch, TravelTimeConfig, travel_times
 from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
 
@@ -207,6 +207,7 @@ class MissionGraph:
         config: TravelTimeConfig | None = None,
         bends: int = 0,
         around: PathsRound | None = None,
+        sketch: Sketch | None = None,
     ) -> NDArray[np.float64]:
         """Return the travel time of every edge at several departures, without tasks.
 
@@ -214,6 +215,7 @@ class MissionGraph:
             env, vehicle, config: as for `with_travel_times`, of one graph.
             departures: [M] s since the epoch.
             around: finds paths round what is in the way, as for `travel_times`.
+            sketch: finds paths over a sea bed that hinders, as for `travel_times`.
             bends: departures among these, evenly spread, at which lines are bent to the current too; fewer
                 where edges are very many. The share of time that this saves is taken linear between them.
 
@@ -238,6 +240,7 @@ class MissionGraph:
                 effort,
                 detour=detour,
                 around=around,
+                sketch=sketch,
             )
             return np.where(passable, seconds, np.inf).reshape(count, len(i))
 
@@ -293,6 +296,7 @@ class MissionGraph:
         config: TravelTimeConfig | None = None,
         world_per_graph: bool = False,
         around: PathsRound | None = None,
+        sketch: Sketch | None = None,
     ) -> Self:
         """A copy with `travel_time` in the present current, and without the edges that have no feasible path.
 
@@ -308,6 +312,7 @@ class MissionGraph:
             config: effort; defaults to `TravelTimeConfig()`.
             world_per_graph: whether the current differs by graph; needs stacked graphs [B, N, ...].
             around: finds paths round what is in the way, as for `travel_times`.
+            sketch: finds paths over a sea bed that hinders, as for `travel_times`.
 
         Raises:
             ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked.
@@ -332,6 +337,7 @@ class MissionGraph:
             config or TravelTimeConfig(),
             graph if world_per_graph else None,
             around=around,
+            sketch=sketch,
         )
         place = edges if positions.ndim == 3 else (i, j)
         travel_time[place] = np.where(passable, seconds, np.nan)

@@ -2,8 +2,9 @@
 
 The search for a path would cost tens of milliseconds an edge. Between waypoints with open water between them
 the straight line, with the current along and across it, is as good within a fraction of a per cent; where it
-is blocked the shortest path round is. Only where neither is known, or the current closes both, is a fan of
-detours scored and polished.
+is blocked the shortest path round is. Where the sea bed keeps a line out of depths with a better current the
+path planner's passages are polished. Only where none of these is known, or the current closes all, is a fan
+of detours scored and polished.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,11 +25,12 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
-from auvplan.path.profile import compared, is_searched_in_depth, profiles
+from auvplan.path.kinematics import TINY
+from auvplan.path.profile import compared, depths_within_reach, is_searched_in_depth, profiles
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import padded_batches
-from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle, along_track
 
 #: Edges that one call takes, of straight lines and paths round, and of fans: larger calls gain little, and
 #: one program each serves every graph.
@@ -38,6 +40,12 @@ _LINES, _FANS = 64, 16
 #: whether it keeps clear of all areas as well that are closed at some hours.
 PathsRound = Callable[
     [NDArray[np.floating], NDArray[np.floating]], Sequence[tuple[NDArray[np.floating], bool]]
+]
+
+#: Takes places [B, 3] m to start from and to go to, and departures [B] s; returns paths [B, K, S, 3] m that
+#: are nearly as quick as the planner's.
+Sketch = Callable[
+    [NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]], Sequence[NDArray[np.floating]]
 ]
 
 #: Waypoints no farther apart, m, are one place; s from the one's task to the other's.
@@ -58,8 +66,15 @@ _STEP_SIZE = 0.03
 #: depth.
 _STATIONS, _LEVELS = 16, 12
 
+#: Depths evenly from top to bottom at which the current is looked up where no bed hinders.
+_FREE_LEVELS = 24
+
 #: Gradient steps that bend a line of three control points to the current.
 _BEND_STEPS = 6
+
+#: Share by which an edge takes longer than over a deep bed from which on paths are sketched, and pairs of
+#: places at most between which they are, the nearest first.
+_HINDERED, _MOST_SKETCHED = 0.05, 300
 
 
 @dataclass(frozen=True)
@@ -104,6 +119,7 @@ def travel_times(
     world: NDArray[np.int_] | None = None,
     detour: bool = True,
     around: PathsRound | None = None,
+    sketch: Sketch | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Travel times of E edges in a few compiled calls.
 
@@ -117,6 +133,7 @@ def travel_times(
         world: [E] index into the leading axis of the current's leaves; None for one current for all.
         detour: whether detours are tried where the line breaks a limit; else such an edge is not passable.
         around: finds paths round what is in the way, which come before detours.
+        sketch: finds paths where the sea bed keeps edges out of depths with a better current.
 
     Returns:
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
@@ -161,11 +178,24 @@ def travel_times(
             along = np.stack([tracks[k] for k in part]).astype(np.float32)
             departs = np.asarray(depart[edges], np.float32)
             out = _follow(along, clear[part], departs, currents=current_of(edges), **common)
-            for edge, lasts, good in zip(edges[:real], *(np.asarray(a) for a in out), strict=False):
+            for k, lasts, good in zip(part[:real], *(np.asarray(a) for a in out), strict=False):
+                edge = chosen[k]
                 if good and (not passable[edge] or lasts < seconds[edge]):
-                    seconds[edge], passable[edge] = lasts, True
+                    seconds[edge], passable[edge], taken[edge] = lasts, True, polylines[k]
+
+    def hindered(edges: NDArray[np.int_]) -> NDArray[np.bool_]:
+        """Return whether edges would be quicker by the ways taken if the sea bed were deep."""
+        ways = [taken.get(edge, np.stack([starts[edge], goals[edge]])) for edge in edges]
+        least = np.zeros(len(edges))
+        for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
+            along = np.stack([_sampled(ways[k], _STATIONS + 1) for k in part]).astype(np.float32)
+            departs = np.asarray(depart[edges[part]], np.float32)
+            out = _unhindered(along, departs, currents=current_of(edges[part]), **common)
+            least[part[:real]] = np.asarray(out)[:real]
+        return ~passable[edges] | (seconds[edges] > (1.0 + _HINDERED) * least)
 
     seconds, passable = np.zeros(len(starts)), np.zeros(len(starts), bool)
+    taken: dict[int, NDArray[np.floating]] = {}
     estimate(np.arange(len(starts)), _LINES, 0, config.steps)
     here = np.linalg.norm(goals - starts, axis=1) <= ONE_PLACE
     seconds[here], passable[here] = TURN_TO, True
@@ -174,14 +204,23 @@ def travel_times(
         edges = np.repeat(blocked, [len(found) for found in ways])
         clear = np.array([always for found in ways for _, always in found], bool)
         follow(edges, [way for found in ways for way, _ in found], clear)
+    if detour and deep and sketch is not None and env.seabed is not None:
+        # One departure of each pair of places: what is found for it mostly serves the others.
+        alike = _alike(starts, goals, np.flatnonzero(inside & ~here))
+        middle = np.array([edges[len(edges) // 2] for edges in alike], int)
+        order = np.argsort(np.linalg.norm(goals[middle] - starts[middle], axis=1), kind="stable")
+        order = order[hindered(middle)[order]][:_MOST_SKETCHED]
+        if len(order):
+            sketches = sketch(*(np.asarray(a[middle[order]], float) for a in (starts, goals, depart)))
+            pairs = zip(order, sketches, strict=True)
+            served = [(edge, path) for k, paths in pairs for edge in alike[k] for path in paths]
+            edges = np.array([edge for edge, _ in served], int)
+            follow(edges, [path for _, path in served], np.zeros(len(edges), bool))
     blocked = np.flatnonzero(~passable & inside) if detour else np.zeros(0, int)
     while blocked.size:
-        # Few fans for each pair of places: what they find for one departure mostly serves the others.
-        pairs = np.concatenate([starts, goals], axis=1)[blocked]
-        pair = np.unique(pairs, axis=0, return_inverse=True)[1]
-        alike = [blocked[pair == number] for number in range(pair.max() + 1)]
+        # Few fans for each pair of places too.
         tried, others = [], []
-        for edges in alike:
+        for edges in _alike(starts, goals, blocked):
             few = np.unique(np.linspace(0, len(edges) - 1, _TRIED).round().astype(int))
             tried.append(edges[few])
             others.append(np.delete(edges, few))
@@ -198,6 +237,17 @@ def travel_times(
         blocked = np.sort(np.concatenate(others))
         blocked = blocked[~passable[blocked]]
     return np.maximum(seconds, _vertical_times(starts, goals, vehicle)), passable & inside
+
+
+def _alike(
+    starts: NDArray[np.floating], goals: NDArray[np.floating], edges: NDArray[np.int_]
+) -> list[NDArray[np.int_]]:
+    """Return edges by the places that they join."""
+    if not edges.size:
+        return []
+    ends = np.concatenate([starts[edges], goals[edges]], axis=1)
+    pair = np.unique(ends, axis=0, return_inverse=True)[1]
+    return [edges[pair == number] for number in range(pair.max() + 1)]
 
 
 def _vertical_times(
@@ -225,6 +275,34 @@ def _sampled(way: NDArray[np.floating], count: int) -> NDArray[np.floating]:
     marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     along = np.linspace(0.0, marks[-1], count)
     return np.stack([np.interp(along, marks, axis) for axis in way.T], axis=1)
+
+
+@partial(compiled, static_argnames=("config", "world_per_edge", "deep"))
+def _unhindered(
+    tracks: Any,
+    departs: Any,
+    currents: Current,
+    sea: Environment,
+    vehicle: Vehicle,
+    config: TravelTimeConfig,
+    world_per_edge: bool,
+    deep: bool,
+) -> jax.Array:
+    """Time [E] s over tracks [E, K + 1, 3] m at the best depths of the box, taken at will."""
+
+    def one(track: jax.Array, depart: jax.Array, current: Current) -> jax.Array:
+        way, middle = jnp.diff(track, axis=0), 0.5 * (track[1:] + track[:-1])
+        gap = jnp.sqrt((way * way).sum(axis=1) + TINY)
+        when = depart + (jnp.cumsum(gap) - 0.5 * gap) / vehicle.speed
+        top, bottom = depths_within_reach(track[jnp.asarray([0, -1])], sea)
+        depth = jnp.linspace(top, bottom, _FREE_LEVELS)[None]
+        u, v, _ = current(middle[:, :1], middle[:, 1:2], depth, when[:, None])
+        north, east = way[:, :1] / gap[:, None], way[:, 1:2] / gap[:, None]
+        along, across = u * north + v * east, jnp.abs(u * east - v * north)
+        ground, _ = along_track(config.path.speed_reading, vehicle.speed, along, across)
+        return (gap / ground.max(axis=1)).sum()
+
+    return jax.vmap(one, in_axes=(0, 0, 0 if world_per_edge else None))(tracks, departs, currents)
 
 
 @partial(compiled, static_argnames=("config", "world_per_edge", "deep"))

@@ -16,9 +16,9 @@ from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_water
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.samples import in_samples
+from auvplan.path.samples import in_samples, samples_of
 from auvplan.path.sensitivity import Conditions, differentiable_time
-from auvplan.path.stages import Legs, polish_finely, search_legs, split
+from auvplan.path.stages import Legs, polish_finely, search_legs, sketch_legs, split
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
@@ -157,6 +157,41 @@ def plan_paths(
     if not world_per_leg:
         check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
+
+
+def sketch_paths(
+    starts: NDArray[np.floating],
+    goals: NDArray[np.floating],
+    departs: NDArray[np.floating],
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    world_per_leg: bool = False,
+) -> NDArray[np.floating]:
+    """Polish the best passages of B legs and no more: paths nearly as quick as those of `plan_paths`.
+
+    They need not keep every limit.
+
+    Args:
+        starts, goals: [B, 3] m.
+        departs: [B] s since the epoch.
+        env: the world; with `world_per_leg` its current and obstacles carry a leading axis B.
+        vehicle: speed and limits.
+        config: settings.
+        world_per_leg: whether the world differs by leg.
+
+    Returns:
+        Paths [B, 2, S, 3] m, with `config.samples` samples S. Where the current changes with depth the first
+        takes depths of its own, the second about those of the straight line.
+    """
+    world, shared = split(env, world_per_leg)
+
+    def sketch(legs: Legs) -> NDArray[np.floating]:
+        samples = samples_of(legs, shared, vehicle) if config.sampled else None
+        met = shared if samples is None else replace(shared, current=samples[0])
+        return sketch_legs(legs, met, vehicle, config)
+
+    return batch_map(sketch, Legs(starts, goals, departs, world))
 
 
 def plan_finely(

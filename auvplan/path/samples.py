@@ -61,7 +61,7 @@ def in_samples(
         none = np.zeros(len(legs.start))
         return found | {"sampling_error": none, "sampling_time_error": none}
 
-    samples = _samples(legs, shared, vehicle) if config.sampled else None
+    samples = samples_of(legs, shared, vehicle) if config.sampled else None
     if samples is None:
         return run()
     current, error = samples
@@ -92,7 +92,7 @@ def _time_error(
     return np.abs(seconds[0] - seconds[1])
 
 
-def _samples(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:
+def samples_of(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:
     """Return `sampled` of the current of one leg; of other currents None.
 
     Samples are taken over the whole box, and over a time that begins and lasts round numbers of seconds, so

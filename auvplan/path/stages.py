@@ -19,6 +19,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path import habitats
+from auvplan.path.bspline import basis_matrix
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import (
     SOFTNESS,
@@ -211,6 +212,33 @@ def search_legs(
         unsettled |= last.best < (1.0 - settled) * before
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
     return plans | {"history": history, "unsettled": unsettled}
+
+
+def sketch_legs(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> np.ndarray:
+    """Polish the best passages of B legs and no more: paths [B, 2, S, 3] m, nearly as quick as the search's.
+
+    The first is the best of those at depths of their own where the current changes with depth.
+
+    Args:
+        legs, shared, vehicle, config: as for `search_legs`.
+    """
+    world = _world(legs, shared, vehicle, config)
+    config, keys = compared(config, *_met(world)), jax.random.split(jax.random.key(0), len(legs.start))
+    cells, fresh = config.only("field_cells"), config.only("start_shape", "width", "depth_width")
+    count = max(config.passages, 2)
+    rows, _, times, *_ = _trace(**world, config=cells, count=count, deep=_is_deep(world))
+    # Each kind of passages begins with its best.
+    best = [0, count - count // 2 if _is_deep(world) else 1]
+    found = tuple(np.asarray(plane)[:, best] for plane in (rows, times))
+    begun = _begin(keys, None, found, **world, config=fresh, size=2, count=2)
+    effort = config.passage_steps + config.refine_steps, config.refine_step_size
+    bounds = begun["lower"], begun["upper"], begun["pace"]
+    rows = _descended(UNLIMITED, (), begun["population"], None, *effort, bounds, world, config)[0]
+    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])
+    free = (rows / factors[:, None, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
+    ends = [np.broadcast_to(end[:, None, None], (*free.shape[:2], 1, 3)) for end in (legs.start, legs.goal)]
+    polygons = np.concatenate([ends[0], free, ends[1]], axis=2)
+    return basis_matrix(config.samples, polygons.shape[2], config.degree) @ polygons
 
 
 def _named(world: dict[str, Any], config: PathConfig, name: str) -> tuple:

@@ -9,7 +9,9 @@ import auvplan as ap
 from auvplan.mission import MissionGraph
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
+from auvplan.path.planner import sketch_paths
 from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG
 
@@ -95,6 +97,42 @@ def test_a_bank_is_climbed_or_closes_an_edge() -> None:
     assert over.adjacency[0, 1]
     assert over.travel_time[0, 1] == pytest.approx(1600.0 / 2.5, rel=0.01)
     assert not graph.with_travel_times(bank(4.0)).adjacency.any()
+
+
+def over_a_sill(gap: float) -> ap.Environment:
+    """Two layers that run against each other, over a sill below all but `gap` m of the straight way."""
+    north, east = np.meshgrid(*(np.arange(-2985.0, 3000.0, 30.0),) * 2, indexing="ij")
+    sill = (np.abs(north) < 400.0) & (np.abs(east) < gap)
+    bed = Seabed.from_depth(np.where(sill, 18.0, 70.0), 30.0, (-3000.0, -3000.0), clearance=5.0)
+    layers = np.array([-1.0, -1.0, 1.0, 1.0])[None, :, None, None] * np.ones((1, 4, 3, 3))
+    depths, low = [0.0, 20.0, 25.0, 60.0], (-3000.0, -3000.0)
+    current = GriddedCurrent.from_arrays(layers, 0.0 * layers, spacing=3000.0, origin=low, depths=depths)
+    return ap.Environment(current, seabed=bed, **BOX)
+
+
+def test_an_edge_goes_round_what_keeps_it_out_of_the_better_layer() -> None:
+    env, config = over_a_sill(300.0), TravelTimeConfig(path=CONFIG.replace(control_points=6))
+    ends, asked = np.array([[[-1500.0, 0.0, 30.0]], [[1500.0, 0.0, 30.0]]]), []
+
+    def sketch(starts, goals, departs):
+        asked.append((starts, goals))
+        return sketch_paths(starts, goals, departs, env, VEHICLE, CONFIG)
+
+    edges = (*np.repeat(ends, 3, axis=1), env, VEHICLE, 600.0 * np.arange(3.0), config)
+    straight, passable = travel_times(*edges)
+    round_it, open_ = travel_times(*edges, sketch=sketch)
+    plan = ap.plan_path(*ends[:, 0], env, VEHICLE, key=jax.random.key(0), config=CONFIG)
+    assert passable.all()
+    assert open_.all()
+    # One pair of places is sketched once, for three departures.
+    assert [len(starts) for starts, _ in asked] == [1]
+    np.testing.assert_allclose(round_it, round_it[0], rtol=1e-4)
+    assert round_it[0] < 0.95 * straight[0]
+    assert plan.travel_time == pytest.approx(round_it[0], rel=0.05)
+    # Where the better layer is open all the way, nothing is sketched.
+    deep = travel_times(*edges[:2], over_a_sill(0.0), *edges[3:], sketch=sketch)[0]
+    assert len(asked) == 1
+    assert deep[0] < round_it[0]
 
 
 def test_waypoints_outside_box_or_chart_have_no_edges() -> None:
