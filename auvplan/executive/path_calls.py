@@ -148,8 +148,8 @@ def sketched(
         )
         each = jax.tree.map(lambda leaf: np.stack([np.asarray(leaf)] * len(rows)), still)
         env = context.environment(stacked([mission.sea.forecast()] * len(rows)), each)
-        chosen = (plane[rows] for plane in (starts, goals, departs))
-        paths = sketch_paths(*chosen, env, context.vehicle, context.path_config, world_per_leg=True)
+        posed = starts[rows], goals[rows], departs[rows], env, context.vehicle, context.path_config
+        paths = sketch_paths(*posed, world_per_leg=True)
         mission.sketches |= {keys[row]: path for row, path in zip(rows, paths, strict=True)}
     return [mission.sketches[key] for key in keys]
 

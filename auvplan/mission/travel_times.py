@@ -179,13 +179,13 @@ def travel_times(
             departs = np.asarray(depart[edges], np.float32)
             out = _follow(along, clear[part], departs, currents=current_of(edges), **common)
             for k, lasts, good in zip(part[:real], *(np.asarray(a) for a in out), strict=False):
-                edge = chosen[k]
+                edge = int(chosen[k])
                 if good and (not passable[edge] or lasts < seconds[edge]):
                     seconds[edge], passable[edge], taken[edge] = lasts, True, polylines[k]
 
     def hindered(edges: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return whether edges would be quicker by the ways taken if the sea bed were deep."""
-        ways = [taken.get(edge, np.stack([starts[edge], goals[edge]])) for edge in edges]
+        ways = [taken.get(int(edge), np.stack([starts[edge], goals[edge]])) for edge in edges]
         least = np.zeros(len(edges))
         for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
             along = np.stack([_sampled(ways[k], _STATIONS + 1) for k in part]).astype(np.float32)
