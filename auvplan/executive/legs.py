@@ -1,6 +1,7 @@
 """Plans and executes the legs of B missions, re-planning paths on the way (section 3.2.2)."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 
 import jax
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.context import Leg, Mission, SimulationContext
+from auvplan.executive.decide import Act, Facts, Phase, decide
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
@@ -187,9 +189,8 @@ def finish(leg: Leg) -> None:
 
 
 def _react(context: SimulationContext, missions: list[Mission]) -> None:
-    """Look, and re-plan where a window asks for it or where the belief sees a collision ahead."""
+    """Look, and re-plan or give way where that is decided."""
     due: list[Review] = []
-    without: list[Mission] = []
     for mission in missions:
         leg = mission.active_leg
         if leg.stretches:
@@ -201,21 +202,33 @@ def _react(context: SimulationContext, missions: list[Mission]) -> None:
         if window:
             leg.windows = [t for t in leg.windows if t > mission.now]
             mission.sea.begin_window()
-        urgent = hazard(mission) or not leg.moving or leg.escaping
-        if not urgent and not window:
-            continue
-        if mission.faults.left(PlannerOut, mission.now):
-            without.append(mission)
-            continue
-        one = review(context, mission, "hazard" if urgent else "window")
-        if urgent or not holds(context, one):
-            due.append(one)
+        facts = _facts(mission, window)
+        act = decide(facts).act
+        if act is Act.GIVE_WAY:
+            _give_way(context, mission)
+        elif act is Act.REPLAN_LEG:
+            urgent = bool(facts.hazard) or facts.held
+            one = review(context, mission, "hazard" if urgent else "window")
+            if urgent or not holds(context, one):
+                due.append(one)
     if due:
         replan(context, due)
-    # What no plan can clear the vehicle waits for; without a planner it goes on, or gives way.
-    for mission in [one.mission for one in due] + without:
-        if hazard(mission) or not mission.active_leg.moving or mission.active_leg.escaping:
-            _give_way(context, mission)
+    for one in due:
+        # What no plan can clear the vehicle waits for, or gives way to.
+        if decide(replace(_facts(one.mission), planner=False)).act is Act.GIVE_WAY:
+            _give_way(context, one.mission)
+
+
+def _facts(mission: Mission, window: bool = False) -> Facts:
+    """Return what is known of a mission on a leg that is simulated here."""
+    leg = mission.active_leg
+    return Facts(
+        Phase.HELD if leg.escaping or not leg.moving else Phase.UNDER_WAY,
+        hazard="an obstacle is ahead" if hazard(mission) else "",
+        window=window,
+        uploads=False,
+        planner=not mission.faults.left(PlannerOut, mission.now),
+    )
 
 
 def _let_appear(mission: Mission) -> None:

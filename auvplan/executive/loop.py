@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from auvplan.executive.context import Leg, Mission, SimulationContext
+from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, refusal
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
@@ -295,11 +296,13 @@ def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> N
             ends = mission.now + times[rest[:-1], rest[1:]].sum()
         else:
             ends = mission.now + float(mission.timed.itinerary(rest, context.speed).ends[-1])
-        slack = mission.run.t_available - planning.reserve - ends
+        slack, due = mission.run.t_available - planning.reserve - ends, ""
         if slack < min(mission.slack, 0.0) - planning.tolerance:
-            mission.cause = "late"
+            due = "late"
         elif slack - planning.allowance * (ends - mission.now) > planning.gain:
-            mission.cause = "early"
+            due = "early"
+        if decide(Facts(due=due)).act is Act.REPLAN_REST:
+            mission.cause = due
 
 
 def _begin(context: SimulationContext, missions: list[Mission]) -> None:
@@ -407,10 +410,12 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
     mission.step += 1
     mission.visited |= {record.start, record.goal}
     mission.graph = what_is_left(mission.graph, record.start, record.goal, planning.visits)
-    if record.goal == run.goal:
+    late = planning.replan == "late" and planning.late(record.t_path, record.t_task, record.t_expected)
+    decision = decide(Facts(arrived=record.goal == run.goal, due="late" if late else ""))
+    if decision.act is Act.ARRIVE:
         mission.end("")
-    elif planning.replan == "late" and planning.late(record.t_path, record.t_task, record.t_expected):
-        mission.cause = "late"
+    elif decision.act is Act.REPLAN_REST:
+        mission.cause = decision.why
 
 
 def _await_window(mission: Mission, record: LegRecord) -> None:

@@ -1,23 +1,26 @@
 """Executes a mission on one vehicle: upload, follow, re-plan the rest, end safely.
 
-The loop sees the vehicle through a `VehicleLink` alone. Whatever happens it comes to a verdict: every wait
-has a limit, and every limit ends in another try or in a safe end.
+The loop sees the vehicle through a `VehicleLink` alone, and does what `decide` says until the next look.
+Whatever happens it comes to a verdict: every wait has a limit, and every limit ends in another try or in a
+safe end.
 """
 
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
 from auvplan.export.itinerary import ExportError, PlannedLeg
 from auvplan.link.limits import Limits
 from auvplan.link.notices import CurrentNotice, NoNotices, Notices, ObstacleNotice
+from auvplan.link.progress import Progress
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
-from auvplan.link.vehicle import LinkError, Report, State, Step, Upload, VehicleLink, one_line
+from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord
 from auvplan.runtime.formatting import counted
@@ -32,12 +35,6 @@ Tell = Callable[[Event], None]
 #: Called with the record as far as it goes, when something has happened to a vehicle that is under way.
 Keep = Callable[[ExecutionRecord], None]
 
-#: m from the place of a task within which the vehicle is taken to be at it.
-_AT_TASK = 15.0
-
-#: s ahead within which the track is looked at for known obstacles.
-_AHEAD = 180.0
-
 #: m; a vehicle that is no deeper is at the surface.
 _SURFACE = 1.0
 
@@ -46,9 +43,6 @@ _PAUSE = 60.0
 
 #: s of mission time that a plan from a hold may begin later than it was made for.
 _LATE = 20.0
-
-#: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
-_TIMES, _MORE = 2.0, 2.0
 
 #: State of a vehicle that was sent nothing.
 _NOT_STARTED = "the vehicle was not started"
@@ -62,67 +56,6 @@ class _Left(_SafeEnd):
     """Somebody else has ended it; the vehicle is theirs."""
 
 
-@dataclass
-class _Progress:
-    """How the vehicle gets on with an upload.
-
-    Attributes:
-        upload: that it executes.
-        first: step that it was started from.
-        done: steps that are completed.
-        ahead: the step that the vehicle is on its way to, at least `done`.
-        place: [3] m and `since` s, where and since when it has not moved.
-        astray: s since when it is off its track, or infinite.
-        begun: [3] m, where it was when it began, or None.
-        stayed: [n] s that it can have been at the place of each step, by where it was seen; -1 for never.
-    """
-
-    upload: Upload
-    first: int = 0
-    done: int = 0
-    ahead: int = 0
-    place: Array | None = None
-    since: float = 0.0
-    astray: float = math.inf
-    begun: Array | None = None
-    stayed: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.stayed = np.full(len(self.upload.steps), -1.0)
-
-    @property
-    def line(self) -> tuple[Array, Array]:
-        """Ends [3] m of the straight line that the vehicle is on."""
-        step = self.upload.steps[self.ahead]
-        alone = self.ahead == 0 and self.upload.origin is None and self.begun is not None
-        return (self.begun if alone else step.left), step.position  # type: ignore[return-value]
-
-    def see(self, first: Array, last: Array, seconds: float, reach: float) -> None:
-        """Take note of where the vehicle can have been between two places [3] m.
-
-        Args:
-            first, last, seconds: two sightings of it, and s between them.
-            reach: m from a place within which it is taken to be there.
-        """
-        places = np.asarray([step.position for step in self.upload.steps])
-        way = np.linalg.norm(places - first, axis=1) + np.linalg.norm(places - last, axis=1)
-        speed = _TIMES * self.upload.itinerary.speed + _MORE
-        left = seconds - np.maximum(way - 2.0 * reach, 0.0) / speed
-        self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
-
-    def stay_on(self, before: "_Progress") -> None:
-        """Take over how long the vehicle was at places that it also goes to by this upload."""
-        known = {
-            _place(step): float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)
-        }
-        self.stayed = np.asarray([known.get(_place(step), -1.0) for step in self.upload.steps])
-
-    def believed(self, number: int) -> bool:
-        """Return whether the vehicle can have completed a step, as it says."""
-        step = self.upload.steps[number]
-        return not step.ends_leg or bool(self.stayed[number] >= step.hold)
-
-
 @dataclass(frozen=True)
 class _Next:
     """A plan that waits to be handed over.
@@ -133,6 +66,8 @@ class _Next:
         kept: legs that it has in common with the plan before; they must not be over when it is handed over.
         cause: why it was made.
         begins: s of mission time that it is to be started at; infinite where it joins what is under way.
+        sent: what of it was uploaded, without what was completed before, or None.
+        known: the step that the vehicle was on its way to then.
     """
 
     upload: Upload
@@ -140,6 +75,8 @@ class _Next:
     kept: int
     cause: str
     begins: float = math.inf
+    sent: Upload | None = None
+    known: int = 0
 
 
 def execute(
@@ -183,16 +120,18 @@ class _Executor:
         )
         self._route = [run.start]
         self._count = 0  # legs that are done
+        self._phase = Phase.READY
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
         self._settled = -1  # legs that were done when the rest was last re-planned for its times
-        self._started = False
-        self._holding = False  # because of a hazard; a new plan is needed to go on
         self._tries = 0  # answers in a row to what did not go away
+        self._spent = ""  # what was answered too often
         self._failed = -math.inf  # s, when something failed that is tried again later
-        self._ahead = -math.inf  # s, when the track ahead was last looked at
+        self._looked = -math.inf  # s, when the track ahead was last looked at
+        self._blocked = False  # whether an obstacle was on it
         self._cost = 0.0  # s of mission time that re-planning takes
         self._silent = self._over = False
+        self._end: Report | None = None  # that the vehicle, or somebody else, has ended the mission
         self._measured = -math.inf  # s, when the rest was last re-planned for a current
         # s and [3] m, when and where the vehicle was last seen.
         self._sight: tuple[float, Array] | None = None
@@ -230,6 +169,10 @@ class _Executor:
     @property
     def _now(self) -> float:
         return self._link.now
+
+    @property
+    def _started(self) -> bool:
+        return self._phase is not Phase.READY
 
     def _say(self, kind: str, text: str) -> None:
         event, record = Event(round(self._now, 1), kind, text), self._record
@@ -269,9 +212,10 @@ class _Executor:
             plan = self._plan.followed
             whole = Upload(self._plan.itinerary(plan, 0))
             self._say("plan", f"the vehicle is {away:.0f} s from the start: planned end {plan.ends:.0f} s")
-        self._progress = _Progress(whole)
+        self._progress = Progress(whole)
         self._see(self._link.wait(0.0))
-        self._hand_over(_Next(whole, plan, 0, "start"))
+        self._upload(_Next(whole, plan, 0, "start"))
+        self._start()
 
     def _check_ready(self, report: Report, start: Array) -> float:
         """See that the vehicle is where the mission starts, [3] m, and does nothing else.
@@ -285,81 +229,127 @@ class _Executor:
         if report.state is State.EXECUTING:
             raise _SafeEnd("the vehicle executes a plan already: end that first")
         if report.state is State.FAULT:
-            self._check_state(report)
+            raise _SafeEnd(_state_in_words(report))
         gap = np.zeros(3) if report.position is None else report.position - start
         away = float(np.linalg.norm(gap))
         if away > self._limits.away:
             raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
         return float(np.linalg.norm(gap[:2]))
 
-    def _hand_over(self, new: _Next) -> None:
-        """Upload and start; what the vehicle has completed of it is not done again.
+    def _follow(self) -> None:
+        """Look at the vehicle until it is at the destination, and do what is decided at each look.
 
         Raises:
-            Lost, Refused: the vehicle may have this plan or the one before.
+            _SafeEnd, _Left: it does not come there.
         """
-        if self._started:
-            self._check_state(self._link.wait(0.0))
-        before = self._progress
-        fresh = new.upload if before.upload is new.upload else new.upload.without(self._passed(new.upload))
-        known = before.ahead
-        for note in self._link.upload(fresh):
-            self._say("note", note)
-        if self._started:
-            report = self._link.wait(0.0)
-            self._book(report)
-            self._check_state(report)
-            if self._count > new.kept:
-                self._say("replan", "the vehicle is past the leg that the new plan begins with: it is held")
-                self._link.hold()
-                self._new, self._due, self._holding = None, new.cause, True
-                return
-        more = min(before.ahead - known, len(fresh.steps) - 1)
-        self._started = True
-        self._link.start(more)
-        begun = None if self._sight is None else self._sight[1]
-        self._progress = _Progress(fresh, more, more, more, since=self._now, begun=begun)
-        self._progress.stay_on(before)
-        self._plan.followed = new.prospect
-        self._new, self._due, self._holding, self._ahead = None, "", False, -math.inf
-        steps = [[*map(float, step.position.round(3)), step.hold] for step in fresh.steps]
-        number, when = new.upload.number, round(self._now, 1)
-        self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})
-        self._say("upload", f"upload {number} ({new.cause}): {counted(len(fresh.steps), 'waypoint')}")
+        report = self._look(self._limits.look)
+        while True:
+            decision = decide(self._facts(report))
+            if decision.act is Act.ARRIVE:
+                self._phase = after(self._phase, decision.act)
+                return self._arrive()
+            if decision.act in (Act.LEAVE, Act.SURFACE):
+                raise (_Left if decision.act is Act.LEAVE else _SafeEnd)(decision.why)
+            if decision.act is not Act.GO_ON:
+                self._do(decision)
+            # What was done took time, in which the vehicle may have done something else.
+            report = self._look(self._limits.look if decision.act is Act.GO_ON else 0.0)
 
-    def _passed(self, upload: Upload) -> int:
-        """Return the steps at the beginning of an upload that the vehicle has completed already."""
-        progress = self._progress
-        done = {_place(step) for step in progress.upload.steps[: progress.ahead]}
-        count = 0
-        while count < len(upload.steps) and _place(upload.steps[count]) in done:
-            count += 1
-        return count
+    def _look(self, seconds: float) -> Report:
+        """Return the newest report after some seconds; an end that was reported once holds from then on."""
+        report = self._link.wait(seconds)
+        if self._end is None and report.state in (State.FAULT, State.SURFACING, State.STOPPED):
+            self._end = report
+        return report
 
-    def _follow(self) -> None:
-        """Look at the vehicle until it is at the destination."""
-        while self._count < len(self._plan.legs):
-            report = self._link.wait(self._limits.look)
-            self._book(report)
-            if self._count >= len(self._plan.legs):
-                break
-            self._hear()
-            self._check_end()
-            self._check_state(report)
-            if not self._reached(report):
-                continue
-            if self._holding:
-                self._go_on_past()
-                continue
-            self._check_moves(report)
-            if report.state is State.IDLE:
-                continue
-            self._check_track(report)
-            self._check_ahead(report)
-            self._check_time(report)
-            self._plan_rest()
+    def _do(self, decision: Decision) -> None:
+        """Do what was decided at a look."""
+        if decision.act is Act.HOLD:
+            self._hold(decision.rule, decision.why)
+        elif decision.act is Act.START:
+            self._asked(self._start, "the new plan was not taken: sent again")
+        elif decision.act is Act.RESTART:
+            self._restart(decision.why)
+        elif decision.act is Act.REPLAN_LEG:
+            self._plan_leg(decision.why)
+        elif decision.act is Act.REPLAN_REST:
+            self._plan_rest(decision.why)
+        elif decision.act is Act.DROP:
+            self._drop()
+        elif decision.act is Act.UPLOAD:
             self._send()
-        self._arrive()
+
+    def _facts(self, report: Report) -> Facts:
+        """Take in a report, and what was reported from outside; return what is known now."""
+        self._book(report)
+        if self._count >= len(self._plan.legs):
+            return Facts(self._phase, arrived=True)
+        self._hear()
+        now, progress, new, place = self._now, self._progress, self._new, report.position
+        heard = self._reached(report)
+        stuck, idle = "", report.state is State.IDLE
+        astray = hazard = ""
+        if heard and self._phase is Phase.UNDER_WAY:
+            assert place is not None
+            if still := progress.still(report, now, self._limits):
+                where = f"{report.state.value}, {report.message}" if report.message else report.state.value
+                stuck = f"no way made for {still:.0f} s ({where})"
+            if not idle:
+                off = progress.drift(place, now, self._limits)
+                astray = f"{off:.0f} m off its track" if off else ""
+                hazard = "an obstacle is in the way of the present leg" if self._is_blocked(place) else ""
+                self._judge_times(place)
+        end = "" if self._end is None else _state_in_words(self._end)
+        taken = self._end is not None and self._end.state is State.STOPPED
+        return Facts(
+            self._phase,
+            taken=end if taken else "",
+            given_up=self._spent if taken else end or self._spent,
+            overdue=self._overdue(),
+            heard=heard,
+            idle=idle,
+            stuck=stuck,
+            astray=astray,
+            hazard=hazard,
+            due=self._due,
+            waiting=Waiting.NONE if new is None else Waiting.UPLOADED if new.sent else Waiting.MADE,
+            missed="" if new is None else self._missed(new),
+            busy=self._is_at_task(place),
+            resting=now - self._failed < _PAUSE,
+        )
+
+    def _missed(self, new: _Next) -> str:
+        """Return why a plan cannot be begun any more, or an empty string."""
+        held = self._phase is Phase.HELD
+        if self._count > new.kept or (self._count == new.kept and not held and not new.sent):
+            return "the vehicle is past the leg that the new plan begins with"
+        late = held and not new.sent and self._now - new.begins > _LATE
+        return "the new plan was to be begun before" if late else ""
+
+    def _is_at_task(self, place: Array | None) -> bool:
+        """Return whether the vehicle, at [3] m, is at a task, or would be before a plan is handed over."""
+        progress = self._progress
+        if place is None or progress.over or progress.leaves_task(place):
+            return True
+        near = 10.0 + 3.0 * self._limits.reply * self._link.rate
+        return progress.step.hold > 0.0 and progress.time_to_step(place) < near
+
+    def _is_blocked(self, place: Array) -> bool:
+        """Return whether the track leads through an obstacle within the next minutes, seen now and then."""
+        now, progress = self._now, self._progress
+        if now - self._looked >= self._limits.astray and not progress.over and not progress.at_task(place):
+            self._looked = now
+            track, seconds = progress.track_ahead(place)
+            self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
+        return self._blocked
+
+    def _judge_times(self, place: Array) -> None:
+        """See whether the vehicle, at [3] m, is so far off its plan that the rest is re-planned."""
+        late = self._progress.late(place, self._now)
+        if late is None or self._due or self._new is not None or self._settled == self._count:
+            return
+        if abs(late) > max(self._limits.late, self._plan.tolerance):
+            self._due, self._settled = "late" if late > 0.0 else "early", self._count
 
     def _book(self, report: Report) -> None:
         """Book where the vehicle is, and the steps that it has completed and can have completed."""
@@ -370,17 +360,12 @@ class _Executor:
             row = round(self._now, 1), north, east, depth
             if not self._record.track or self._record.track[-1][1:] != row[1:]:
                 self._record.track.append(row)
-        steps = progress.upload.steps
-        for number, step in list(enumerate(steps))[progress.done : max(report.done, 0)]:
-            if not progress.believed(number):
-                break  # it is not there yet, whatever it says
-            progress.done += 1
-            progress.since, self._tries = self._now, 0
+        for step in progress.complete(report.done, self._now):
+            self._tries = 0
             if step.ends_leg:
                 self._end_leg(step.leg)
-        progress.ahead = max(progress.ahead, min(progress.done, len(steps) - 1))
-        if self._link.by_legs and report.position is not None and progress.done > progress.first:
-            self._pass_corners(progress, report.position)
+        if self._link.by_legs and report.position is not None:
+            progress.pass_corners(report.position)
 
     def _see(self, report: Report) -> None:
         """Take note of where the vehicle is and can have been since it was last seen."""
@@ -390,15 +375,6 @@ class _Executor:
         before, place = self._sight or (now, report.position)
         self._progress.see(place, report.position, now - before, self._limits.corridor)
         self._sight = now, report.position
-
-    def _pass_corners(self, progress: _Progress, place: Array) -> None:
-        """See which corner of its leg the vehicle has passed where it does not say so itself."""
-        steps = progress.upload.steps
-        while progress.ahead + 1 < len(steps) and not steps[progress.ahead].ends_leg:
-            step, after = steps[progress.ahead], steps[progress.ahead + 1]
-            if _distance(place, after.left, after.position) >= _distance(place, step.left, step.position):
-                return
-            progress.ahead += 1
 
     def _end_leg(self, number: int) -> None:
         """Book legs up to one of a number, from 1."""
@@ -427,7 +403,7 @@ class _Executor:
                 north, east = (p - v * now for p, v in zip(obstacle.position, obstacle.velocity, strict=True))
                 self._plan.add_obstacle(replace(obstacle, position=(north, east)))
                 self._say("reported", f"obstacle {obstacle.name}, radius {obstacle.radius:.0f} m")
-                self._ahead = -math.inf
+                self._looked = -math.inf
                 reported.append(obstacle)
             elif isinstance(notice, CurrentNotice):
                 place = self._link.wait(0.0).position if notice.position is None else notice.position
@@ -454,18 +430,15 @@ class _Executor:
                 self._say("hazard", f"in the way of leg {self._leg_name(leg)}: {names}")
                 return
 
-    def _check_end(self) -> None:
-        """Say when the time available is over, and give up some time after.
-
-        Raises:
-            _SafeEnd: the vehicle is overdue.
-        """
+    def _overdue(self) -> str:
+        """Say when the time available is over; return that the vehicle is overdue some time after."""
         available = self._record.t_available
         if self._now > available and not self._over:
             self._over = True
             self._say("over", f"the time available, {available:.0f} s, is over, and the vehicle is under way")
-        if self._now > available + self._limits.overdue:
-            raise _SafeEnd(("the link is lost and " if self._silent else "") + "the vehicle is overdue")
+        if self._now <= available + self._limits.overdue:
+            return ""
+        return ("the link is lost and " if self._silent else "") + "the vehicle is overdue"
 
     def _reached(self, report: Report) -> bool:
         """Return whether the vehicle and its place are heard of; without a link it goes on with its plan."""
@@ -494,245 +467,156 @@ class _Executor:
         alone = self._link.left_alone
         return f"by its own settings {alone}" if alone else self._goes_on
 
-    def _check_state(self, report: Report) -> None:
-        """Give up where the vehicle itself did, or somebody else.
-
-        Raises:
-            _SafeEnd: it is in a state of fault, or surfaces; `_Left`: it was stopped.
-        """
-        if report.state in (State.FAULT, State.SURFACING, State.STOPPED):
-            words = f": {report.message}" if report.message else ""
-            end = _Left if report.state is State.STOPPED else _SafeEnd
-            raise end(f"the vehicle is {report.state.value}{words}")
-
-    def _at_task(self, report: Report) -> bool:
-        """Return whether the vehicle is at the place of a task that is not done."""
-        progress = self._progress
-        if report.position is None or progress.done >= len(progress.upload.steps):
-            return False
-        step = progress.upload.steps[progress.ahead]
-        return step.hold > 0.0 and bool(np.linalg.norm(step.position - report.position) < _AT_TASK)
-
-    def _check_moves(self, report: Report) -> None:
-        """Start a vehicle again that has stopped.
-
-        Raises:
-            _SafeEnd: it stops again and again.
-        """
-        progress, now, place = self._progress, self._now, report.position
-        if place is None:
-            return
-        if progress.place is None or np.linalg.norm(place - progress.place) > self._limits.moved:
-            progress.place = place
-            if report.state not in (State.IDLE, State.HOLDING, State.FINISHED):
-                progress.since = now
-                return
-        allowed = self._limits.idle if report.state is State.IDLE else self._limits.stall
-        if self._at_task(report) and report.state is not State.IDLE:
-            allowed += progress.upload.steps[progress.ahead].hold
-        if now - progress.since <= allowed:
-            return
-        where = f"{report.state.value}, {report.message}" if report.message else report.state.value
-        self._try("stopped", f"no way made for {now - progress.since:.0f} s ({where}): started again")
-        if self._asked(self._start_again):
-            self._failed = now  # it gets under way before what is left is re-planned for its times
-        progress.since = now
-
-    def _start_again(self) -> None:
-        """Hand over what the vehicle should have, as it may have lost it, and start it where it was.
-
-        Raises:
-            Lost, Refused: it does not.
-        """
-        progress = self._progress
-        self._link.upload(progress.upload)
-        self._link.start(progress.ahead)
-
-    def _try(self, kind: str, text: str) -> None:
-        """Count an answer to what went wrong.
-
-        Raises:
-            _SafeEnd: there were too many in a row.
-        """
+    def _try(self, kind: str, text: str) -> bool:
+        """Count an answer to what went wrong; return whether there were not too many in a row."""
         self._tries += 1
         if self._tries > self._limits.tries:
-            raise _SafeEnd(f"{text.split(':')[0]}, after {self._limits.tries} tries")
+            self._spent = f"{text.split(':')[0]}, after {self._limits.tries} tries"
+            return False
         self._say(kind, text)
+        return True
 
-    def _asked(self, call: Callable[[], None]) -> bool:
-        """Ask the vehicle for something; return whether it does it. What fails is tried again later."""
+    def _asked(self, call: Callable[[], None], otherwise: str = "") -> bool:
+        """Ask the vehicle for something; return whether it does it. What fails is tried again later.
+
+        Args:
+            call: asks it.
+            otherwise: what is said, and counted, where it fails.
+        """
         try:
             call()
         except LinkError as error:
             self._say("failed", str(error))
             self._failed = self._now
+            if otherwise:
+                self._try("failed", otherwise)
             return False
         return True
 
-    def _check_track(self, report: Report) -> None:
-        """Hold a vehicle that has left its track, and plan from where it is."""
-        progress, place = self._progress, report.position
-        if place is None or progress.done >= len(progress.upload.steps):
-            return
-        off = _distance(place, *progress.line)
-        if off <= self._limits.corridor:
-            progress.astray = math.inf
-        elif progress.astray == math.inf:
-            progress.astray = self._now
-        elif self._now - progress.astray > self._limits.astray:
-            self._hold("drift", f"{off:.0f} m off its track")
+    def _restart(self, why: str) -> None:
+        """Hand over what the vehicle should have, as it may have lost it, and start it where it was."""
+        progress = self._progress
 
-    def _check_ahead(self, report: Report) -> None:
-        """Hold a vehicle whose track leads through an obstacle within the next minutes."""
-        progress, now = self._progress, self._now
-        due = now - self._ahead >= self._limits.astray and report.position is not None
-        if not due or progress.done >= len(progress.upload.steps) or self._at_task(report):
-            return
-        self._ahead = now
-        assert report.position is not None
-        speed = progress.upload.steps[progress.ahead].pace(progress.upload.itinerary.speed)
-        places, left = [report.position], _AHEAD * speed
-        number = progress.upload.steps[progress.ahead].leg
-        for step in progress.upload.steps[progress.ahead :]:
-            gap = float(np.linalg.norm(step.position - places[-1]))
-            if step.leg != number or left <= 0.0:
-                break
-            places.append(places[-1] + min(1.0, left / max(gap, 1e-6)) * (step.position - places[-1]))
-            left -= gap
-        track = np.asarray(places)
-        passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(track, axis=0), axis=1))])
-        if self._plan.clearance(track, now + passed / speed) < 0.5 * self._plan.margin:
-            self._hold("hazard", "an obstacle is in the way of the present leg")
+        def again() -> None:
+            self._link.upload(progress.upload)
+            self._link.start(progress.ahead)
 
-    def _hold(self, kind: str, why: str) -> None:
-        """Hold the vehicle where it is, until there is a plan from there.
+        if self._try("stopped", f"{why}: started again") and self._asked(again):
+            self._failed = self._now  # it gets under way before what is left is re-planned for its times
+        progress.since = self._now
 
-        Raises:
-            _SafeEnd: that was so too often.
-        """
-        if self._now - self._failed < _PAUSE:
+    def _hold(self, rule: str, why: str) -> None:
+        """Hold the vehicle where it is, until there is a plan from there."""
+        new, cause = self._new, rule
+        if new is not None and new.sent:
+            cause = new.cause
+            self._say("replan", f"{why}: it is held")
+            self._new = replace(new, sent=None)
+        elif not self._try(cause, f"{why}: the vehicle is held, and the way from there re-planned"):
             return
-        self._try(kind, f"{why}: the vehicle is held, and the way from there re-planned")
         if self._asked(self._link.hold):
-            self._holding, self._new, self._due = True, None, kind
-            self._failed = -math.inf
-            self._go_on_past()
+            self._phase, self._new, self._due = after(self._phase, Act.HOLD), None, cause
+            self._failed, self._blocked = -math.inf, False
 
-    def _go_on_past(self) -> None:
-        """Plan from where the vehicle holds, and go on.
+    def _drop(self) -> None:
+        """Drop the plan that waits; another one is due for the same cause."""
+        assert self._new is not None
+        if self._phase is not Phase.HELD:
+            self._say("replan", "the new plan came too late for its first leg")
+        self._new, self._due = None, self._new.cause
+
+    def _send(self) -> None:
+        """Hand over the plan that waits; it is started after the next report."""
+        new = self._new
+        assert new is not None
+        self._asked(lambda: self._upload(new), "the new plan was not taken: sent again")
+
+    def _upload(self, new: _Next) -> None:
+        """Upload a plan without what the vehicle has completed of it.
 
         Raises:
-            _SafeEnd: no plan leads on, try after try.
+            Lost, Refused: the vehicle may have this plan or the one before.
         """
-        if self._now - self._failed < _PAUSE:
-            return
-        report, cause = self._link.wait(0.0), self._due
-        self._book(report)  # it may have ended a leg before it held
-        if report.position is None or self._count >= len(self._plan.legs):
-            return
-        if self._new is not None and (self._count > self._new.kept or self._now - self._new.begins > _LATE):
-            self._new = None
-        if self._new is None:
-            begins, found = self._plan_from(report.position)
-            if found is None:
-                self._failed = self._now
-                self._try("no plan", f"no plan from here: {self._plan.reason}; the vehicle holds")
-                return
-            upload = Upload(self._plan.itinerary(found, self._count), self._progress.upload.number + 1)
-            self._new = _Next(upload, found, self._count, cause, begins)
-            legs = counted(len(found.legs) - self._count, "leg")
-            self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, planned end {found.ends:.0f} s")
-        new = self._new
-        if not self._asked(lambda: self._hand_over(new)):
-            self._try("failed", "the plan past it was not taken: sent again")
+        before = self._progress
+        fresh = new.upload if before.upload is new.upload else new.upload.without(before.passed(new.upload))
+        known = before.ahead
+        for note in self._link.upload(fresh):
+            self._say("note", note)
+        self._new = replace(new, sent=fresh, known=known)
 
-    def _plan_from(self, position: Array) -> tuple[float, Prospect | None]:
-        """Plan from where the vehicle holds, [3] m, for when it can be started, twice where that is missed.
+    def _start(self) -> None:
+        """Start what was uploaded, at the step that the vehicle has come to meanwhile.
 
-        Returns:
-            s of mission time that the plan begins at, and the plan, or None.
+        Raises:
+            Lost, Refused: the vehicle does not say that it does; the plan is to be uploaded again.
         """
+        new, before = self._new, self._progress
+        assert new is not None
+        assert new.sent is not None
+        self._new = replace(new, sent=None)
+        more = min(before.ahead - new.known, len(new.sent.steps) - 1)
+        if self._phase is Phase.READY:
+            self._phase = after(self._phase, Act.START)  # it may have started, whatever comes back
+        self._link.start(more)
+        self._phase = after(self._phase, Act.START)
+        begun = None if self._sight is None else self._sight[1]
+        self._progress = Progress(new.sent, more, more, more, since=self._now, begun=begun)
+        self._progress.stay_on(before)
+        self._plan.followed = new.prospect
+        self._new, self._due, self._looked, self._blocked = None, "", -math.inf, False
+        steps = [[*map(float, step.position.round(3)), step.hold] for step in new.sent.steps]
+        number, when = new.upload.number, round(self._now, 1)
+        self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})
+        self._say("upload", f"upload {number} ({new.cause}): {counted(len(new.sent.steps), 'waypoint')}")
+
+    def _plan_leg(self, cause: str) -> None:
+        """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
+        place = self._look(0.0).position
+        if place is None:
+            return
         for _ in range(2):
             asked = self._now
             begins = asked + self._cost
-            found = self._plan.from_position(self._count, position, begins)
+            found = self._plan.from_position(self._count, place, begins)
             self._cost = self._now - asked
             if found is None or self._now - begins <= _LATE:
                 break
-        return begins, found
-
-    def _check_time(self, report: Report) -> None:
-        """See whether the vehicle is so far off its plan that the rest is re-planned."""
-        late = self._late(report)
-        if late is None or self._due or self._new is not None or self._settled == self._count:
+        if found is None:
+            self._failed = self._now
+            self._try("no plan", f"no plan from here: {self._plan.reason}; the vehicle holds")
             return
-        if abs(late) > max(self._limits.late, self._plan.tolerance):
-            self._due, self._settled = "late" if late > 0.0 else "early", self._count
+        upload = Upload(self._plan.itinerary(found, self._count), self._progress.upload.number + 1)
+        self._new = _Next(upload, found, self._count, cause, begins)
+        legs = counted(len(found.legs) - self._count, "leg")
+        self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, planned end {found.ends:.0f} s")
 
-    def _late(self, report: Report) -> float | None:
-        """Return s that the vehicle is behind its plan on this leg; None where that cannot be said."""
-        progress = self._progress
-        if report.position is None or progress.done >= len(progress.upload.steps) or self._at_task(report):
-            return None
-        step = progress.upload.steps[progress.ahead]
-        if progress.ahead == 0 and progress.upload.origin is None:
-            ahead = float(np.linalg.norm(step.position - report.position)) / progress.upload.itinerary.speed
-            return self._now + ahead - step.time
-        way = step.position - step.left
-        length = float(way @ way)
-        share = float(np.clip((report.position - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
-        return self._now - (step.left_at + share * (step.time - step.left_at))
-
-    def _plan_rest(self) -> None:
+    def _plan_rest(self, cause: str) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
-        if not self._due or self._new is not None or self._now - self._failed < _PAUSE:
-            return
-        legs, late = self._plan.legs, self._late(self._link.wait(0.0)) or 0.0
+        legs, progress, begin = self._plan.legs, self._progress, self._now
+        late = progress.late(self._look(0.0).position, begin) or 0.0
         kept = self._count + 1
-        while kept < len(legs) and _after(legs[kept - 1], late) < self._now + self._cost:
+        while kept < len(legs) and _after(legs[kept - 1], late) < begin + self._cost:
             kept += 1
         if kept >= len(legs):
             self._due = ""
             return
-        cause, begin = self._due, self._now
         found = self._plan.from_leg(kept, _after(legs[kept - 1], late))
         if found is None:
             self._due = ""
             self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
             return
-        present = self._progress.upload.without(self._progress.ahead)
+        present = progress.upload.without(progress.ahead)
         staying = [_shifted(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
         rest = self._plan.itinerary(found, kept)
         first = present.steps[0]
         origin = first.left, first.left_at + late
-        if self._progress.ahead == 0 and present.origin is None:  # it is on its way to the start
-            origin = self._progress.line[0], first.left_at
-        legs_left = replace(rest, legs=(*staying, *rest.legs))
-        upload = Upload(legs_left, self._progress.upload.number + 1, origin)
+        if progress.ahead == 0 and present.origin is None:  # it is on its way to the start
+            origin = progress.line[0], first.left_at
+        upload = Upload(replace(rest, legs=(*staying, *rest.legs)), progress.upload.number + 1, origin)
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
         anew = counted(len(found.legs) - kept, "leg")
         self._say("replan", f"{cause}, {late:+.0f} s: {anew} anew, planned end {found.ends:.0f} s")
-
-    def _send(self) -> None:
-        """Send what was planned, where that takes or doubles no task."""
-        if self._new is None or self._now - self._failed < _PAUSE:
-            return
-        report, progress, new = self._link.wait(0.0), self._progress, self._new
-        self._book(report)
-        if self._count >= new.kept:
-            self._new, self._due = None, new.cause
-            self._say("replan", "the new plan came too late for its first leg")
-            return
-        if report.position is None or progress.done >= len(progress.upload.steps):
-            return
-        step = progress.upload.steps[progress.ahead]
-        speed = step.pace(progress.upload.itinerary.speed)
-        left = float(np.linalg.norm(step.position - report.position)) / speed
-        if step.hold > 0.0 and left < 10.0 + 3.0 * self._limits.reply * self._link.rate:
-            return
-        if not self._asked(lambda: self._hand_over(new)):
-            self._try("failed", "the new plan was not taken: sent again")
 
     def _arrive(self) -> None:
         """Watch the end behaviour, and give the verdict."""
@@ -795,9 +679,9 @@ class _Executor:
         return up
 
 
-def _place(step: Step) -> tuple[float, ...]:
-    """Return what distinguishes a step from those of other places and legs."""
-    return step.leg, *step.position.tolist()
+def _state_in_words(report: Report) -> str:
+    words = f": {report.message}" if report.message else ""
+    return f"the vehicle is {report.state.value}{words}"
 
 
 def _after(leg: LegRecord, late: float) -> float:
@@ -808,11 +692,3 @@ def _after(leg: LegRecord, late: float) -> float:
 def _shifted(leg: PlannedLeg, seconds: float) -> PlannedLeg:
     """Return a leg that is gone later."""
     return replace(leg, times=leg.times + seconds, kept_times=leg.kept_times + seconds)
-
-
-def _distance(place: Array, first: Array, last: Array) -> float:
-    """Return m from a place to the straight line between two others."""
-    way = last - first
-    length = float(way @ way)
-    share = float(np.clip((place - first) @ way / length, 0.0, 1.0)) if length else 0.0
-    return float(np.linalg.norm(place - first - share * way))

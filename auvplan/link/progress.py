@@ -1,0 +1,212 @@
+"""How a vehicle gets on with what was uploaded: steps completed, places seen, and how far it is off."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.link.limits import Limits
+from auvplan.link.vehicle import Report, State, Step, Upload
+
+Array = NDArray[np.floating]
+
+#: m from the place of a task within which the vehicle is taken to be at it.
+_AT_TASK = 15.0
+
+#: s ahead within which the track is looked at for known obstacles.
+_AHEAD = 180.0
+
+#: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
+_TIMES, _MORE = 2.0, 2.0
+
+
+@dataclass
+class Progress:
+    """How the vehicle gets on with an upload.
+
+    Attributes:
+        upload: that it executes.
+        first: step that it was started from.
+        done: steps that are completed.
+        ahead: the step that the vehicle is on its way to, at least `done`.
+        place: [3] m and `since` s, where and since when it has not moved.
+        astray: s since when it is off its track, or infinite.
+        begun: [3] m, where it was when it began, or None.
+        stayed: [n] s that it can have been at the place of each step, by where it was seen; -1 for never.
+    """
+
+    upload: Upload
+    first: int = 0
+    done: int = 0
+    ahead: int = 0
+    place: Array | None = None
+    since: float = 0.0
+    astray: float = math.inf
+    begun: Array | None = None
+    stayed: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stayed = np.full(len(self.upload.steps), -1.0)
+
+    @property
+    def over(self) -> bool:
+        """Whether all steps are completed."""
+        return self.done >= len(self.upload.steps)
+
+    @property
+    def step(self) -> Step:
+        """The step that it is on its way to."""
+        return self.upload.steps[self.ahead]
+
+    @property
+    def line(self) -> tuple[Array, Array]:
+        """Ends [3] m of the straight line that the vehicle is on."""
+        alone = self.to_the_start and self.begun is not None
+        return (self.begun if alone else self.step.left), self.step.position  # type: ignore[return-value]
+
+    @property
+    def to_the_start(self) -> bool:
+        """Whether it is on its way to the first place of its plan, from wherever it was."""
+        return self.ahead == 0 and self.upload.origin is None
+
+    def see(self, first: Array, last: Array, seconds: float, reach: float) -> None:
+        """Take note of where the vehicle can have been between two places [3] m.
+
+        Args:
+            first, last, seconds: two sightings of it, and s between them.
+            reach: m from a place within which it is taken to be there.
+        """
+        places = np.asarray([step.position for step in self.upload.steps])
+        way = np.linalg.norm(places - first, axis=1) + np.linalg.norm(places - last, axis=1)
+        speed = _TIMES * self.upload.itinerary.speed + _MORE
+        left = seconds - np.maximum(way - 2.0 * reach, 0.0) / speed
+        self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
+
+    def stay_on(self, before: "Progress") -> None:
+        """Take over how long the vehicle was at places that it also goes to by this upload."""
+        known = {
+            place_of(step): float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)
+        }
+        self.stayed = np.asarray([known.get(place_of(step), -1.0) for step in self.upload.steps])
+
+    def complete(self, count: int, now: float) -> list[Step]:
+        """Complete steps up to a count as far as the vehicle can have been at them; return these.
+
+        Args:
+            count: of steps that it says are completed.
+            now: s.
+        """
+        fresh = []
+        for number, step in list(enumerate(self.upload.steps))[self.done : max(count, 0)]:
+            if step.ends_leg and self.stayed[number] < step.hold:
+                break  # it is not there yet, whatever it says
+            self.done += 1
+            self.since = now
+            fresh.append(step)
+        self.ahead = max(self.ahead, min(self.done, len(self.upload.steps) - 1))
+        return fresh
+
+    def pass_corners(self, place: Array) -> None:
+        """See which corner of its leg a vehicle at [3] m has passed that does not say so itself."""
+        steps = self.upload.steps
+        while self.done > self.first and self.ahead + 1 < len(steps) and not self.step.ends_leg:
+            step, after = steps[self.ahead], steps[self.ahead + 1]
+            if _distance(place, after.left, after.position) >= _distance(place, step.left, step.position):
+                return
+            self.ahead += 1
+
+    def passed(self, upload: Upload) -> int:
+        """Return the steps at the beginning of another upload that the vehicle has completed already."""
+        done = {place_of(step) for step in self.upload.steps[: self.ahead]}
+        count = 0
+        while count < len(upload.steps) and place_of(upload.steps[count]) in done:
+            count += 1
+        return count
+
+    def at_task(self, place: Array | None) -> bool:
+        """Return whether the vehicle, at [3] m, is at the place of a task that is not done."""
+        if place is None or self.over:
+            return False
+        return self.step.hold > 0.0 and bool(np.linalg.norm(self.step.position - place) < _AT_TASK)
+
+    def leaves_task(self, place: Array) -> bool:
+        """Return whether the vehicle, at [3] m, is still at the place of the task that it completed last.
+
+        It counts as completed as soon as it can have been.
+        """
+        last = self.upload.steps[self.done - 1] if self.done else None
+        return last is not None and last.hold > 0.0 and bool(np.linalg.norm(last.position - place) < _AT_TASK)
+
+    def still(self, report: Report, now: float, limits: Limits) -> float:
+        """Take note of whether the vehicle moves; return s for which it has made no way, 0 where that may be.
+
+        A task is done without way, and a vehicle without a plan is not waited for as long.
+        """
+        place = report.position
+        if place is None:
+            return 0.0
+        if self.place is None or np.linalg.norm(place - self.place) > limits.moved:
+            self.place = place
+            if report.state not in (State.IDLE, State.HOLDING, State.FINISHED):
+                self.since = now
+        allowed = limits.idle if report.state is State.IDLE else limits.stall
+        if self.at_task(place) and report.state is not State.IDLE:
+            allowed += self.step.hold
+        return now - self.since if now - self.since > allowed else 0.0
+
+    def drift(self, place: Array, now: float, limits: Limits) -> float:
+        """Return m by which the vehicle, at [3] m, has been off its track for too long; else 0."""
+        if self.over:
+            return 0.0
+        off = _distance(place, *self.line)
+        if off <= limits.corridor:
+            self.astray = math.inf
+        elif self.astray == math.inf:
+            self.astray = now
+        return off if now - self.astray > limits.astray else 0.0
+
+    def late(self, place: Array | None, now: float) -> float | None:
+        """Return s that the vehicle, at [3] m, is behind its plan; None where that cannot be said."""
+        if place is None or self.over or self.at_task(place):
+            return None
+        step = self.step
+        if self.to_the_start:
+            ahead = float(np.linalg.norm(step.position - place)) / self.upload.itinerary.speed
+            return now + ahead - step.time
+        way = step.position - step.left
+        length = float(way @ way)
+        share = float(np.clip((place - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
+        return now - (step.left_at + share * (step.time - step.left_at))
+
+    def track_ahead(self, place: Array) -> tuple[Array, Array]:
+        """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s."""
+        speed = self.step.pace(self.upload.itinerary.speed)
+        places, left = [place], _AHEAD * speed
+        for step in self.upload.steps[self.ahead :]:
+            gap = float(np.linalg.norm(step.position - places[-1]))
+            if step.leg != self.step.leg or left <= 0.0:
+                break
+            places.append(places[-1] + min(1.0, left / max(gap, 1e-6)) * (step.position - places[-1]))
+            left -= gap
+        track = np.asarray(places)
+        passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(track, axis=0), axis=1))])
+        return track, passed / speed
+
+    def time_to_step(self, place: Array) -> float:
+        """Return s from a place [3] m to the step ahead."""
+        gap = float(np.linalg.norm(self.step.position - place))
+        return gap / self.step.pace(self.upload.itinerary.speed)
+
+
+def place_of(step: Step) -> tuple[float, ...]:
+    """Return what distinguishes a step from those of other places and legs."""
+    return step.leg, *step.position.tolist()
+
+
+def _distance(place: Array, first: Array, last: Array) -> float:
+    """Return m from a place to the straight line between two others."""
+    way = last - first
+    length = float(way @ way)
+    share = float(np.clip((place - first) @ way / length, 0.0, 1.0)) if length else 0.0
+    return float(np.linalg.norm(place - first - share * way))
