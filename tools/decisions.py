@@ -23,7 +23,7 @@ def as_markdown() -> str:
     drawn += [f'    state "{phase.value}" as {number[phase]}' for phase in Phase]
     drawn += [f"    [*] --> {number[Phase.READY]}"]
     drawn += [f"    {number[begin]} --> {number[end]}: {act.value}" for (begin, act), end in NEXT.items()]
-    ends = {end for end in NEXT.values()} - {begin for begin, _ in NEXT}
+    ends = set(NEXT.values()) - {begin for begin, _ in NEXT}
     drawn += [f"    {number[end]} --> [*]" for end in Phase if end in ends]
     return "\n".join([*rows, "", *drawn, "```", ""])
 
