@@ -40,6 +40,7 @@ TARGETS = {
     "auvplan/path/clearance.py": ("tests/path/test_clearance.py", "tests/path/test_seabed.py"),
     "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py", "tests/mission/test_timetable.py"),
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
+    "auvplan/executive/decide.py": ("tests/executive/test_decide.py",),
     "auvplan/executive/loop.py": (
         "tests/executive/test_loop.py",
         "tests/executive/test_clock.py",
