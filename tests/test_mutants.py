@@ -1,11 +1,11 @@
 """Rules that are broken by hand: which there are, and that every reason for one to live is of such a one."""
 
-import importlib.util
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+
+from tests.tool import load_tool
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -41,12 +41,7 @@ BROKEN = [
 @pytest.fixture(scope="module")
 def tool():
     """The tool, which is no part of the package."""
-    spec = importlib.util.spec_from_file_location("mutants", ROOT / "tools" / "mutants.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["mutants"] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["mutants"]
+    return load_tool("mutants")
 
 
 def test_each_rule_is_broken_in_one_place(tool):

@@ -62,7 +62,7 @@ class Facts:
         stuck: that it makes no way.
         astray: that it is off its track.
         hazard: that an obstacle is in the way of its present leg.
-        due: why what is left is to be planned anew.
+        due: why the rest is to be re-planned.
         window: whether its path is due to be looked at again.
         waiting: of a plan that is to replace the one in hand.
         missed: that this plan cannot be begun any more.
@@ -96,11 +96,6 @@ class Facts:
     def held(self) -> bool:
         """Whether it waits for a plan."""
         return self.phase is Phase.HELD
-
-    @property
-    def wrong(self) -> bool:
-        """Whether its present leg cannot be gone on with."""
-        return bool(self.astray or self.hazard)
 
 
 @dataclass(frozen=True)
@@ -169,15 +164,15 @@ RULES = (
         Act.DROP,
         lambda f: f.waiting is Waiting.MADE and f.missed,
     ),
+    Rule("drift", "it is off its track for long", Act.HOLD, lambda f: not f.held and f.astray),
+    Rule("hazard", "an obstacle is on its track", Act.HOLD, lambda f: not f.held and f.hazard),
     Rule(
         "plan",
-        "a plan waits, and no task is near",
+        "a plan waits, and it is held or no task is near",
         Act.UPLOAD,
-        lambda f: f.waiting is Waiting.MADE and (f.held or not (f.wrong or f.busy)),
+        lambda f: f.waiting is Waiting.MADE and (f.held or not f.busy),
     ),
     Rule("held", "it is held", Act.REPLAN_LEG, lambda f: f.held and f.due),
-    Rule("drift", "it is off its track for long", Act.HOLD, lambda f: f.astray),
-    Rule("hazard", "an obstacle is on its track", Act.HOLD, lambda f: f.hazard),
     Rule(
         "due",
         "late, early, a current or an obstacle of a later leg reported",

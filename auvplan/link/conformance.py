@@ -3,14 +3,14 @@
 Example:
     >>> from auvplan.link.conformance import failures
     >>> failures(my_link, upload)  # doctest: +SKIP
-    ['hold: 55 m away 60 s later']
+    ['holds: 55 m away 60 s later']
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
-from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink
+from auvplan.link.vehicle import LinkError, State, Upload, VehicleLink
 
 #: s of mission time after which a vehicle does what it was asked to, and between two looks.
 _SOON, _LOOK = 120.0, 5.0
@@ -38,16 +38,13 @@ def failures(link: VehicleLink, plan: Upload) -> list[str]:
     found: list[str] = []
     try:
         for stage in (_connects, _takes_a_plan, _follows, _holds, _goes_on, _surfaces):
+            asked = stage.__name__.strip("_").replace("_", " ")
             try:
-                found += [
-                    f"{stage.__name__.strip('_').replace('_', ' ')}: {why}" for why in stage(link, plan)
-                ]
+                found += [f"{asked}: {why}" for why in stage(link, plan)]
             except LinkError as error:
-                found.append(
-                    f"{stage.__name__.strip('_').replace('_', ' ')}: {type(error).__name__}: {error}"
-                )
+                found.append(f"{asked}: {type(error).__name__}: {error}")
             if found:
-                return found
+                break
     finally:
         link.close()
     return found
@@ -73,8 +70,7 @@ def _takes_a_plan(link: VehicleLink, plan: Upload) -> Iterator[str]:
     if report.done:
         yield f"{report.done} steps are done before the start"
     link.start()
-    if (after := _until(link, lambda report: report.state is State.EXECUTING, _SOON)) is not None:
-        yield f"started, it is {after.state.value} after {_SOON:g} s"
+    yield from _comes_to(link, State.EXECUTING)
 
 
 def _follows(link: VehicleLink, plan: Upload) -> Iterator[str]:
@@ -98,8 +94,7 @@ def _follows(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 def _holds(link: VehicleLink, plan: Upload) -> Iterator[str]:
     link.hold()
-    if (after := _until(link, lambda report: report.state is State.HOLDING, _SOON)) is not None:
-        yield f"it is {after.state.value} after {_SOON:g} s"
+    yield from _comes_to(link, State.HOLDING)
     link.wait(_STAYS)
     places = [link.wait(seconds).position for seconds in (0.0, _STAYS)]
     if places[0] is None or places[1] is None:
@@ -115,27 +110,21 @@ def _goes_on(link: VehicleLink, plan: Upload) -> Iterator[str]:
     if (now := link.wait(0.0).done) != done:
         yield f"{now} steps are done once another plan is uploaded, {done} were: it is not started yet"
     link.start()
-    if (after := _until(link, lambda report: report.state is State.EXECUTING, _SOON)) is not None:
-        yield f"it is {after.state.value} after {_SOON:g} s"
+    yield from _comes_to(link, State.EXECUTING)
     if (now := link.wait(0.0).done) >= len(rest.steps):
         yield f"{now} of {len(rest.steps)} steps are done just after the start"
 
 
 def _surfaces(link: VehicleLink, plan: Upload) -> Iterator[str]:
     link.abort()
-    if (after := _until(link, _is_up, 10.0 * _SOON)) is not None:
-        yield f"it is {after.state.value} after {10.0 * _SOON:g} s"
+    yield from _comes_to(link, State.SURFACING, 10.0 * _SOON, top=1.0)
 
 
-def _is_up(report: Report) -> bool:
-    return report.state is State.SURFACING or (report.position is not None and report.position[2] < 1.0)
-
-
-def _until(link: VehicleLink, holds: Callable[[Report], bool], seconds: float) -> Report | None:
-    """Look at a vehicle until something holds; return the last report where it does not, else None."""
+def _comes_to(link: VehicleLink, state: State, seconds: float = _SOON, top: float = -np.inf) -> Iterator[str]:
+    """Look at a vehicle until it is in a state, or less deep than `top`, m; say where it is in another."""
     begin, report = link.now, link.wait(0.0)
-    while not holds(report):
+    while report.state is not state and (report.position is None or report.position[2] >= top):
         if link.now > begin + seconds:
-            return report
+            yield f"it is {report.state.value} after {seconds:g} s"
+            return
         report = link.wait(_LOOK)
-    return None

@@ -214,7 +214,8 @@ class _Executor:
             self._say("plan", f"the vehicle is {away:.0f} s from the start: planned end {plan.ends:.0f} s")
         self._progress = Progress(whole)
         self._see(self._link.wait(0.0))
-        self._upload(_Next(whole, plan, 0, "start"))
+        self._new = _Next(whole, plan, 0, "start")
+        self._upload()
         self._start()
 
     def _check_ready(self, report: Report, start: Array) -> float:
@@ -266,8 +267,9 @@ class _Executor:
         """Do what was decided at a look."""
         if decision.act is Act.HOLD:
             self._hold(decision.rule, decision.why)
-        elif decision.act is Act.START:
-            self._asked(self._start, "the new plan was not taken: sent again")
+        elif decision.act in (Act.UPLOAD, Act.START):
+            call = self._upload if decision.act is Act.UPLOAD else self._start
+            self._asked(call, "the new plan was not taken: sent again")
         elif decision.act is Act.RESTART:
             self._restart(decision.why)
         elif decision.act is Act.REPLAN_LEG:
@@ -276,15 +278,14 @@ class _Executor:
             self._plan_rest(decision.why)
         elif decision.act is Act.DROP:
             self._drop()
-        elif decision.act is Act.UPLOAD:
-            self._send()
 
     def _facts(self, report: Report) -> Facts:
         """Take in a report, and what was reported from outside; return what is known now."""
         self._book(report)
         if self._count >= len(self._plan.legs):
             return Facts(self._phase, arrived=True)
-        self._hear()
+        if self._new is None or not self._new.sent:  # what is uploaded is started before anything else
+            self._hear()
         now, progress, new, place = self._now, self._progress, self._new, report.position
         heard = self._reached(report)
         stuck, idle = "", report.state is State.IDLE
@@ -337,7 +338,9 @@ class _Executor:
     def _is_blocked(self, place: Array) -> bool:
         """Return whether the track leads through an obstacle within the next minutes, seen now and then."""
         now, progress = self._now, self._progress
-        if now - self._looked >= self._limits.astray and not progress.over and not progress.at_task(place):
+        if progress.over or progress.at_task(place):
+            return False
+        if now - self._looked >= self._limits.astray:
             self._looked = now
             track, seconds = progress.track_ahead(place)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
@@ -502,7 +505,7 @@ class _Executor:
             self._link.start(progress.ahead)
 
         if self._try("stopped", f"{why}: started again") and self._asked(again):
-            self._failed = self._now  # it gets under way before what is left is re-planned for its times
+            self._failed = self._now  # it gets under way before the rest is re-planned for its times
         progress.since = self._now
 
     def _hold(self, rule: str, why: str) -> None:
@@ -525,19 +528,14 @@ class _Executor:
             self._say("replan", "the new plan came too late for its first leg")
         self._new, self._due = None, self._new.cause
 
-    def _send(self) -> None:
-        """Hand over the plan that waits; it is started after the next report."""
-        new = self._new
-        assert new is not None
-        self._asked(lambda: self._upload(new), "the new plan was not taken: sent again")
-
-    def _upload(self, new: _Next) -> None:
-        """Upload a plan without what the vehicle has completed of it.
+    def _upload(self) -> None:
+        """Upload the plan that waits, without what the vehicle has completed of it.
 
         Raises:
             Lost, Refused: the vehicle may have this plan or the one before.
         """
-        before = self._progress
+        new, before = self._new, self._progress
+        assert new is not None
         fresh = new.upload if before.upload is new.upload else new.upload.without(before.passed(new.upload))
         known = before.ahead
         for note in self._link.upload(fresh):
@@ -571,9 +569,8 @@ class _Executor:
 
     def _plan_leg(self, cause: str) -> None:
         """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
-        place = self._look(0.0).position
-        if place is None:
-            return
+        assert self._sight is not None
+        place = self._sight[1]
         for _ in range(2):
             asked = self._now
             begins = asked + self._cost
@@ -593,7 +590,8 @@ class _Executor:
     def _plan_rest(self, cause: str) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
         legs, progress, begin = self._plan.legs, self._progress, self._now
-        late = progress.late(self._look(0.0).position, begin) or 0.0
+        assert self._sight is not None
+        late = progress.late(self._sight[1], begin) or 0.0
         kept = self._count + 1
         while kept < len(legs) and _after(legs[kept - 1], late) < begin + self._cost:
             kept += 1

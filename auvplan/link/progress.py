@@ -86,9 +86,10 @@ class Progress:
     def stay_on(self, before: "Progress") -> None:
         """Take over how long the vehicle was at places that it also goes to by this upload."""
         known = {
-            place_of(step): float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)
+            _place_of(step): float(time)
+            for step, time in zip(before.upload.steps, before.stayed, strict=True)
         }
-        self.stayed = np.asarray([known.get(place_of(step), -1.0) for step in self.upload.steps])
+        self.stayed = np.asarray([known.get(_place_of(step), -1.0) for step in self.upload.steps])
 
     def complete(self, count: int, now: float) -> list[Step]:
         """Complete steps up to a count as far as the vehicle can have been at them; return these.
@@ -118,9 +119,9 @@ class Progress:
 
     def passed(self, upload: Upload) -> int:
         """Return the steps at the beginning of another upload that the vehicle has completed already."""
-        done = {place_of(step) for step in self.upload.steps[: self.ahead]}
+        done = {_place_of(step) for step in self.upload.steps[: self.ahead]}
         count = 0
-        while count < len(upload.steps) and place_of(upload.steps[count]) in done:
+        while count < len(upload.steps) and _place_of(upload.steps[count]) in done:
             count += 1
         return count
 
@@ -199,7 +200,7 @@ class Progress:
         return gap / self.step.pace(self.upload.itinerary.speed)
 
 
-def place_of(step: Step) -> tuple[float, ...]:
+def _place_of(step: Step) -> tuple[float, ...]:
     """Return what distinguishes a step from those of other places and legs."""
     return step.leg, *step.position.tolist()
 

@@ -296,7 +296,7 @@ class RollingPlan:
         for state in (self._first, self.followed.after, *(leg.before for leg in self.followed.planned)):
             assert isinstance(state.sea, CorrectedSea)
             state.sea = state.sea.corrected(offset)
-            state.travel_time = None
+            state.travel_time, state.sketches = None, {}
         return offset
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:

@@ -243,11 +243,10 @@ def _alike(
     starts: NDArray[np.floating], goals: NDArray[np.floating], edges: NDArray[np.int_]
 ) -> list[NDArray[np.int_]]:
     """Return edges by the places that they join."""
-    if not edges.size:
-        return []
     ends = np.concatenate([starts[edges], goals[edges]], axis=1)
-    pair = np.unique(ends, axis=0, return_inverse=True)[1]
-    return [edges[pair == number] for number in range(pair.max() + 1)]
+    _, pair, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    together = edges[np.argsort(pair.ravel(), kind="stable")]
+    return np.split(together, np.cumsum(counts)[:-1]) if edges.size else []
 
 
 def _vertical_times(

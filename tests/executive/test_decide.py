@@ -1,17 +1,15 @@
 """What is decided, as a table: each rule by itself, which goes first, and what never happens."""
 
-import importlib.util
 from dataclasses import fields, replace
 from itertools import product
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from auvplan.executive.decide import NEXT, RULES, Act, Decision, Facts, Phase, Waiting, after, decide
+from tests.tool import load_tool
 
-ROOT = Path(__file__).resolve().parents[2]
 HELD = Phase.HELD
 MADE, UPLOADED = Waiting.MADE, Waiting.UPLOADED
 
@@ -140,9 +138,5 @@ def test_phases_follow_acts():
 
 
 def test_the_page_shows_the_rules_of_the_code():
-    spec = importlib.util.spec_from_file_location("decisions", ROOT / "tools" / "decisions.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
+    tool = load_tool("decisions")
     assert tool.as_markdown() in tool.PAGE.read_text(encoding="utf-8"), "run python tools/decisions.py"

@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -443,6 +444,27 @@ def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
     assert record.count("note") == 1
     assert len(record.uploads) < 12
     assert record.success
+
+
+def test_what_is_told_while_a_plan_is_sent_waits_until_it_is_started():
+    plan, vehicle = made(speed=2.0)
+    sends, starts, begun, told = vehicle.upload, vehicle.start, [], []
+
+    def upload(wanted):
+        if vehicle.now > 0.0 and len(vehicle.uploads) == 1:
+            told.append(CurrentNotice(np.array([0.1, 0.0, 0.0])))
+        return sends(wanted)
+
+    def start(step=0):
+        begun.append(vehicle.uploads[-1].number)
+        starts(step)
+
+    vehicle.upload, vehicle.start = upload, start
+    notices = SimpleNamespace(read=lambda: [told.pop() for _ in tuple(told)])
+    record = executed(plan, vehicle, notices=notices)
+    assert record.count("reported") == 1
+    assert begun == [wanted.number for wanted in vehicle.uploads], "what is uploaded is started"
+    assert len(record.tasks) == len(vehicle.tasks)
 
 
 def test_a_way_back_may_be_planned_anew_on_its_way():
