@@ -186,7 +186,7 @@ def grid(axes: Axes, **which: Any) -> None:
 def place_labels(
     axes: Axes, places: Array, texts: Sequence[str], taken: Array | None = None, **style: Any
 ) -> None:
-    """Write labels beside points so that they cover neither each other nor other points where that can be.
+    """Write labels beside points so that they cover neither texts nor other points where that can be.
 
     Args:
         axes: with their final limits; nothing about their size may change afterwards.
@@ -199,9 +199,9 @@ def place_labels(
     assert figure is not None
     boxes: Array | None = getattr(axes, "_labels_placed", None)
     if boxes is None:
-        boxes = np.zeros((0, 4))
         # The layout is settled by drawing; labels are no part of it.
         figure.draw_without_rendering()
+        boxes = np.array([text.get_window_extent().extents for text in axes.texts]).reshape(-1, 4)
     pixel = figure.dpi / 72.0
     size = style.setdefault("fontsize", 7)
     points = axes.transData.transform(places if taken is None else np.concatenate([places, taken]))
