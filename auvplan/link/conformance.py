@@ -116,7 +116,7 @@ def _goes_on(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 
 def _surfaces(link: VehicleLink, plan: Upload) -> Iterator[str]:
-    link.abort()
+    link.surface()
     yield from _comes_to(link, State.SURFACING, 10.0 * _SOON, top=1.0)
 
 

@@ -647,7 +647,7 @@ class _Executor:
             try:
                 if attempt:
                     self._link.wait(_PAUSE)
-                self._link.abort()
+                self._link.surface()
             except Exception as error:
                 self._say("failed", one_line(str(error)))
                 continue

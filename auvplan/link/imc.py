@@ -461,7 +461,7 @@ class ImcVehicle(ListeningLink):
             self._imc.PlanControl, operation, identifier, plan, what, lambda: self._executes(identifier)
         )
         if self._ended:  # the start may have come after the abort
-            self.abort()
+            self.surface()
         self._check_goes_on()
         self._since = (answer or self._control).timestamp
 
@@ -477,7 +477,7 @@ class ImcVehicle(ListeningLink):
         self._execute(plan.plan_id, plan, "to hold")
         self._holds = True
 
-    def abort(self) -> None:
+    def surface(self) -> None:
         """Give the plan up: the vehicle stops and floats up.
 
         Raises:

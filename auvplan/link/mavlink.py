@@ -847,7 +847,7 @@ class MavlinkVehicle(ListeningLink):
         else:
             self._command(_PAUSE, 0, done=lambda: self._heard.progress is State.HOLDING)
 
-    def abort(self) -> None:
+    def surface(self) -> None:
         """Surface.
 
         Raises:

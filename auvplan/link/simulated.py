@@ -94,7 +94,7 @@ class SimulatedVehicle:
         """Stay where it is."""
         self._state, self._ahead = State.HOLDING, None
 
-    def abort(self) -> None:
+    def surface(self) -> None:
         """Surface."""
         self._state, self._ahead = State.SURFACING, None
 

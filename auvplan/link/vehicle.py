@@ -251,7 +251,7 @@ class VehicleLink(Protocol):
             Lost, Refused: the vehicle does not say that it does.
         """
 
-    def abort(self) -> None:
+    def surface(self) -> None:
         """Give the plan up and surface.
 
         Raises:

@@ -30,7 +30,7 @@ class ScriptedVehicle:
         silent: when nothing is heard of it, and asking fails.
         stuck: when it makes no way; a start ends it where `restarts` is set.
         push: m/s, by which it is driven off, while `pushed`.
-        fails: called with "upload", "start", "hold" or "abort"; may raise.
+        fails: called with "upload", "start", "hold" or "surface"; may raise.
         gives_up: when it surfaces by itself.
         stopped: when somebody else ends its plan.
         forgets: when it starts anew, without a plan.
@@ -91,8 +91,8 @@ class ScriptedVehicle:
         self._ask("hold")
         self.state = State.HOLDING
 
-    def abort(self) -> None:
-        self._ask("abort")
+    def surface(self) -> None:
+        self._ask("surface")
         self.state = State.SURFACING
 
     def close(self) -> None:

@@ -222,7 +222,7 @@ def test_home_comes_first_and_modes_start_hold_and_surface(joined):
     link.hold()
     time.sleep(0.3)
     assert link.wait(0.1).state is State.HOLDING
-    link.abort()
+    link.surface()
     assert sub.modes == [POSHOLD, AUTO, POSHOLD, SURFACE]
 
 
@@ -371,7 +371,7 @@ def test_what_somebody_else_ends_stays_ended(under_way, change, why):
         with pytest.raises(Refused, match=f"{why}.*nothing is started again"):
             call()
     assert sub.modes == modes
-    link.abort()
+    link.surface()
     assert sub.mode == SURFACE
 
 

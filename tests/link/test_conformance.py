@@ -53,7 +53,7 @@ def refuses(what, wanted):
         ({"fails": partial(refuses, wanted="upload")}, "takes a plan: Refused: not now"),
         ({"fails": partial(refuses, wanted="start")}, "takes a plan: Refused: not now"),
         ({"fails": partial(refuses, wanted="hold")}, "holds: Refused: not now"),
-        ({"fails": partial(refuses, wanted="abort")}, "surfaces: Refused: not now"),
+        ({"fails": partial(refuses, wanted="surface")}, "surfaces: Refused: not now"),
         ({"stuck": (0.0, np.inf)}, "follows: 0 steps are done after"),
         ({"stopped": 1.0}, "holds: it is no longer on its plan after 120 s"),
         ({"now": 3.0}, "connects: mission time is 3 s before the start"),

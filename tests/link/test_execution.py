@@ -512,7 +512,7 @@ def test_a_task_under_way_when_a_plan_is_handed_over_is_not_done_again():
 
 
 def test_a_mission_that_anybody_else_ends_is_not_gone_on_with():
-    plan, vehicle = made(stopped=300.0, speed=2.0, fails=Failing(Refused("stopped"), {"abort": 99}))
+    plan, vehicle = made(stopped=300.0, speed=2.0, fails=Failing(Refused("stopped"), {"surface": 99}))
     record = executed(plan, vehicle)
     assert not record.success
     assert record.reason == "the vehicle is no longer on its plan"

@@ -118,7 +118,7 @@ def test_hold_and_surface(upload, join):
     link.wait(20.0)
     place = link.wait(20.0).position
     assert link.wait(60.0).position == pytest.approx(place, abs=0.1)
-    link.abort()
+    link.surface()
     assert link.wait(100.0).state is State.SURFACING
     assert peer.body.depth == 0.0
 

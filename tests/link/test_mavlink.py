@@ -102,7 +102,7 @@ def test_hold_and_surface(upload, join):
     assert link.wait(60.0).position == pytest.approx(place)
     link.start(held.done)
     assert link.wait(100.0).position != pytest.approx(place)
-    link.abort()
+    link.surface()
     link.wait(100.0)
     assert peer.body.depth == 0.0
 
