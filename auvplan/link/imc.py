@@ -217,7 +217,7 @@ class ImcVehicle(ListeningLink):
         self._offset, self._done, self._holds = 0, 0, False
         self._started: set[str] = set()  # plans of ours that the vehicle was given to execute
         self._since = math.inf  # s of the vehicle's clock, when it began to execute the last of them
-        self._ended, self._aborted = "", False
+        self._ended, self._faulty, self._aborted = "", False, False
         self._start_listening()
 
     def _say_hello(self) -> None:
@@ -319,13 +319,15 @@ class ImcVehicle(ListeningLink):
             self._ended = self._ended or "it was stopped"
 
     def _latch_mode(self, state: Any) -> None:
-        """Keep that the vehicle was aborted or is driven by hand, whatever its plan control makes of it."""
+        """Keep that the vehicle was aborted, had a fault or is driven by hand, however short it says so."""
         modes = state.OperationModeEnum
         aborted = "abort" in state.last_error and state.last_error_time >= self._since
         if self._plan is None or self._aborted or state.timestamp < self._since:
             return
         if aborted or state.op_mode in (modes.EXTERNAL, modes.CALIBRATION):
             self._ended = self._ended or "it is driven from outside"
+        elif state.op_mode == modes.ERROR and not self._ended:  # an abort is followed by one of 0.2 s
+            self._faulty = True
 
     def _check_goes_on(self) -> None:
         """See that the mission was not ended from outside.
@@ -504,10 +506,10 @@ class ImcVehicle(ListeningLink):
         control, states = self._control, self._imc.PlanControlState.StateEnum
         if self._aborted:
             return State.SURFACING
+        if self._faulty or (not self._ended and self._mode == self._imc.VehicleState.OperationModeEnum.ERROR):
+            return State.FAULT
         if self._ended:
             return State.STOPPED
-        if self._mode == self._imc.VehicleState.OperationModeEnum.ERROR:
-            return State.FAULT
         if control is None:
             return State.UNKNOWN
         if control.timestamp < self._since < math.inf:

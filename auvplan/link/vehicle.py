@@ -39,8 +39,9 @@ class Refused(LinkError):
 class State(Enum):
     """What a vehicle says that it does.
 
-    `STOPPED` is a vehicle whose plan was aborted, stopped or replaced by somebody else: a link says so from
-    then on, for however short a moment the vehicle does. `IDLE` is one that has no plan, as after a restart.
+    `STOPPED` is a vehicle whose plan was aborted, stopped or replaced by somebody else, `FAULT` one that has
+    given it up: a link says so from then on, for however short a moment the vehicle does. `IDLE` is one that
+    has no plan, as after a restart.
     """
 
     UNKNOWN = "unknown"

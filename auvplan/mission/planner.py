@@ -247,6 +247,8 @@ def plan_missions(
     given, count = _given(population, batch, size, config)
     known = _known(known_routes, starts, goals, size)
 
+    if size == 2:  # there is one way at most: what looks for better ones is not compiled
+        config = config.replace(seeds=0, local_rounds=0)
     legs, iterations, more = graphs.leg_times(rate), config.bbo.iterations, _padded(size) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]

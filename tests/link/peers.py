@@ -384,6 +384,12 @@ class ImcPeer(_Peer):
             self._error, self._worded, self._rising = time.monotonic(), time.time(), True
             self._end_plan()
 
+    def fail(self, words: str) -> None:
+        """Give the plan up, in a state of fault for 0.2 s."""
+        with self.lock:
+            self._words, self._error, self._rising = words, time.monotonic(), True
+            self._end_plan()
+
     def stop(self) -> None:
         """Stop the plan, as any console may ask for."""
         with self.lock:

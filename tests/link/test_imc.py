@@ -263,6 +263,19 @@ def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
     assert peer.started == started
 
 
+def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join):
+    link, peer, _ = join()
+    peer.body.stuck = True
+    link.upload(upload)
+    link.start()
+    time.sleep(0.3)
+    peer.fail("vehicle errors: Depth Sensor")
+    time.sleep(0.6)
+    assert peer._error < time.monotonic() - 0.2
+    report = link.wait(0.0)
+    assert (report.state, report.message) == (State.FAULT, "vehicle errors: Depth Sensor")
+
+
 def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload, join):
     link, peer, _ = join()
     peer.body.stuck = True
