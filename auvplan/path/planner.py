@@ -208,7 +208,7 @@ def plan_finely(
     Winding ways have more bends than the usual control points can follow, and narrow ones are certified only
     between samples that lie close together. Where a path still breaks a limit although a way is open, the leg
     is searched once more inside the limits on speed over ground and current across. A path that crosses
-    itself is polished without its loop.
+    itself is polished without its loop, twice where that leaves it over a limit.
 
     Args:
         found: fields of `PathPlans` by name, and `wanting` and `unsettled`, which are taken out.
@@ -224,10 +224,12 @@ def plan_finely(
     wanting, unsettled = found.pop("wanting"), found.pop("unsettled")
     finer: dict[int, dict[str, Any]] = {}
 
-    def polished(found: dict[str, Any], chosen: Any, rows: Any, again: bool) -> tuple[dict, dict]:
+    def polished(
+        found: dict[str, Any], chosen: Any, rows: Any, again: bool, rounds: int = 1
+    ) -> tuple[dict, dict]:
         settings = {"shared": shared, "vehicle": vehicle, "config": config, "again": again}
         program = partial(in_samples, polish_finely, **settings)
-        improve = partial(_improved, found, chosen, rows, program, keys, legs, config)
+        improve = partial(_improved, found, chosen, rows, program, keys, legs, config, rounds)
         if budget is None:
             return improve()
         share, work = budget.rest(), ("polish", config, again, len(chosen))
@@ -251,7 +253,7 @@ def plan_finely(
         cut = {leg: row for leg, path in paths if (row := without_loop(path, config)) is not None}
         if cut:
             rows = np.stack(list(cut.values()))
-            found, new = polished(found, np.array(list(cut)), rows, again=False)
+            found, new = polished(found, np.array(list(cut)), rows, again=False, rounds=2)
             finer |= new
     return found, finer
 
@@ -264,10 +266,22 @@ def _improved(
     keys: jax.Array,
     legs: Legs,
     config: PathConfig,
+    rounds: int,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """As `plan_finely`, by a program for the legs chosen and a habitat, [3 n] m, of each."""
+    """As `plan_finely`, by a program for the legs chosen and a habitat, [3 n] m, of each.
+
+    Where what it made breaks a limit it goes on from there, `rounds` in all.
+    """
     posed, old = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], (legs, found))
     new = batch_map(program, keys[chosen], posed, rows)
+    for _ in range(rounds - 1):
+        left = np.flatnonzero(new["violations"].any(axis=1))
+        if not left.size:
+            break
+        own, made = jax.tree.map(lambda leaf, left=left: leaf[left], (posed, new["population"]))
+        rows = refitted(made, own.start, own.goal, config.fine(), config)[:, 0]
+        more = batch_map(program, keys[chosen][left], own, rows)
+        new = jax.tree.map(partial(_replaced, rows=left), new, more)
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
     less = (broken[0] < broken[1]) | ((broken[0] == broken[1]) & (new["cost"] < old["cost"]))
@@ -278,14 +292,15 @@ def _improved(
     new["history"] = old["history"]
     new = jax.tree.map(lambda leaf: np.asarray(leaf)[less], new)
     better = chosen[less]
-
-    def replaced(plane: Any, by: Any) -> Any:
-        plane = np.array(plane)
-        plane[better] = by
-        return plane
-
     finer = {int(leg): jax.tree.map(lambda leaf, k=k: leaf[k], new) for k, leg in enumerate(better)}
-    return jax.tree.map(replaced, found, new | _thinned(new, config)), finer
+    return jax.tree.map(partial(_replaced, rows=better), found, new | _thinned(new, config)), finer
+
+
+def _replaced(plane: Any, by: Any, rows: NDArray[np.int_]) -> Any:
+    """Return an array with these rows of its own by those of another one."""
+    plane = np.array(plane)
+    plane[rows] = by
+    return plane
 
 
 def _thinned(found: dict[str, Any], config: PathConfig) -> dict[str, Any]:
