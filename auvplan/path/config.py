@@ -216,7 +216,7 @@ class PathConfig:
             finer=1,
             refine_steps=self.fine_steps,
             refine_step_size=self.refine_step_size / times,
-            refine_count=1,
+            refine_count=1 if times > 1 else self.refine_count,
         )
 
     def window(self) -> Self:

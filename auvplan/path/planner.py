@@ -235,26 +235,29 @@ def plan_finely(
         share, work = budget.rest(), ("polish", config, again, len(chosen))
         return share.spend(work, improve) if share.allows(work) else (found, {})
 
-    if config.finer > 1:
-        for chosen, again in ((wanting, True), (unsettled & ~wanting, False)):
-            if chosen.any():
-                known = found["population"][chosen, 0]
-                found, new = polished(found, np.flatnonzero(chosen), known, again=again)
-                finer |= new
-        broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
-        if broken.size and budget is None:
-            inside = vehicle.stricter(_INSIDE, "surge_max", "sway_max")
-            search = partial(in_samples, search_legs, shared=shared, vehicle=inside, config=config)
-            posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
-            rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]
-            found, new = polished(found, broken, rows, again=False)
+    if config.finer == 1 and not config.passages:
+        return found, finer
+    broken = wanting & found["violations"].any(axis=1)
+    steps = ((wanting, True), (unsettled & ~wanting, False)) if config.finer > 1 else ((broken, False),)
+    for chosen, again in steps:
+        if chosen.any():
+            known = found["population"][chosen, 0]
+            found, new = polished(found, np.flatnonzero(chosen), known, again=again)
             finer |= new
-        paths = enumerate(found["positions"])
-        cut = {leg: row for leg, path in paths if (row := without_loop(path, config)) is not None}
-        if cut:
-            rows = np.stack(list(cut.values()))
-            found, new = polished(found, np.array(list(cut)), rows, again=False, rounds=2)
-            finer |= new
+    broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
+    if broken.size and budget is None:
+        inside = vehicle.stricter(_INSIDE, "surge_max", "sway_max")
+        search = partial(in_samples, search_legs, shared=shared, vehicle=inside, config=config)
+        posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
+        rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]
+        found, new = polished(found, broken, rows, again=False)
+        finer |= new
+    paths = enumerate(found["positions"])
+    cut = {leg: row for leg, path in paths if (row := without_loop(path, config)) is not None}
+    if cut:
+        rows = np.stack(list(cut.values()))
+        found, new = polished(found, np.array(list(cut)), rows, again=False, rounds=2)
+        finer |= new
     return found, finer
 
 
@@ -284,7 +287,8 @@ def _improved(
         new = jax.tree.map(partial(_replaced, rows=left), new, more)
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
-    less = (broken[0] < broken[1]) | ((broken[0] == broken[1]) & (new["cost"] < old["cost"]))
+    quicker = (broken[0] == 0.0) & (broken[1] == 0.0) & (new["cost"] < old["cost"])
+    less = (broken[0] < broken[1]) | quicker
     if not less.any():
         return found, {}
     best = refitted(new["population"], posed.start, posed.goal, config.fine(), config)
