@@ -43,6 +43,9 @@ _ANNOUNCE = 5.0
 #: Name of the plan to stay.
 _HOLD = "hold"
 
+#: How a plan ended that failed; who or what ended it is said elsewhere.
+_STOPPED = "it was stopped"
+
 #: Who is meant before the vehicle is known.
 _ANYONE = 0xFFFF
 
@@ -316,7 +319,7 @@ class ImcVehicle(ListeningLink):
         if state.state == states.EXECUTING and not ours:
             self._ended = f"another plan was started, {state.plan_id}"
         elif ready and (not ours or state.last_outcome == outcomes.FAILURE):
-            self._ended = self._ended or "it was stopped"
+            self._ended = self._ended or _STOPPED
 
     def _latch_mode(self, state: Any) -> None:
         """Keep that the vehicle was aborted, had a fault or is driven by hand, however short it says so."""
@@ -326,7 +329,7 @@ class ImcVehicle(ListeningLink):
             return
         if aborted or state.op_mode in (modes.EXTERNAL, modes.CALIBRATION):
             self._ended = self._ended or "it is driven from outside"
-        elif state.op_mode == modes.ERROR and not self._ended:  # an abort is followed by one of 0.2 s
+        elif state.op_mode == modes.ERROR and self._ended in ("", _STOPPED):  # it stopped its plan itself
             self._faulty = True
 
     def _check_goes_on(self) -> None:

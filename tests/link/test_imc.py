@@ -263,12 +263,16 @@ def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
     assert peer.started == started
 
 
-def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join):
+@pytest.mark.parametrize("stopped_before", [False, True])
+def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join, stopped_before):
     link, peer, _ = join()
     peer.body.stuck = True
     link.upload(upload)
     link.start()
     time.sleep(0.3)
+    if stopped_before:
+        peer.stop()
+        time.sleep(0.3)
     peer.fail("vehicle errors: Depth Sensor")
     time.sleep(0.6)
     assert peer._error < time.monotonic() - 0.2
