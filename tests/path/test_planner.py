@@ -317,10 +317,18 @@ def test_without_passages_none_are_looked_for_again():
     assert plan.status is ap.PathStatus.SWAY
 
 
-@pytest.mark.parametrize(("across", "sways"), [(1.9, [1.5, 1.485]), (0.5, [1.5])])
-def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeypatch, across, sways):
+@pytest.mark.parametrize(
+    ("across", "finer", "sways"), [(1.9, 2, [1.5, 1.485]), (1.9, 1, [1.5, 1.485]), (0.5, 2, [1.5])]
+)
+def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeypatch, across, finer, sways):
     config = CONFIG.replace(
-        passages=2, finer=2, passage_steps=3, refine_steps=2, fine_steps=2, control_points=3, dense_cells=48
+        passages=2,
+        finer=finer,
+        passage_steps=3,
+        refine_steps=2,
+        fine_steps=2,
+        control_points=3,
+        dense_cells=48,
     )
     env = ap.Environment(ap.UniformCurrent(0.0, across), lower=(0, -50, 0), upper=(2000, 50, 0))
     searched, search = [], planner.search_legs
