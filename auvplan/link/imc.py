@@ -330,7 +330,7 @@ class ImcVehicle(ListeningLink):
         if aborted or state.op_mode in (modes.EXTERNAL, modes.CALIBRATION):
             self._ended = self._ended or "it is driven from outside"
         elif state.op_mode == modes.ERROR and self._ended in ("", _STOPPED):  # it stopped its plan itself
-            self._faulty = True
+            self._ended, self._faulty = "it has a fault", True
 
     def _check_goes_on(self) -> None:
         """See that the mission was not ended from outside.
@@ -509,10 +509,10 @@ class ImcVehicle(ListeningLink):
         control, states = self._control, self._imc.PlanControlState.StateEnum
         if self._aborted:
             return State.SURFACING
-        if self._faulty or (not self._ended and self._mode == self._imc.VehicleState.OperationModeEnum.ERROR):
-            return State.FAULT
         if self._ended:
-            return State.STOPPED
+            return State.FAULT if self._faulty else State.STOPPED
+        if self._mode == self._imc.VehicleState.OperationModeEnum.ERROR:
+            return State.FAULT
         if control is None:
             return State.UNKNOWN
         if control.timestamp < self._since < math.inf:

@@ -237,9 +237,10 @@ def plan_finely(
 
     if config.finer == 1 and not config.passages:
         return found, finer
-    broken = wanting & found["violations"].any(axis=1)
-    steps = ((wanting, True), (unsettled & ~wanting, False)) if config.finer > 1 else ((broken, False),)
-    for chosen, again in steps:
+    kinds = [(wanting, True), (unsettled & ~wanting, False)]
+    if config.finer == 1:  # nothing is finer: what breaks a limit is mended
+        kinds = [(wanting & found["violations"].any(axis=1), False)]
+    for chosen, again in kinds:
         if chosen.any():
             known = found["population"][chosen, 0]
             found, new = polished(found, np.flatnonzero(chosen), known, again=again)

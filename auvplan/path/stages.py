@@ -76,10 +76,10 @@ _SETTLED_IN_DEPTH = 0.1
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor: from where the last polish left it, or
-#: from the start, since soft weights let it cross what it cannot leave again. What the middle of a segment
-#: hides needs more room than the rest. Where the first of them did not mend it, the last one may find a
-#: quicker path.
-_STRICTER = (0.1, 0.99, False), (0.1, 0.98, False), (0.1, 0.9, False), (1.0, 0.98, False), (1.0, 0.99, True)
+#: from the start, since soft weights let it cross what it cannot leave again. Where the first of them did not
+#: mend it, that from the start may find a quicker path. The last has room for what the middle of a segment
+#: hides.
+_STRICTER = (0.1, 0.99, False), (0.1, 0.98, False), (1.0, 0.98, False), (1.0, 0.99, True), (0.1, 0.9, False)
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
