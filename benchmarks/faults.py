@@ -1,27 +1,38 @@
 """Missions in which something goes wrong on purpose: does each end safely, and say why it ended as it did?
 
 `python -m benchmarks.faults [-n 200]` simulates missions of the shipped Whitsunday scenario, a share of them
-with each kind of fault of `auvplan.simulation.faults`, a share with several. It ends with status 1 where a
-collision could have been avoided when it was sensed, or a mission ended without a reason.
+with each kind of fault of `auvplan.simulation.faults`, a share with several; with `--link` the same
+missions, and more with what can strike a vehicle on a link, are executed as on a vehicle at sea, on
+`SimulatedVehicle`. It ends with status 1 where a collision could have been avoided when it was sensed, or a
+mission ended without a reason.
 """
 
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 import auvplan as ap
 from auvplan.executive import execute_missions
 from auvplan.executive.collisions import Collision, collisions
+from auvplan.link import execute
+from auvplan.link.rolling import Prospect, RollingPlan
+from auvplan.link.simulated import SimulatedVehicle
 from auvplan.simulation.faults import (
     CurrentStep,
     Fault,
+    Faults,
+    GivesUp,
     HeldUp,
+    LinkOut,
     Obstacle,
     PlannerOut,
+    Restarts,
     SensorOut,
     Slower,
+    TakenOver,
     WrongForecast,
 )
 from benchmarks.machine import arguments, screen, show, track, write
@@ -58,62 +69,115 @@ KINDS: dict[str, Draw] = {
     "vehicle slower": lambda rng, at: Slower(at, rng.uniform(0.6, 0.95)),
 }
 
+#: What strikes a vehicle on a link besides.
+OF_A_LINK: dict[str, Draw] = {
+    "link out": lambda rng, at: LinkOut(at, rng.uniform(30.0, 1200.0)),
+    "vehicle gives up": lambda rng, at: GivesUp(at),
+    "taken over": lambda rng, at: TakenOver(at),
+    "computer starts anew": lambda rng, at: Restarts(at),
+}
+
 #: What the last share of missions has: two to six faults of any kind.
 MIXED = "several of these"
 
 
-def draw(kind: str, rng: np.random.Generator, time_available: float) -> list[Fault]:
+class Outcome(NamedTuple):
+    """How a mission with faults ended."""
+
+    kind: str
+    faults: list[Fault]
+    seed: int
+    success: bool
+    reason: str
+    hits: list[Collision]
+
+
+class Planner(RollingPlan):
+    """A planner that answers nothing for some time, by the vehicle's clock."""
+
+    def strike(self, faults: list[Fault], vehicle: SimulatedVehicle) -> None:
+        self._faults, self._vehicle = Faults(faults), vehicle
+
+    def _out(self) -> bool:
+        self.reason = "the planner is out"
+        return self._faults.left(PlannerOut, self._vehicle.now) > 0.0
+
+    def from_leg(self, count: int, now: float) -> Prospect | None:
+        return None if self._out() else super().from_leg(count, now)
+
+    def from_position(self, count: int, position: np.ndarray, now: float) -> Prospect | None:
+        return None if self._out() else super().from_position(count, position, now)
+
+
+def draw(kind: str, kinds: dict[str, Draw], rng: np.random.Generator, time_available: float) -> list[Fault]:
     """Draw the faults of a mission, by the time they strike: one to three of a kind, or several of any."""
     several = kind == MIXED
     count = rng.integers(2, 7) if several else rng.integers(1, 4)
-    names = rng.choice(list(KINDS), count) if several else [kind] * count
+    names = rng.choice(list(kinds), count) if several else [kind] * count
     times = np.sort(rng.uniform(0.0, 0.9 * time_available, count))
-    return [KINDS[str(name)](rng, float(at)) for name, at in zip(names, times, strict=True)]
+    return [kinds[str(name)](rng, float(at)) for name, at in zip(names, times, strict=True)]
 
 
 def simulate(
-    scenario: ap.Scenario, count: int
-) -> list[tuple[str, list[Fault], ap.MissionRun, list[Collision]]]:
-    """Simulate missions of seeds 0, 1, ...; return kind, faults, record and collisions of each."""
-    names, found = [*KINDS, MIXED], []
-    kinds = [names[seed % len(names)] for seed in range(count)]
-    available = scenario.mission.time_available
-    faults = [draw(kind, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(kinds)]
-    runs = execute_missions(scenario, seeds=range(count), faults=faults)
-    for number, run in track(runs, "missions", count):
-        found.append((kinds[number], faults[number], run, collisions(run, faults[number])))
-    return sorted(found, key=lambda row: row[2].seed)
+    scenario: ap.Scenario, faults: list[list[Fault]]
+) -> Iterator[tuple[int, bool, str, list[Collision]]]:
+    """Simulate missions of seeds 0, 1, ...: seed, whether on time, reason and collisions of each."""
+    for number, run in execute_missions(scenario, seeds=range(len(faults)), faults=faults):
+        yield run.seed, run.success, run.reason, collisions(run, faults[number])
+
+
+def execute_on_a_link(
+    scenario: ap.Scenario, faults: list[list[Fault]]
+) -> Iterator[tuple[int, bool, str, list[Collision]]]:
+    """As `simulate`, by what executes missions on vehicles at sea."""
+    for seed, given in enumerate(faults):
+        plan, vehicle = Planner(scenario, seed), SimulatedVehicle(scenario, seed, faults=given)
+        plan.strike(given, vehicle)
+        record = execute(plan, vehicle, notices=vehicle)
+        yield seed, record.success, record.reason, collisions(vehicle.record(), given)
 
 
 def _cause(reason: str) -> str:
     """What missions that fail alike have in common: the reason without its places and figures."""
-    causes = ("no route", "beat the vehicle", "time ran out", "too late", "cannot be executed")
+    causes = (
+        "no route", "beat the vehicle", "time ran out", "too late", "cannot be executed", "overdue",
+        "no longer on its plan", "in a state of fault", "no way made", "off its track", "is in the way",
+        "no plan from here",
+    )  # fmt: skip
     return next((words for words in causes if words in reason), reason or "NO REASON")
 
 
 def main() -> None:
     parser = arguments("Missions with injected faults.")
     parser.add_argument("-n", type=int, default=200, help="missions")
+    parser.add_argument("--link", action="store_true", help="as on a vehicle at sea")
     options = parser.parse_args()
-    rows, wrong = [], []
-    found = simulate(ap.load_scenario("whitsunday"), options.n)
-    for name in [*KINDS, MIXED, "all"]:
-        chosen = [row for row in found if name in (row[0], "all")]
-        failed = Counter(_cause(run.reason) for _, _, run, _ in chosen if not run.success)
-        hits = [hit.avoidable for *_, hits in chosen for hit in hits]
+    scenario, rows, wrong = ap.load_scenario("whitsunday"), [], []
+    kinds = KINDS | OF_A_LINK if options.link else KINDS
+    names, available = [*kinds, MIXED], scenario.mission.time_available
+    struck = [names[seed % len(names)] for seed in range(options.n)]
+    faults = [
+        draw(kind, kinds, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(struck)
+    ]
+    ends = (execute_on_a_link if options.link else simulate)(scenario, faults)
+    found = [Outcome(struck[row[0]], faults[row[0]], *row) for row in track(ends, "missions", options.n)]
+    for name in [*names, "all"]:
+        chosen = [row for row in found if name in (row.kind, "all")]
+        failed = Counter(_cause(row.reason) for row in chosen if not row.success)
+        hits = [hit.avoidable for row in chosen for hit in row.hits]
         rows.append({
-            "fault": name, "missions": len(chosen), "on time": sum(run.success for _, _, run, _ in chosen),
+            "fault": name, "missions": len(chosen), "on time": sum(row.success for row in chosen),
             "failed": dict(failed), "avoidable": sum(hits), "unavoidable": len(hits) - sum(hits),
             "causes": ", ".join(f"{words} {times}" for words, times in failed.most_common()),
         })  # fmt: skip
-    for _, given, run, hits in found:
-        wrong += [f"seed {run.seed}: {hit}; {given}" for hit in hits if hit.avoidable]
-        wrong += [] if run.reason else [f"seed {run.seed}: ended without a reason; {given}"]
+    for row in sorted(found, key=lambda row: row.seed):
+        wrong += [f"seed {row.seed}: {hit}; {row.faults}" for hit in row.hits if hit.avoidable]
+        wrong += [] if row.reason else [f"seed {row.seed}: ended without a reason; {row.faults}"]
     counts = {name: f"{{{name}}}" for name in ("missions", "on time", "avoidable", "unavoidable")}
     show("injected faults", rows, {"fault": "{fault}"} | counts | {"failed": "{causes}"})
     for line in wrong:
         screen.print(line, soft_wrap=True)
-    write(options.out, {"faults": rows, "wrong": wrong})
+    write(options.out, {"link_faults" if options.link else "faults": rows, "wrong": wrong})
     sys.exit(1 if wrong else 0)
 
 

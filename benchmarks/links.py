@@ -133,7 +133,7 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     """Execute one mission on a vehicle that is running, and set its legs beside the plan."""
     whole = open_link(address, Site(0.0, 0.0))
     whole.connect()
-    north, east, _ = whole.wait(0.0).position
+    north, east, _ = whole.report(0.0).position
     longitude, latitude = Site(0.0, 0.0).to_geographic(north, east)
     whole.close()
     begin = NEARBY["mission"]["start"]

@@ -111,7 +111,12 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
             "tests/link/test_imc.py",
             "benchmarks.links",
         ),
-        "fault": ("tests/link/test_execution.py", "benchmarks.links"),
+        "fault": (
+            "tests/link/test_execution.py",
+            "tests/link/test_simulated.py",
+            "benchmarks.links",
+            "benchmarks.faults",
+        ),
     },
     "Simulation": {
         "tests": ("tests/executive/test_truth_and_belief.py", "tests/simulation/test_model_sea.py"),
@@ -359,6 +364,7 @@ def versions(found: list[dict[str, Any]]) -> list[str]:
 #: By name in the figures: heading, command, and what writes the lines below them.
 SECTIONS: dict[str, tuple[str, str, Callable[[Any], list[str]]]] = {
     "faults": ("Faults on the way", "python -m benchmarks.faults", faults),
+    "link_faults": ("Faults on a vehicle over a link", "python -m benchmarks.faults --link", faults),
     "budgets": ("Budgets of wall-clock time", "python -m benchmarks.budgets", budgets),
     "determinism": ("The same seed", "python -m benchmarks.determinism", determinism),
     "crashes": ("Kills and full disks", "python -m benchmarks.crashes", crashes),

@@ -107,7 +107,7 @@ def execute(
         preload(PLANS, settings.fingerprint)
         from auvplan.executive import load_area_at
         from auvplan.link import execute, open_link
-        from auvplan.link.notices import NoNotices, NoticeFile
+        from auvplan.link.notices import AllNotices, NoticeFile, Notices
         from auvplan.link.rolling import RollingPlan
         from auvplan.link.simulated import SimulatedVehicle
 
@@ -115,9 +115,10 @@ def execute(
             raise ScenarioError("site: is missing: a vehicle is given longitude and latitude")
         area = load_area_at(settings, [0.0], folder)
         plan = RollingPlan(settings, seed, folder, area)
-        heard = NoNotices() if notices is None else NoticeFile(notices, plan.site)
+        heard: list[Notices] = [] if notices is None else [NoticeFile(notices, plan.site)]
         if link == SIMULATOR:
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
+            heard.append(vehicle)
         else:
             over_ground = None if speed is None else speed is shared.SpeedHeld.GROUND
             vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
@@ -133,7 +134,9 @@ def execute(
             shared.say(f"{event.time:9.0f} s  {event.text}")
             sys.stdout.flush()
 
-    record = execute(plan, vehicle, limits=limits, notices=heard, tell=tell, keep=partial(_keep, out=out))
+    record = execute(
+        plan, vehicle, limits=limits, notices=AllNotices(*heard), tell=tell, keep=partial(_keep, out=out)
+    )
     file = record.save(out)
     if as_json:
         shared.print_json(record.summary())

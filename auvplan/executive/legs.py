@@ -18,7 +18,7 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
 from auvplan.runtime.rows import padded_batches
-from auvplan.simulation.faults import HeldUp, PlannerOut, SensorOut, absent, appear
+from auvplan.simulation.faults import HeldUp, Obstacle, PlannerOut, SensorOut, absent, appear
 from auvplan.simulation.sea import stacked
 from auvplan.simulation.simulator import TIME_STEP, WIDTH, Transit, over_ground, padded_rows, transit
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
@@ -236,7 +236,7 @@ def _let_appear(mission: Mission) -> None:
     leg = mission.active_leg
     if not leg.stretches:
         return
-    for fault in mission.faults.appearing(mission.now):
+    for fault in mission.faults.due(Obstacle, mission.now):
         ahead, behind = (np.clip(leg.arc + way, 0.0, leg.marks[-1]) for way in (5.0, -5.0))
         ends = [np.interp([behind, ahead], leg.marks, axis) for axis in leg.followed.positions.T]
         traces = [part[2] for part in leg.stretches]

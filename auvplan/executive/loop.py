@@ -29,7 +29,7 @@ from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph
-from auvplan.simulation.faults import Fault, FaultySea, PlannerOut
+from auvplan.simulation.faults import OF_A_LINK, Fault, FaultySea, PlannerOut
 from auvplan.simulation.sea import ModelSea
 from auvplan.simulation.simulator import WIDTH
 from auvplan.simulation.world import make_sea, make_vehicle
@@ -136,6 +136,8 @@ def execute_missions(
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
     if faults and len(faults) != len(keys):
         raise ValueError(f"faults must be a list for each of {len(keys)} missions, got {len(faults)}")
+    if any(isinstance(fault, OF_A_LINK) for given in faults for fault in given):
+        raise ValueError("faults of a link need one: SimulatedVehicle(scenario, seed, faults=faults)")
     with expecting(MISSIONS, scenario.fingerprint):
         context = make_context(scenario, folder, area)
         context.faults = faults

@@ -53,7 +53,7 @@ def failures(link: VehicleLink, plan: Upload) -> list[str]:
 def _connects(link: VehicleLink, plan: Upload) -> Iterator[str]:
     if not all(isinstance(note, str) for note in link.connect()):
         yield "notes are not text"
-    report = link.wait(0.0)
+    report = link.report(0.0)
     if report.position is None:
         yield "its place is not known"
     if report.state is State.EXECUTING:
@@ -64,7 +64,7 @@ def _connects(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 def _takes_a_plan(link: VehicleLink, plan: Upload) -> Iterator[str]:
     link.upload(plan)
-    report = link.wait(0.0)
+    report = link.report(0.0)
     if report.state is State.EXECUTING:
         yield "an upload starts it"
     if report.done:
@@ -74,15 +74,15 @@ def _takes_a_plan(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 
 def _follows(link: VehicleLink, plan: Upload) -> Iterator[str]:
-    before, begin = link.wait(0.0), link.now
-    link.wait(_LOOK)
+    before, begin = link.report(0.0), link.now
+    link.report(_LOOK)
     if link.now < begin + 0.9 * _LOOK:
         yield f"waiting for {_LOOK:g} s takes {link.now - begin:g} s of mission time"
     lasts = _SLOW * (plan.steps[-1].time - plan.steps[0].time) + _SOON
     first = next(number for number, step in enumerate(plan.steps, 1) if step.ends_leg or not link.by_legs)
     least = min(first, len(plan.steps) - 1)
     while before.done < least and link.now < begin + lasts:
-        report = link.wait(_LOOK)
+        report = link.report(_LOOK)
         if report.done < before.done:
             yield f"{report.done} steps are done after {before.done} were"
         before = report
@@ -95,8 +95,8 @@ def _follows(link: VehicleLink, plan: Upload) -> Iterator[str]:
 def _holds(link: VehicleLink, plan: Upload) -> Iterator[str]:
     link.hold()
     yield from _comes_to(link, State.HOLDING)
-    link.wait(_STAYS)
-    places = [link.wait(seconds).position for seconds in (0.0, _STAYS)]
+    link.report(_STAYS)
+    places = [link.report(seconds).position for seconds in (0.0, _STAYS)]
     if places[0] is None or places[1] is None:
         yield "its place is not known"
     elif (away := float(np.linalg.norm(places[1] - places[0]))) > _ROUND:
@@ -104,14 +104,14 @@ def _holds(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 
 def _goes_on(link: VehicleLink, plan: Upload) -> Iterator[str]:
-    done = link.wait(0.0).done
+    done = link.report(0.0).done
     rest = plan.without(min(done, len(plan.steps) - 1))
     link.upload(rest)
-    if (now := link.wait(0.0).done) != done:
+    if (now := link.report(0.0).done) != done:
         yield f"{now} steps are done once another plan is uploaded, {done} were: it is not started yet"
     link.start()
     yield from _comes_to(link, State.EXECUTING)
-    if (now := link.wait(0.0).done) >= len(rest.steps):
+    if (now := link.report(0.0).done) >= len(rest.steps):
         yield f"{now} of {len(rest.steps)} steps are done just after the start"
 
 
@@ -122,9 +122,9 @@ def _surfaces(link: VehicleLink, plan: Upload) -> Iterator[str]:
 
 def _comes_to(link: VehicleLink, state: State, seconds: float = _SOON, top: float = -np.inf) -> Iterator[str]:
     """Look at a vehicle until it is in a state, or less deep than `top`, m; say where it is in another."""
-    begin, report = link.now, link.wait(0.0)
+    begin, report = link.now, link.report(0.0)
     while report.state is not state and (report.position is None or report.position[2] >= top):
         if link.now > begin + seconds:
             yield f"it is {report.state.value} after {seconds:g} s"
             return
-        report = link.wait(_LOOK)
+        report = link.report(_LOOK)

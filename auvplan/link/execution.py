@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
 from auvplan.export.itinerary import ExportError, PlannedLeg
 from auvplan.link.limits import Limits
-from auvplan.link.notices import CurrentNotice, NoNotices, Notices, ObstacleNotice
+from auvplan.link.notices import AllNotices, CurrentNotice, Notices, ObstacleNotice
 from auvplan.link.progress import Progress
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
@@ -105,7 +105,7 @@ def execute(
         KeyboardInterrupt: with one line on how the vehicle is; the record was kept.
     """
     tell, keep = tell or (lambda _: None), keep or (lambda _: None)
-    return _Executor(plan, link, limits or Limits(), notices or NoNotices(), tell, keep).run()
+    return _Executor(plan, link, limits or Limits(), notices or AllNotices(), tell, keep).run()
 
 
 class _Executor:
@@ -206,14 +206,14 @@ class _Executor:
         self._say("connected", f"connected to {self._link.name}")
         for note in notes:
             self._say("note", note)
-        level = self._check_ready(self._link.wait(0.0), whole.steps[0].position)
+        level = self._check_ready(self._link.report(0.0), whole.steps[0].position)
         away = level / whole.itinerary.speed
         if away > _LATE and self._plan.plan(self._link.allowance, away):
             plan = self._plan.followed
             whole = Upload(self._plan.itinerary(plan, 0))
             self._say("plan", f"the vehicle is {away:.0f} s from the start: planned end {plan.ends:.0f} s")
         self._progress = Progress(whole)
-        self._see(self._link.wait(0.0))
+        self._see(self._link.report(0.0))
         self._new = _Next(whole, plan, 0, "start")
         self._upload()
         self._start()
@@ -258,7 +258,7 @@ class _Executor:
 
     def _look(self, seconds: float) -> Report:
         """Return the newest report after some seconds; an end that was reported once holds from then on."""
-        report = self._link.wait(seconds)
+        report = self._link.report(seconds)
         if self._end is None and report.state in (State.FAULT, State.SURFACING, State.STOPPED):
             self._end = report
         return report
@@ -409,7 +409,7 @@ class _Executor:
                 self._looked = -math.inf
                 reported.append(obstacle)
             elif isinstance(notice, CurrentNotice):
-                place = self._link.wait(0.0).position if notice.position is None else notice.position
+                place = self._link.report(0.0).position if notice.position is None else notice.position
                 if place is None:
                     self._say("note", "a current was reported before the vehicle's place is known: left out")
                     continue
@@ -624,7 +624,7 @@ class _Executor:
         record.reason = "destination reached" + (" in time" if record.success else " too late")
         record.safe = f"the vehicle was not seen to {end} yet"
         while self._now - arrived < self._limits.ending:
-            report = self._link.wait(self._limits.look)
+            report = self._link.report(self._limits.look)
             self._book(report)
             if end != "surface":
                 record.safe = f"at the end: {end}"
@@ -646,7 +646,7 @@ class _Executor:
         for attempt in range(self._limits.tries):
             try:
                 if attempt:
-                    self._link.wait(_PAUSE)
+                    self._link.report(_PAUSE)
                 self._link.surface()
             except Exception as error:
                 self._say("failed", one_line(str(error)))
@@ -660,7 +660,7 @@ class _Executor:
         begin, before = self._now, self._record.safe
         while self._now - begin < self._limits.ending:
             try:
-                report = self._link.wait(self._limits.look)
+                report = self._link.report(self._limits.look)
             except LinkError as error:
                 self._say("failed", str(error))
                 return

@@ -60,7 +60,7 @@ class ListeningLink(ABC):
         """Return s of mission time."""
         return 0.0 if math.isnan(self._begin) else (time.monotonic() - self._begin) * self.rate
 
-    def wait(self, seconds: float) -> Report:
+    def report(self, seconds: float) -> Report:
         """Let `seconds` of mission time pass, and return the newest report."""
         if seconds > 0.0:
             time.sleep(seconds / self.rate)

@@ -57,12 +57,17 @@ class Notices(Protocol):
         ...
 
 
-class NoNotices:
-    """No source of notices."""
+class AllNotices:
+    """Several sources of notices, or none."""
+
+    def __init__(self, *sources: Notices) -> None:
+        """Gather sources."""
+        self._sources = sources
 
     def read(self) -> Iterator[Notice | str]:
-        """Yield nothing."""
-        yield from ()
+        """Yield what is new from each."""
+        for source in self._sources:
+            yield from source.read()
 
 
 class NoticeFile:

@@ -134,6 +134,7 @@ class RollingPlan:
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
         self.reason, self._stop, self._task = "", 0.0, 0.0
+        self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
 
     @property
     def site(self) -> Site:
@@ -179,7 +180,7 @@ class RollingPlan:
 
         Programs are those of a number of spheres, and a wide obstacle is covered by fewer than a slender one.
         """
-        context, area = self._context, self._context.area
+        context, area, added = self._context, self._context.area, self._added
         done = set()
         for radius in REPORTED.tolist():
             self.add_obstacle(KnownObstacle("far away", (1e6, 1e6), radius))
@@ -188,7 +189,7 @@ class RollingPlan:
                 if count not in done:
                     self._rehearse()
             finally:
-                context.area = area
+                context.area, self._added = area, added
             done.add(count)
 
     def _rehearse(self) -> None:
@@ -278,9 +279,13 @@ class RollingPlan:
         return not refusal(leg)
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
-        """Count on one more obstacle in all that is planned from now on; its position is for time 0 s."""
+        """Count on an obstacle in all that is planned from now on; its position is for time 0 s.
+
+        It stands for what was added by its name before.
+        """
         area = self._context.area
-        self._context.area = replace(area, obstacles=(*area.obstacles, obstacle))
+        self._added = {**self._added, obstacle.name: obstacle}
+        self._context.area = replace(area, obstacles=(*self._known, *self._added.values()))
 
     def correct_current(self, measured: Array, position: Array, now: float) -> Array | None:
         """Move the forecast by what it is off a measured current [3] m/s at [3] m.

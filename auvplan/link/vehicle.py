@@ -200,7 +200,7 @@ class VehicleLink(Protocol):
 
     @property
     def rate(self) -> float:
-        """Return s of mission time in one of wall-clock time; 0 where time stands still between waits."""
+        """Return s of mission time in one of wall-clock time; 0 where time stands still between reports."""
         ...
 
     @property
@@ -259,7 +259,7 @@ class VehicleLink(Protocol):
             Lost, Refused: the vehicle does not say that it does.
         """
 
-    def wait(self, seconds: float) -> Report:
+    def report(self, seconds: float) -> Report:
         """Let `seconds` of mission time pass, and return the newest report."""
         ...
 

@@ -5,6 +5,7 @@ was injected. Nothing is compiled again for it: faults change values, not shapes
 places that every leg then keeps for it.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -21,7 +22,7 @@ from auvplan.simulation.world import KINDS, TrueObstacles
 Array = NDArray[np.floating]
 
 #: Depth, m, at which obstacles wait that have not appeared yet.
-_FAR_BELOW = 1e6
+FAR_BELOW = 1e6
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,36 @@ class Slower:
     factor: float
 
 
-Fault = CurrentStep | WrongForecast | Obstacle | SensorOut | HeldUp | PlannerOut | Slower
+class LinkOut(_Passing):
+    """Nothing is heard of the vehicle, and it hears nothing."""
+
+
+@dataclass(frozen=True)
+class _AtOnce:
+    """A fault at a time `at`, s since the epoch."""
+
+    at: float
+
+
+class GivesUp(_AtOnce):
+    """The vehicle reports a fault and surfaces."""
+
+
+class TakenOver(_AtOnce):
+    """Somebody else stops the vehicle's plan."""
+
+
+class Restarts(_AtOnce):
+    """The vehicle's computer starts anew, and has no plan."""
+
+
+#: What strikes vehicles on a link alone.
+OF_A_LINK = LinkOut, GivesUp, TakenOver, Restarts
+
+Fault = (
+    CurrentStep | WrongForecast | Obstacle | SensorOut | HeldUp | PlannerOut | Slower
+    | LinkOut | GivesUp | TakenOver | Restarts
+)  # fmt: skip
 
 F = TypeVar("F", bound=Fault)
 
@@ -110,7 +140,7 @@ class Faults:
         """Begin with faults that are known beforehand, and `places` for obstacles on each leg."""
         self.given = list(given)
         self.places = places
-        self._appeared = 0
+        self._taken: Counter[type] = Counter()
 
     def __bool__(self) -> bool:
         return bool(self.given) or self.places > 0
@@ -123,7 +153,13 @@ class Faults:
         """Return the share of its speed through the water that the vehicle makes."""
         return float(np.prod([fault.factor for fault in self.struck(Slower, now)]))
 
-    def left(self, kind: type[SensorOut | HeldUp | PlannerOut], now: float) -> float:
+    def due(self, kind: type[F], now: float) -> list[F]:
+        """Return the faults of a kind that began until now, each once."""
+        found = sorted(self.struck(kind, now), key=lambda fault: fault.at)[self._taken[kind] :]
+        self._taken[kind] += len(found)
+        return found
+
+    def left(self, kind: type[SensorOut | HeldUp | PlannerOut | LinkOut], now: float) -> float:
         """Return for how many more s a fault of a kind that passes is in effect; 0 where none is."""
         return max([0.0, *(fault.at + fault.seconds - now for fault in self.struck(kind, now))])
 
@@ -143,12 +179,6 @@ class Faults:
             return current
         step = np.append(np.sum(changes, axis=0) if changes else np.zeros(2), 0.0)
         return jax.device_get(perturbed(current, factor, step))
-
-    def appearing(self, now: float) -> list[Obstacle]:
-        """Return the obstacles that are due, each once."""
-        due = sorted(self.struck(Obstacle, now), key=lambda fault: fault.at)[self._appeared :]
-        self._appeared += len(due)
-        return due
 
 
 class FaultySea:
@@ -188,7 +218,7 @@ class FaultySea:
 
 def absent(count: int) -> TrueObstacles:
     """Obstacles that have not appeared yet."""
-    place = np.tile([0.0, 0.0, _FAR_BELOW], (count, 1))
+    place = np.tile([0.0, 0.0, FAR_BELOW], (count, 1))
     return TrueObstacles(place, np.zeros((count, 3)), np.ones(count), np.ones(count), [KINDS[2]] * count)
 
 
@@ -205,7 +235,7 @@ def appear(
         position: [3] m, of the vehicle.
         tangent: [3], along its track.
     """
-    free = np.flatnonzero(truth.position[:, 2] > 0.5 * _FAR_BELOW)
+    free = np.flatnonzero(truth.position[:, 2] > 0.5 * FAR_BELOW)
     if not len(free):
         return False
     level = tangent[:2] / max(float(np.linalg.norm(tangent[:2])), 1e-9)
@@ -213,7 +243,7 @@ def appear(
     place = np.append(position[:2] + fault.ahead * level + fault.aside * starboard, position[2])
     row = free[0]
     for trace in traces:
-        trace[:, row] = (*place[:2], _FAR_BELOW)
+        trace[:, row] = (*place[:2], FAR_BELOW)
     if traces:
         traces[-1][-1, row] = place
     truth.position[row], truth.velocity[row], truth.radius[row] = place, (*fault.velocity, 0.0), fault.radius

@@ -29,9 +29,9 @@ def joined(kind: str, site: Site, body: Body, scale: float, faults: Faults, seed
 
 def followed(link, steps: int) -> Report:
     """What is reported when so many steps are done; on the way their number never falls."""
-    report, begin = link.wait(1.0), time.monotonic()
+    report, begin = link.report(1.0), time.monotonic()
     while report.done < steps and time.monotonic() - begin < 20.0:
-        before, report = report, link.wait(20.0)
+        before, report = report, link.report(20.0)
         assert report.done >= before.done
     assert report.done == steps
     return report

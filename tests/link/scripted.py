@@ -1,4 +1,4 @@
-"""A vehicle that does as it is given, but for the faults of a script; its time passes in `wait` alone."""
+"""A vehicle that does as it is given, but for the faults of a script; its time passes in `report` alone."""
 
 import math
 from collections.abc import Callable
@@ -98,7 +98,7 @@ class ScriptedVehicle:
     def close(self) -> None:
         self.closed = True
 
-    def wait(self, seconds: float) -> Report:
+    def report(self, seconds: float) -> Report:
         end = self.now + seconds
         if self.now >= self.gives_up:
             self.state = State.SURFACING

@@ -216,12 +216,12 @@ def test_home_comes_first_and_modes_start_hold_and_surface(joined):
     link.start()
     assert sub.armed
     assert sub.mission == RUNNING
-    assert link.wait(0.1).state is State.EXECUTING
+    assert link.report(0.1).state is State.EXECUTING
     changed(sub, current=5)
-    assert link.wait(0.1).done == 3, "home and the speed are no steps"
+    assert link.report(0.1).done == 3, "home and the speed are no steps"
     link.hold()
     time.sleep(0.3)
-    assert link.wait(0.1).state is State.HOLDING
+    assert link.report(0.1).state is State.HOLDING
     link.surface()
     assert sub.modes == [POSHOLD, AUTO, POSHOLD, SURFACE]
 
@@ -275,7 +275,7 @@ def test_each_line_has_its_speed_over_ground(joined):
     assert sub.speed == pytest.approx(speeds[0])
     for number, place in enumerate(places):
         changed(sub, current=place)
-        assert link.wait(0.1).done == number, "items of speeds are no steps"
+        assert link.report(0.1).done == number, "items of speeds are no steps"
     link.hold()
     link.start(3)
     assert sub.current == places[3]
@@ -312,7 +312,7 @@ def test_a_vehicle_in_auto_is_started(join, upload, armed, mission):
         sub.mode, sub.armed, sub.mission = AUTO, armed, mission
 
     link, sub, _ = join(idle_in_auto)
-    assert link.wait(0.2).state in (State.IDLE, State.FINISHED)
+    assert link.report(0.2).state in (State.IDLE, State.FINISHED)
     link.upload(upload)
     link.start()
     assert (sub.mode, sub.armed, sub.mission, sub.current) == (AUTO, True, RUNNING, 1)
@@ -363,7 +363,7 @@ def test_what_somebody_else_ends_stays_ended(under_way, change, why):
     before = {name: getattr(sub, name) for name in change}
     changed(sub, **change)
     changed(sub, **before)
-    report = link.wait(0.1)
+    report = link.report(0.1)
     assert report.state is (State.FAULT if "failsafe" in change else State.STOPPED)
     assert why in report.message
     modes = list(sub.modes)
@@ -384,7 +384,7 @@ def test_what_a_disarmed_vehicle_goes_through_is_not_done(under_way, monkeypatch
     sub.armed, sub.current = False, 6
     sub.port.mav.mission_item_reached_send(5)
     changed(sub, quiet=False)
-    report = link.wait(0.1)
+    report = link.report(0.1)
     assert (report.state, report.done) == (State.STOPPED, 0)
 
 
@@ -394,7 +394,7 @@ def test_an_old_heartbeat_is_no_new_mode(under_way):
     sub.port.mav.heartbeat_send(12, 3, 129, POSHOLD, 4)
     sub.port.mav.seq = (sub.port.mav.seq + 4) % 256
     time.sleep(0.3)
-    assert link.wait(0.1).state is State.EXECUTING
+    assert link.report(0.1).state is State.EXECUTING
 
 
 def test_what_it_does_alone_is_read_and_said(join):
@@ -424,7 +424,7 @@ def test_nothing_is_set_on_a_vehicle_that_executes_a_plan(join):
         sub.mode, sub.armed, sub.mission = AUTO, True, RUNNING
 
     link, sub, _ = join(busy, link_loss="surface")
-    assert link.wait(0.1).state is State.EXECUTING
+    assert link.report(0.1).state is State.EXECUTING
     assert sub.parameters["FS_GCS_ENABLE"] == 2.0
 
 

@@ -83,16 +83,16 @@ def test_a_mission_that_was_broken_off_is_not_begun_again_unseen(tmp_path, call,
 def test_an_interrupted_execution_leaves_its_record(tmp_path, call, light_search, monkeypatch):
     from auvplan.link.simulated import SimulatedVehicle
 
-    waits = SimulatedVehicle.wait
+    reports = SimulatedVehicle.report
     reasons = []
 
-    def wait(vehicle, seconds):
+    def report(vehicle, seconds):
         if vehicle.now > 300.0:
             reasons.append(json.loads((tmp_path / "out" / "execution.json").read_text())["reason"])
             raise KeyboardInterrupt
-        return waits(vehicle, seconds)
+        return reports(vehicle, seconds)
 
-    monkeypatch.setattr(SimulatedVehicle, "wait", wait)
+    monkeypatch.setattr(SimulatedVehicle, "report", report)
     status, _, err = call("execute", scenario_file(tmp_path), "--seed", 1, "--out", tmp_path / "out")
     assert status == 130
     assert "interrupted; the vehicle goes on with upload 1, whose last item is to surface" in err

@@ -73,8 +73,8 @@ class Odd(ScriptedVehicle):
 
     odd = staticmethod(lambda vehicle, report: report)
 
-    def wait(self, seconds):
-        return self.odd(self, super().wait(seconds))
+    def report(self, seconds):
+        return self.odd(self, super().report(seconds))
 
 
 def keeps_no_place(vehicle, report):

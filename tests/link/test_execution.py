@@ -268,8 +268,8 @@ class Slow(ScriptedVehicle):
         self.hidden = None
         return super().upload(plan)
 
-    def wait(self, seconds):
-        report = super().wait(seconds)
+    def report(self, seconds):
+        report = super().report(seconds)
         hidden = getattr(self, "hidden", None)
         return report if hidden is None else replace(report, done=hidden)
 
@@ -332,10 +332,10 @@ class Odd(ScriptedVehicle):
     odd = staticmethod(lambda vehicle, report: report)
     skip = np.inf
 
-    def wait(self, seconds):
+    def report(self, seconds):
         if self.now >= self.skip:
             self.skip, self.done, self.at = np.inf, len(self.plan.steps) - 2, False
-        return self.odd(self, super().wait(seconds))
+        return self.odd(self, super().report(seconds))
 
 
 def odd(report=None, **script):
@@ -402,9 +402,9 @@ def test_a_vehicle_under_way_after_its_time_is_told_of_and_brought_up():
 @pytest.mark.parametrize("error", [RuntimeError("it\nbroke"), Lost("gone")])
 def test_what_breaks_on_the_way_ends_at_the_surface(error):
     plan, vehicle = odd()
-    waits = vehicle.wait
-    fail = Failing(error, {"wait": 1})
-    vehicle.wait = lambda seconds: (vehicle.now > 400.0 and fail("wait")) or waits(seconds)
+    reports = vehicle.report
+    fail = Failing(error, {"report": 1})
+    vehicle.report = lambda seconds: (vehicle.now > 400.0 and fail("report")) or reports(seconds)
     record = executed(plan, vehicle)
     assert not record.success
     assert str(error).replace("\n", " ") in record.reason
@@ -422,8 +422,8 @@ def test_a_vehicle_that_has_lost_its_plan_is_given_it_again():
 def test_an_interruption_says_how_the_vehicle_is_and_keeps_the_record():
     kept = []
     plan, vehicle = made()
-    reports = vehicle.wait
-    vehicle.wait = lambda seconds: reports(seconds) if vehicle.now < 300.0 else _interrupt()
+    reports = vehicle.report
+    vehicle.report = lambda seconds: reports(seconds) if vehicle.now < 300.0 else _interrupt()
     with pytest.raises(KeyboardInterrupt, match="interrupted; the vehicle goes on with upload 1, whose last"):
         execute(plan, vehicle, keep=lambda record: kept.append((record.reason, record.safe)))
     assert kept[0][0] == "under way"

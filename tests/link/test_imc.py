@@ -58,7 +58,7 @@ def test_a_later_step_is_a_shorter_plan(upload, join):
     link.upload(upload)
     link.start(3)
     assert len(peer.stored) == 2
-    assert link.wait(1.0).done == 3
+    assert link.report(1.0).done == 3
 
 
 def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
@@ -69,11 +69,11 @@ def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
     names = [move.maneuver_id for move in peer.stored[next(iter(peer.stored))].maneuvers]
     assert sum(name.startswith("leg1") for name in names) > 1
     link.start()
-    seen, report = set(), link.wait(1.0)
+    seen, report = set(), link.report(1.0)
     begin = time.monotonic()
     while report.done < len(plan.steps) and time.monotonic() - begin < 20.0:
         seen.add(report.done)
-        report = link.wait(20.0)
+        report = link.report(20.0)
     assert report.done == len(plan.steps)
     parts = {len(plan.steps) - 1 - int(name.split("_last")[1]) for name in names if "_last" in name}
     assert parts <= seen, "where a part begins the waypoints before it are passed"
@@ -90,9 +90,9 @@ def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_c
     link.connect()
     link.upload(plan)
     link.start()
-    begin, report = link.now, link.wait(1.0)
+    begin, report = link.now, link.report(1.0)
     while report.done < len(plan.steps) and link.now < 4000.0:
-        report = link.wait(5.0)
+        report = link.report(5.0)
     planned = plan.steps[-1].time - plan.steps[0].time
     assert link.now - begin == pytest.approx(planned, rel=0.02)
 
@@ -113,13 +113,13 @@ def test_hold_and_surface(upload, join):
     link, peer, _ = join()
     link.upload(upload)
     link.start()
-    link.wait(100.0)
+    link.report(100.0)
     link.hold()
-    link.wait(20.0)
-    place = link.wait(20.0).position
-    assert link.wait(60.0).position == pytest.approx(place, abs=0.1)
+    link.report(20.0)
+    place = link.report(20.0).position
+    assert link.report(60.0).position == pytest.approx(place, abs=0.1)
     link.surface()
-    assert link.wait(100.0).state is State.SURFACING
+    assert link.report(100.0).state is State.SURFACING
     assert peer.body.depth == 0.0
 
 
@@ -162,7 +162,7 @@ def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
     link, peer, _ = join()
     link.upload(upload)
     link.start()
-    before, tell = link.wait(1.0), Tell(peer, 0x77)
+    before, tell = link.report(1.0), Tell(peer, 0x77)
     for _ in range(10):
         elsewhere, other = imcpy.EstimatedState(), imcpy.PlanControl()
         elsewhere.lat = elsewhere.lon = 0.1
@@ -171,7 +171,7 @@ def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
         tell(other)
         peer._socket.sendto(b"\x54\xfe" + bytes(40), peer.clients[0])
     time.sleep(0.1)
-    after = link.wait(0.0)
+    after = link.report(0.0)
     assert max(abs(after.position - before.position)) < 1000.0
     assert after.state is State.EXECUTING
 
@@ -183,7 +183,7 @@ def test_a_place_that_is_none_is_left_out(upload, join, latitude):
     state.lat = latitude
     Tell(peer, 0x1C)(state)
     time.sleep(0.05)
-    assert link.wait(0.0).position is not None
+    assert link.report(0.0).position is not None
 
 
 def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
@@ -197,8 +197,8 @@ def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
         control.set_timestamp_now()
         control.src = 0x1C
         link._take(control)
-        assert link.wait(0.0).done == 0
-    report = link.wait(0.0)
+        assert link.report(0.0).done == 0
+    report = link.report(0.0)
     assert report.state is State.STOPPED
     assert report.message == "another plan was started, lawnmower"
 
@@ -250,11 +250,11 @@ def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
     link.start()
     link.start(1)  # which leaves a failure as the last outcome, and is none
     time.sleep(0.3)
-    assert link.wait(0.0).state is State.EXECUTING
+    assert link.report(0.0).state is State.EXECUTING
     getattr(peer, how)()
     time.sleep(0.5)
     assert peer._plan is None
-    report, started = link.wait(0.0), list(peer.started)
+    report, started = link.report(0.0), list(peer.started)
     assert report.state is State.STOPPED
     assert ("got abort request from system" if how == "abort" else "it was stopped") in report.message
     for ask in (link.start, link.hold, lambda: link.upload(upload)):
@@ -276,7 +276,7 @@ def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join, stopped_befo
     peer.fail("vehicle errors: Depth Sensor")
     time.sleep(0.6)
     assert peer._error < time.monotonic() - 0.2
-    report = link.wait(0.0)
+    report = link.report(0.0)
     assert (report.state, report.message) == (State.FAULT, "vehicle errors: Depth Sensor")
 
 
@@ -298,7 +298,7 @@ def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload,
         link.start()
     time.sleep(0.2)
     assert peer._plan is None
-    assert link.wait(0.0).state in (State.STOPPED, State.SURFACING)
+    assert link.report(0.0).state in (State.STOPPED, State.SURFACING)
 
 
 @pytest.mark.parametrize("how", ["halt", "restart"])
@@ -308,10 +308,10 @@ def test_a_vehicle_that_started_anew_is_idle_and_may_still_be_aborted(upload, jo
     link.start()
     getattr(peer, how)()
     time.sleep(0.2)
-    assert link.wait(0.0).state is State.IDLE
+    assert link.report(0.0).state is State.IDLE
     peer._words, peer._worded = "got abort request from system ccu", time.time()
     time.sleep(0.2)
-    report = link.wait(0.0)
+    report = link.report(0.0)
     assert (report.state, report.message) == (State.STOPPED, peer._words)
 
 
@@ -328,8 +328,8 @@ def test_an_outcome_of_the_run_before_is_none_of_this_one(upload, join):
         again.connect()
         again.upload(upload)
         again.start()
-        again.wait(50.0)
-        assert again.wait(50.0).state in (State.EXECUTING, State.FINISHED)
+        again.report(50.0)
+        assert again.report(50.0).state in (State.EXECUTING, State.FINISHED)
     finally:
         again.close()
 

@@ -94,16 +94,16 @@ def test_hold_and_surface(upload, join):
     link, peer, _ = join()
     link.upload(upload)
     link.start()
-    link.wait(100.0)
+    link.report(100.0)
     link.hold()
-    held = link.wait(40.0)
+    held = link.report(40.0)
     assert held.state is State.HOLDING
     place = held.position
-    assert link.wait(60.0).position == pytest.approx(place)
+    assert link.report(60.0).position == pytest.approx(place)
     link.start(held.done)
-    assert link.wait(100.0).position != pytest.approx(place)
+    assert link.report(100.0).position != pytest.approx(place)
     link.surface()
-    link.wait(100.0)
+    link.report(100.0)
     assert peer.body.depth == 0.0
 
 

@@ -239,10 +239,10 @@ def test_a_place_that_is_none_is_no_place(meet, place):
 def test_a_place_that_is_not_told_any_more_is_not_known(meet):
     link, peer, _ = meet()
     link.connect()
-    assert link.wait(0.1).position is not None
+    assert link.report(0.1).position is not None
     peer.located = False
     time.sleep(1.5)
-    report = link.wait(0.1)
+    report = link.report(0.1)
     assert report.position is None
     assert report.heard < 1.0
 
@@ -284,12 +284,12 @@ def test_a_tcp_connection_is_made_again_and_prints_nothing(upload, opened, capfd
     link.connect()
     peer.close()
     time.sleep(1.0)
-    assert link.wait(0.1).heard > 0.5
+    assert link.report(0.1).heard > 0.5
     opened.append(Stranger(f"tcpin:127.0.0.1:{port}", place_of(upload)))
     end = time.monotonic() + 15.0
-    while link.wait(0.1).heard > 0.5 and time.monotonic() < end:
+    while link.report(0.1).heard > 0.5 and time.monotonic() < end:
         pass
-    assert link.wait(0.1).heard < 0.5
+    assert link.report(0.1).heard < 0.5
     assert capfd.readouterr().out == ""
 
 
