@@ -61,6 +61,8 @@ class SimulationContext:
         simulated: whether missions meet what no plan knows of; otherwise they go as planned, in the forecast.
         faults: injected into each mission, by its number; empty for none.
         followed: of each edge along a survey line, how it can be followed; None before it is known.
+        places: spheres of known obstacles that programs are made for at least, so that those that become
+            known need no other ones; where there are more, twice as many. 0 for as many as there are.
     """
 
     scenario: Scenario
@@ -73,6 +75,7 @@ class SimulationContext:
     simulated: bool = True
     faults: Sequence[Sequence[Fault]] = ()
     followed: dict[tuple[int, int], Followed] | None = None
+    places: int = 0
 
     @cached_property
     def rules(self) -> PlanningSettings:
@@ -133,7 +136,10 @@ class SimulationContext:
     def known_obstacles(self, now: float) -> Spheres:
         """Spheres that cover what is known beforehand, where it is at a time, s."""
         lower, upper = self.scenario.box
-        return spheres(self.area.obstacles, (lower[2], upper[2]), now)
+        found, places = spheres(self.area.obstacles, (lower[2], upper[2]), now), self.places
+        while 0 < places < len(found.radius):
+            places *= 2
+        return found.padded(places)
 
     @property
     def lookahead(self) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
 from auvplan.export.itinerary import ExportError, PlannedLeg
 from auvplan.link.limits import Limits
-from auvplan.link.notices import AllNotices, CurrentNotice, Notices, ObstacleNotice
+from auvplan.link.notices import AllNotices, CurrentNotice, GoneNotice, Notices, ObstacleNotice
 from auvplan.link.progress import Progress
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
@@ -197,7 +197,6 @@ class _Executor:
         """
         if not self._plan.plan(self._link.allowance):
             raise _SafeEnd(f"no plan: {self._plan.reason}")
-        self._plan.make_ready()
         plan = self._plan.followed
         whole = Upload(self._plan.itinerary(plan, 0))
         legs, available = counted(len(plan.legs), "leg"), self._record.t_available
@@ -408,6 +407,11 @@ class _Executor:
                 self._say("reported", f"obstacle {obstacle.name}, radius {obstacle.radius:.0f} m")
                 self._looked = -math.inf
                 reported.append(obstacle)
+            elif isinstance(notice, GoneNotice):
+                there = self._plan.remove_obstacle(notice.name)
+                end = "is gone" if there else "was to be gone, and was not reported before"
+                self._say("reported" if there else "note", f"obstacle {notice.name} {end}")
+                self._looked = -math.inf
             elif isinstance(notice, CurrentNotice):
                 place = self._link.report(0.0).position if notice.position is None else notice.position
                 if place is None:

@@ -21,6 +21,9 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
+#: Each line has one of them.
+_KINDS = "obstacle", "current", "gone"
+
 
 @dataclass(frozen=True)
 class ObstacleNotice:
@@ -46,7 +49,14 @@ class CurrentNotice:
     position: Array | None = None
 
 
-Notice = ObstacleNotice | CurrentNotice
+@dataclass(frozen=True)
+class GoneNotice:
+    """An obstacle of this name, that was reported before, is gone."""
+
+    name: str
+
+
+Notice = ObstacleNotice | CurrentNotice | GoneNotice
 
 
 class Notices(Protocol):
@@ -74,8 +84,9 @@ class NoticeFile:
     """Notices from a file of JSON lines.
 
     `{"obstacle": "ferry", "longitude": 148.97, "latitude": -20.35, "radius": 80, "course": 90, "speed": 3}`,
-    or `{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}`; `north` and
-    `east`, metres, may stand for longitude and latitude; a current without a place is that at the vehicle.
+    or `{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}`, or
+    `{"gone": "ferry"}`; `north` and `east`, metres, may stand for longitude and latitude; a current without a
+    place is that at the vehicle.
     """
 
     def __init__(self, path: str | Path, site: Site) -> None:
@@ -124,8 +135,10 @@ class NoticeFile:
                 yield f"{self._path}, line {self._line}: {one_line(str(error))[:300]}; not taken in"
 
     def _notice(self, found: Any) -> Notice:
-        if not isinstance(found, dict) or ("obstacle" in found) == ("current" in found):
-            raise ValueError("must be an object with either 'obstacle' or 'current'")
+        if not isinstance(found, dict) or sum(kind in found for kind in _KINDS) != 1:
+            raise ValueError(f"must be an object with one of {', '.join(map(repr, _KINDS))}")
+        if "gone" in found:
+            return GoneNotice(_name(found["gone"]))
         if "current" in found:
             velocity = found["current"]
             if not isinstance(velocity, list) or len(velocity) not in (2, 3):
@@ -147,8 +160,7 @@ class NoticeFile:
         if bottom < top:
             raise ValueError(f"depth_max: {bottom:g} is above depth_min, {top:g}")
         velocity = speed * math.cos(course), speed * math.sin(course)
-        name = one_line(str(found["obstacle"]))[:100] or "obstacle"
-        return ObstacleNotice(KnownObstacle(name, place, radius, top, bottom, velocity))
+        return ObstacleNotice(KnownObstacle(_name(found["obstacle"]), place, radius, top, bottom, velocity))
 
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""
@@ -160,6 +172,10 @@ class NoticeFile:
         if "north" in found or "east" in found:
             return _number(found, "north", (-1e7, 1e7)), _number(found, "east", (-1e7, 1e7))
         return None
+
+
+def _name(found: Any) -> str:
+    return one_line(str(found))[:100] or "obstacle"
 
 
 def _number(

@@ -23,7 +23,6 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
-from auvplan.ocean.vortices import rounded_up
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
@@ -35,8 +34,8 @@ Array = NDArray[np.floating]
 #: Of a vehicle that keeps to its paths.
 _NONE = Allowance()
 
-#: m, radii that reported obstacles may have: programs for as many spheres as cover them are compiled ahead.
-REPORTED = np.geomspace(15.0, 150.0, 12)
+#: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
+_PLACES = 64
 
 
 class CorrectedSea:
@@ -131,6 +130,7 @@ class RollingPlan:
         known = load_area_at(scenario, [0.0], folder) if area is None else area
         self._fingerprint = scenario.fingerprint
         self._context = planning_context(scenario, folder, known, 0.0, ahead=False)
+        self._context.places = _PLACES
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
         self.reason, self._stop, self._task = "", 0.0, 0.0
@@ -174,31 +174,6 @@ class RollingPlan:
         if found is not None:
             self.followed = found
         return found is not None
-
-    def make_ready(self) -> None:
-        """Compile what a path past a reported obstacle needs, before the vehicle is under way.
-
-        Programs are those of a number of spheres, and a wide obstacle is covered by fewer than a slender one.
-        """
-        context, area, added = self._context, self._context.area, self._added
-        done = set()
-        for radius in REPORTED.tolist():
-            self.add_obstacle(KnownObstacle("far away", (1e6, 1e6), radius))
-            count = rounded_up(len(context.known_obstacles(0.0).radius))
-            try:
-                if count not in done:
-                    self._rehearse()
-            finally:
-                context.area, self._added = area, added
-            done.add(count)
-
-    def _rehearse(self) -> None:
-        """Plan the first leg as if it had to be re-planned, and forget it."""
-        state, record = _fork(self._state(0)), replace(self.legs[0], plans=[])
-        if self._set_out_from(state, record, np.asarray(self.legs[0].positions[0], float)):
-            go_as_planned(self._context, [state])
-            finish(state.active_leg)
-            itinerary_of(replace(state.run, legs=[record]), self.site)
 
     def from_leg(self, count: int, now: float) -> Prospect | None:
         """Re-plan all after the first `count` legs, which end at `now`; None where there is no plan."""
@@ -283,9 +258,17 @@ class RollingPlan:
 
         It stands for what was added by its name before.
         """
-        area = self._context.area
-        self._added = {**self._added, obstacle.name: obstacle}
-        self._context.area = replace(area, obstacles=(*self._known, *self._added.values()))
+        self._count_on(self._added | {obstacle.name: obstacle})
+
+    def remove_obstacle(self, name: str) -> bool:
+        """Count no more on an obstacle that was added; return whether there was one of the name."""
+        there = name in self._added
+        self._count_on({other: known for other, known in self._added.items() if other != name})
+        return there
+
+    def _count_on(self, added: dict[str, KnownObstacle]) -> None:
+        self._added = added
+        self._context.area = replace(self._context.area, obstacles=(*self._known, *added.values()))
 
     def correct_current(self, measured: Array, position: Array, now: float) -> Array | None:
         """Move the forecast by what it is off a measured current [3] m/s at [3] m.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.executive.loop import make_context, start_mission
 from auvplan.link.limits import Allowance
-from auvplan.link.notices import CurrentNotice, Notice, ObstacleNotice
+from auvplan.link.notices import CurrentNotice, GoneNotice, Notice, ObstacleNotice
 from auvplan.link.vehicle import Lost, Report, State, Step, Upload
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.ocean.known import KnownObstacle
@@ -46,6 +46,9 @@ Array = NDArray[np.floating]
 #: m/s at which the vehicle comes up when it surfaces.
 _RISE = 0.5
 
+#: m, how far away obstacles are that are gone.
+_GONE = 1e6
+
 #: What a vehicle says from the moment at which it strikes.
 _STATES = {GivesUp: State.FAULT, TakenOver: State.STOPPED, Restarts: State.IDLE}
 
@@ -54,8 +57,8 @@ class SimulatedVehicle:
     """A vehicle in the simulator; its time passes in `report` alone.
 
     It meets the true current, which differs from the forecast as the scenario has it, and on each leg the
-    obstacles that `auvplan mission` draws for one; here they stay when the leg is over. What its sensor makes
-    of them it reports itself: it is a source of notices too.
+    obstacles that `auvplan mission` draws for one, which are gone when it is over. What its sensor makes of
+    them it reports itself: it is a source of notices too.
     """
 
     name = "the simulator"
@@ -102,7 +105,8 @@ class SimulatedVehicle:
         self._legs: set[int] = set()  # numbers of the legs that were begun
         self._truth = TrueObstacles.known(self._context.known_obstacles(0.0)) + absent(self._faults.places)
         self._look = 0.0  # s, when the sensor looks next
-        self._seen: dict[int, KnownObstacle] = {}
+        self._seen: dict[int, KnownObstacle] = {}  # what was reported, by its row
+        self._gone: list[int] = []  # of it, what is gone meanwhile
         # Times, places [3] m, obstacles [M, 3] m, velocities over ground and of the water until then [3] m/s.
         still = np.zeros(3)
         self._trace: list[tuple[float, Array, Array, Array, Array]] = [
@@ -165,6 +169,8 @@ class SimulatedVehicle:
         now, sensors = self._now, self._context.scenario.sensors
         if self._is_silent:
             return
+        while self._gone:
+            yield GoneNotice(self._seen.pop(self._gone.pop()).name)
         for fault in self._faults.due(CurrentStep, now):
             if fault.known:
                 yield CurrentNotice(self._drift()[-1])
@@ -178,15 +184,16 @@ class SimulatedVehicle:
         for row in map(int, np.flatnonzero(away - self._truth.radius <= sensors.range)):
             if self._truth.kinds[row] == KNOWN:
                 continue
-            errors, drifts = rng.normal(size=5), self._truth.drift[row] > 0.0
-            place = self._truth.position[row, :2] + sensors.position_std * errors[:2]
-            radius = max(self._truth.radius[row] + sensors.position_std * errors[2], 1.0) + margin
-            north, east = place.tolist()
-            velocity = (moves[row, :2] + sensors.velocity_std * errors[3:]).tolist() if drifts else (0.0, 0.0)
+            errors, drifts = rng.normal(size=6), self._truth.drift[row] > 0.0
+            place = self._truth.position[row] + sensors.position_std * errors[:3]
+            radius = max(self._truth.radius[row] + sensors.position_std * errors[3], 1.0) + margin
+            velocity = (moves[row, :2] + sensors.velocity_std * errors[4:]).tolist() if drifts else (0.0, 0.0)
             known = self._seen.get(row)
-            if known is None or np.linalg.norm(known.after(now).position - place) > margin:
+            if known is None or np.linalg.norm(known.after(now).position - place[:2]) > margin:
+                north, east, depth = place.tolist()
+                span = depth - radius, depth + radius
                 found = KnownObstacle(
-                    f"sighting {row}", (north, east), radius, velocity=(velocity[0], velocity[1])
+                    f"sighting {row}", (north, east), radius, *span, (velocity[0], velocity[1])
                 )
                 self._seen[row] = found.after(-now)
                 yield ObstacleNotice(found)
@@ -294,12 +301,19 @@ class SimulatedVehicle:
                 self._place = np.asarray([*self._place[:2], 0.0])
 
     def _begin(self, leg: int) -> None:
-        """Draw what is met on a leg of a number, where it was not begun before."""
+        """Draw what is met on a leg of a number that was not begun before; what the last one had is gone."""
         assert self._plan is not None
-        target = next(step.position for step in reversed(self._plan.steps) if step.leg == leg)
-        if leg not in self._legs and float(np.linalg.norm(target - self._place)) > ONE_PLACE:
-            self._truth += draw_obstacles(self._context.scenario, self._place, target, self._mission.rng)
+        if leg in self._legs:
+            return
         self._legs.add(leg)
+        # What is gone went straight away, and meets nothing on its way.
+        over = (self._truth.position[:, 2] < 0.5 * FAR_BELOW) & (np.asarray(self._truth.kinds) != KNOWN)
+        away = self._truth.position[over, :2] - self._place[:2]
+        self._truth.position[over, :2] += _GONE * away / np.linalg.norm(away, axis=1)[:, None].clip(1e-9)
+        self._gone += list(self._seen)
+        target = next(step.position for step in reversed(self._plan.steps) if step.leg == leg)
+        if float(np.linalg.norm(target - self._place)) > ONE_PLACE:
+            self._truth += draw_obstacles(self._context.scenario, self._place, target, self._mission.rng)
 
     def _stretch(self, step: Step) -> tuple[Array, Array, bool]:
         """Simulate a look's time on the straight way to a step: times, places, and whether it is reached."""

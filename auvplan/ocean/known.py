@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 EXCESS = 0.12, 1.0
 #: What lies farther above or below the vehicle's depths is left out, m.
 _BEYOND = 50.0
+#: m north, east and down, where nothing goes.
+_FAR_AWAY = 1e6
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,13 @@ class Spheres(NamedTuple):
     position: NDArray[np.float64]
     radius: NDArray[np.float64]
     velocity: NDArray[np.float64]
+
+    def padded(self, count: int) -> "Spheres":
+        """Return at least `count` spheres: those, and others far away."""
+        more = max(count - len(self.radius), 0)
+        away, still = np.full((more, 3), _FAR_AWAY), np.zeros((more, 3))
+        parts = zip(self, (away, np.ones(more), still), strict=True)
+        return Spheres(*(np.concatenate(part) for part in parts))
 
 
 def spheres(obstacles: Sequence[KnownObstacle], depths: tuple[float, float], now: float) -> Spheres:

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from auvplan.link import Limits, Lost, Refused, State, Upload, execute, rolling
+from auvplan.link import Limits, Lost, Refused, State, Upload, execute
 from auvplan.link.limits import Allowance
-from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.known import KnownObstacle
@@ -22,24 +22,14 @@ from tests.link.scripted import Failing, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
-#: Sizes of obstacles that are made ready for; most tests are content with one.
-ALL = rolling.REPORTED
-
-
-@pytest.fixture(autouse=True)
-def one_size(monkeypatch):
-    monkeypatch.setattr(rolling, "REPORTED", np.array([50.0]))
-
-
 SITE = {"longitude": 148.96, "latitude": -20.34}
 
 
 @cache
 def planned() -> RollingPlan:
-    """A mission that is planned, and made ready, for all tests."""
+    """A mission that is planned, for all tests."""
     plan = RollingPlan(scenario(site=SITE), 1)
     assert plan.plan()
-    plan.make_ready()
     return plan
 
 
@@ -49,7 +39,6 @@ def made(**script):
     plan._context = copy(plan._context)  # obstacles are added to it
     plans, usual = plan.plan, Allowance()
     plan.plan = lambda given=usual, away=0.0: (given == usual and not away) or plans(given, away)
-    plan.make_ready = lambda: None
     start = np.asarray(plan.run.graph.positions[plan.run.start], float)
     return plan, ScriptedVehicle(start, **script)
 
@@ -126,17 +115,15 @@ def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current
     assert off[False].max() > 0.03
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("radius", [17.0, 40.0, 140.0])
-def test_a_reported_obstacle_compiles_nothing_under_way(monkeypatch, radius):
-    monkeypatch.setattr(rolling, "REPORTED", ALL)
-    plan = RollingPlan(scenario(site=SITE), 1)
-    assert plan.plan()
-    plan.make_ready()
+def test_reported_obstacles_compile_nothing_under_way():
+    plan, _ = made()
+    plan.itinerary(plan.followed, 0)
     before, leg = compilations(), plan.legs[1]
-    north, east = leg.positions[len(leg.positions) // 2][:2].tolist()
-    plan.add_obstacle(KnownObstacle("reported", (north, east + 2.0 * radius), radius))
-    plan.from_position(1, np.asarray(leg.positions[3], float), float(leg.times[3]))
+    for number, radius in enumerate([17.0, 40.0, 140.0]):
+        north, east = leg.positions[len(leg.positions) // 2][:2].tolist()
+        plan.add_obstacle(KnownObstacle(f"reported {number}", (north, east + 2.0 * radius), radius))
+        found = plan.from_position(1, np.asarray(leg.positions[3], float), float(leg.times[3]))
+        plan.itinerary(found, 1)
     assert compilations() == before
 
 
@@ -185,6 +172,31 @@ def test_a_told_obstacle_on_the_way_is_gone_around():
     assert record.success
     track = np.asarray([row[1:3] for row in record.track])
     assert np.linalg.norm(track - found[0][:2], axis=1).min() > radius
+
+
+def test_a_report_stands_for_an_earlier_one_of_its_name_until_it_is_gone():
+    plan, _ = made()
+    known = plan.clearance(np.zeros((1, 3)), np.zeros(1))
+    for north in (300.0, 100.0):
+        plan.add_obstacle(KnownObstacle("ferry", (north, 0.0), 20.0))
+    assert plan.clearance(np.array([[300.0, 0.0, 5.0]]), np.zeros(1)) > 170.0
+    assert plan.clearance(np.array([[100.0, 0.0, 5.0]]), np.zeros(1)) < 0.0
+    assert plan.remove_obstacle("ferry")
+    assert not plan.remove_obstacle("ferry")
+    assert plan.clearance(np.zeros((1, 3)), np.zeros(1)) == known
+
+
+def test_what_is_gone_is_told():
+    plan, vehicle = made()
+    buoy = KnownObstacle("buoy", (9000.0, 9000.0), 20.0)
+    told = (10.0, ObstacleNotice(buoy)), (20.0, GoneNotice("buoy")), (30.0, GoneNotice("buoy"))
+    record = executed(plan, vehicle, notices=Tell(vehicle, *told))
+    words = [event.text for event in record.events if "buoy" in event.text]
+    assert words == [
+        "obstacle buoy, radius 20 m",
+        "obstacle buoy is gone",
+        "obstacle buoy was to be gone, and was not reported before",
+    ]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvplan.errors import AuvplanError
-from auvplan.link.notices import CurrentNotice, NoticeFile, ObstacleNotice
+from auvplan.link.notices import CurrentNotice, GoneNotice, NoticeFile, ObstacleNotice
 from auvplan.site import Site
 
 SITE = Site(148.96, -20.34)
@@ -49,6 +49,11 @@ def test_currents_here_and_elsewhere(tmp_path):
     assert there.position == pytest.approx([5.0, 6.0, 7.0])
 
 
+def test_what_is_gone_goes_by_its_name(tmp_path):
+    (gone,) = stated(tmp_path, {"gone": "ferry"})
+    assert gone == GoneNotice("ferry")
+
+
 def test_the_file_is_read_on_by_whole_lines(tmp_path):
     path = tmp_path / "notices.jsonl"
     path.write_text("")
@@ -68,8 +73,8 @@ def test_the_file_is_read_on_by_whole_lines(tmp_path):
     ("line", "words"),
     [
         ("not json", "line 1"),
-        ({}, "either 'obstacle' or 'current'"),
-        ({"current": [0, 1], "obstacle": "x"}, "either"),
+        ({}, "one of 'obstacle', 'current', 'gone'"),
+        ({"current": [0, 1], "obstacle": "x"}, "one of"),
         ({"current": 3}, "must be [north, east]"),
         ({"current": [99, 0]}, "from -10 to 10"),
         ({"obstacle": "x", "radius": 5}, "needs longitude and latitude"),
