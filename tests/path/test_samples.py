@@ -73,6 +73,7 @@ def test_a_replan_keeps_to_samples_of_its_own():
     assert rest.travel_time == pytest.approx(plan.times[-1] - plan.times[half], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_front_is_searched_in_itself():
     def front(x, y, z, t):
         return jnp.where(y > 300.0, 0.8, -0.8), 0.0, 0.0

@@ -50,7 +50,13 @@ def a_run(legs):
 
 
 @pytest.mark.parametrize(
-    ("legs", "dpi"), [("three", 150), ("open water", 50), ("refused", 50), ("only refused", 50)]
+    ("legs", "dpi"),
+    [
+        ("three", 150),
+        pytest.param("open water", 50, marks=pytest.mark.slow),
+        ("refused", 50),
+        pytest.param("only refused", 50, marks=pytest.mark.slow),
+    ],
 )
 def test_all_figures(tmp_path, monkeypatch, legs, dpi):
     monkeypatch.setattr(style, "DPI", dpi)

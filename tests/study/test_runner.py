@@ -495,7 +495,7 @@ WORDS = "a worker process died.*--resume"
 @pytest.mark.parametrize(
     ("work", "error", "words"),
     [
-        (light.work_and_die, StudyError, WORDS),
+        pytest.param(light.work_and_die, StudyError, WORDS, marks=pytest.mark.slow),
         (light.work_and_die_speaking, StudyError, WORDS),
         (light.work_and_fail, ScenarioError, "lies on land"),
     ],
