@@ -19,7 +19,9 @@ from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
 #: A search of next to nothing: tests that plan with it share compiled programs.
-LIGHT = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
+LIGHT = CONFIG.replace(
+    bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0, finer=1
+)
 #: Places at which a segment meets the current when it is timed.
 PLACES = timed(CONFIG, world().current).quadrature
 SHARE = np.linspace(0.0, 1.0, 48)[:, None]

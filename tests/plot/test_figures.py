@@ -240,7 +240,7 @@ def plan():
     stream = ap.UniformCurrent(0.2, 0.4)
     afloat = ap.Obstacles.afloat([[1000.0, -200.0, 0.0], [9000.0, 9000.0, 0.0]], [80.0, 50.0], growth=0.02)
     env = ap.Environment(stream, obstacles=afloat, lower=(-500, -900, 0), upper=(2500, 1500, 0))
-    config = ap.PathConfig.quick().replace(finer=1, passages=0)
+    config = ap.PathConfig.quick().replace(finer=1, passages=0, refine_steps=0)
     return ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
 
 
