@@ -9,7 +9,7 @@ import auvplan as ap
 from auvplan.path.cost import score
 from auvplan.runtime.compiled import compilations
 
-LIGHT = ap.PathConfig.quick().replace(finer=1)
+LIGHT = ap.PathConfig.quick().replace(finer=1, passages=0)
 BOX = {"lower": (-500.0, -1500.0, 0.0), "upper": (2500.0, 1500.0, 0.0)}
 START, GOAL = (0.0, 0.0, 0.0), (2000.0, 0.0, 0.0)
 MIDDLE = jnp.array([1000.0, 100.0])

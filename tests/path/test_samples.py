@@ -11,7 +11,7 @@ import pytest
 import auvplan as ap
 from auvplan.path import stages
 
-CONFIG = ap.PathConfig.quick().replace(finer=1)
+CONFIG = ap.PathConfig.quick().replace(finer=1, passages=0)
 START, GOAL = (0.0, 0.0, 10.0), (4000.0, 0.0, 10.0)
 KEY = jax.random.key(0)
 
