@@ -5,6 +5,7 @@ import gc
 import os
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 
 # Most programs of the tests run once, on little: compiling them takes longer than running them slowly.
 # XLA ends a process at a flag that its version has lost.
@@ -25,6 +26,7 @@ import pytest
 
 from auvplan import cli
 from auvplan.executive import loop
+from auvplan.plot import painter
 from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import LIGHT
 
@@ -93,6 +95,9 @@ def light_search():
 @pytest.fixture
 def call(capsys, monkeypatch):
     """A function that runs a command and returns its exit status, standard output and standard error."""
+
+    # They draw by themselves: a process beside them takes longer to begin, and has tests of its own.
+    monkeypatch.setattr(painter, "cores", SimpleNamespace(count=lambda: 1))
 
     def run(*arguments):
         monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])

@@ -4,6 +4,7 @@ import json
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ def asked(monkeypatch):
     module = sys.modules[reproduce.__module__]
     asked = {"missions": [], "seeds": [], "resume": []}
 
+    @cache
     def one_leg(seed):
         run = make_run((0, 1))
         run.seed = seed

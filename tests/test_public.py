@@ -79,6 +79,8 @@ BOX = {"lower": (-500, -500, 0), "upper": (2500, 1500, 0)}
 A, B = (0, 0, 0), (2000, 0, 0)
 STILL = ap.Environment(None, **BOX)
 KEY = jax.random.key(0)
+#: A search without passages and polish: what it finds is not what is tested.
+LIGHT = ap.PathConfig.quick().replace(finer=1, passages=0, refine_steps=0)
 
 
 @pytest.mark.parametrize(
@@ -142,9 +144,8 @@ def test_functions_that_are_currents_are_taken():
 
 def test_a_current_that_is_no_number_is_told_with_the_place():
     hole = ap.Environment(lambda x, y, z, t: (jnp.where(x > 1000.0, jnp.nan, 0.3), 0.0, 0.0), **BOX)
-    quick = ap.PathConfig.quick().replace(finer=1)
     with pytest.raises(ValueError, match=r"not a number \(NaN\) at \(1\d\d\d, ") as refused:
-        ap.plan_path(A, B, hole, key=KEY, config=quick)
+        ap.plan_path(A, B, hole, key=KEY, config=LIGHT)
     assert "\n" not in str(refused.value)
 
 
@@ -191,8 +192,7 @@ def test_runs_and_what_is_in_them_are_told_in_a_line():
 
 
 def test_plans_and_routes_are_told_in_a_line():
-    config = ap.PathConfig.quick().replace(finer=1)
-    plans = ap.plan_paths([A, A], [B, B], STILL, key=KEY, config=config)
+    plans = ap.plan_paths([A, A], [B, B], STILL, key=KEY, config=LIGHT)
     assert "2 of 2 plans feasible" in one_line(plans)
     assert one_line(plans[0]).startswith("<PathPlan: feasible, travel time 8")
     assert "length 2,0" in repr(plans[0])

@@ -70,7 +70,7 @@ def plan_path(
 
     Example:
         >>> import jax, auvplan as ap
-        >>> stream = lambda x, y, z, t: (0.0, 0.5, 0.0)
+        >>> stream = ap.UniformCurrent(0.0, 0.5)
         >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(2500, 1500, 0))
         >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
         >>> plan.feasible, round(plan.travel_time)

@@ -18,6 +18,10 @@ SLOW = {
 }  # fmt: skip
 
 
+#: Readers of what takes longest to read, whose parts are read by others.
+LONGEST = {"scenario and its files", "saved run, checked"}
+
+
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz")
@@ -37,7 +41,9 @@ def wire(sources):
     return Tripwire(write_outside(sources))
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONGEST else ()) for name in READERS]
+)
 def test_changed_files_are_read_or_refused(name, sources, watch, wire, monkeypatch):
     monkeypatch.setenv("AUVPLAN_CACHE", "off")
     place = sources / name

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 #: Of the task at the buoy: far later than the vehicle is there.
 OPENS, CLOSES = 1200.0, 1500.0
-PLANNING = {"effort": "plain", "departures": 4}
+PLANNING = {"effort": "plain", "departures": 12}
 
 
 def windowed(windows=((OPENS, CLOSES),), north=0.4, truth=None, wait="station", **planning):

@@ -124,6 +124,7 @@ def test_planning_time_is_charged_only_when_asked():
     assert charged.t_mission == pytest.approx(total, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_current_that_wins_ends_the_mission_with_its_reason():
     strong = SMALL["current"] | {"uniform": [-3.5, 0.0, 0.0]}
     run = ap.run_mission(scenario(current=strong), key=jax.random.key(0))

@@ -151,6 +151,7 @@ def test_an_obstacle_that_appears_on_a_line_is_passed_and_the_line_taken_up_agai
     unseen = scenario(
         mission={"start": [200, 1000, 5], "goal": [3300, 1000, 5], "time_available": 3000},
         current=SMALL["current"] | {"vortices": 0},
+        planning=SMALL["planning"] | {"effort": "plain"},  # it compiles faster
         simulation={"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
     )
     line = JobLine("line", ((500.0, 1000.0, 5.0), (3000.0, 1000.0, 5.0)), 4.0)

@@ -56,8 +56,9 @@ def test_the_area_has_chart_sea_bed_and_obstacles_of_the_cells(scenario):
     assert any("closed at all times: Range" in note for note in area.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("light_search")
-@pytest.mark.parametrize("command", [pytest.param("plan", marks=pytest.mark.slow), "mission"])
+@pytest.mark.parametrize("command", ["plan", "mission"])
 def test_a_mission_is_free_of_faults_in_the_cells(scenario, call, command, tmp_path):
     out = tmp_path / "out"
     status, said, errors = call(command, scenario, "--out", out, "--pictures", "none")

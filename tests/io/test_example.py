@@ -22,9 +22,13 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_its_graph_holds_every_job(folder):
+@pytest.fixture(scope="module")
+def area(folder):
+    return load_area(load_scenario(folder / SCENARIO), folder)
+
+
+def test_its_graph_holds_every_job(folder, area):
     scenario = load_scenario(folder / SCENARIO)
-    area = load_area(scenario, folder)
     graph, names = make_graph(scenario, area, np.random.default_rng(0))
     assert area.jobs is not None
     assert 6 <= len(area.jobs.points) <= 10
@@ -39,9 +43,7 @@ def test_its_graph_holds_every_job(folder):
     assert total > 20.0
 
 
-def test_jobs_keep_clear_of_land_and_of_the_sea_bed(folder):
-    scenario = load_scenario(folder / SCENARIO)
-    area = load_area(scenario, folder)
+def test_jobs_keep_clear_of_land_and_of_the_sea_bed(area):
     assert area.chart is not None
     assert area.seabed is not None
     assert area.jobs is not None

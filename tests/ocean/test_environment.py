@@ -48,6 +48,7 @@ def test_corners_may_be_arrays_of_jax():
         ap.Environment(stream, lower=jnp.ones(3), upper=jnp.zeros(3))
 
 
+@pytest.mark.slow
 def test_paths_are_planned_without_a_box():
     """The README's shortest call: in a stream across, 2 m/s over ground remain of 2.5 m/s."""
     env = ap.Environment(lambda x, y, z, t: (0.0, 1.5, 0.0))

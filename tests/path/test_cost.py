@@ -254,7 +254,13 @@ def _with(values, index, value):
 
 @pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize(
-    ("reading", "quadrature"), [("track", None), ("eq8", None), ("eq11", None), ("track", 2)]
+    ("reading", "quadrature"),
+    [
+        ("track", None),
+        pytest.param("eq8", None, marks=pytest.mark.slow),
+        pytest.param("eq11", None, marks=pytest.mark.slow),
+        pytest.param("track", 2, marks=pytest.mark.slow),
+    ],
 )
 def test_gradients_match_finite_differences(reading, quadrature):
     env = world()

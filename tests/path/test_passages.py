@@ -1,7 +1,5 @@
 """Time-to-reach fields against Dijkstra's, and the passages they find: gaps, islands, both sides of rocks."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +14,15 @@ from tests.path.kernels import curves
 CONFIG = ap.PathConfig(field_cells=48, control_points=16, samples=64)
 START, GOAL = jnp.array([0.0, 0.0, 10.0]), jnp.array([2000.0, 0.0, 10.0])
 LOWER, UPPER = (-1000, -1600, 0), (3000, 1600, 60)
+WATER = np.ones((400, 320), bool)
+NOWHERE = ap.Obstacles.static([[9e4, 9e4, 10.0]], [1.0])
+
+
+def sea(water=WATER, obstacles=NOWHERE, current=None, origin=LOWER[:2], **box):
+    """Water in pixels of 10 m with one obstacle: what all have is traced by one program."""
+    chart = ap.Chart.from_mask(water, 10.0, origin)
+    return ap.Environment(current, chart, obstacles, **{"lower": LOWER, "upper": UPPER} | box)
+
 
 traced = jax.jit(passages.trace_passages, static_argnums=(5, 6))
 
@@ -78,7 +85,7 @@ def test_chains_lead_back_along_shortest_ways():
 
 def test_passages_on_both_sides_of_an_obstacle():
     rock = ap.Obstacles.static([[1000.0, 50.0, 10.0]], [300.0])
-    env = ap.Environment(None, None, rock, LOWER, UPPER)
+    env = sea(obstacles=rock)
     found, _, times, closed, known = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert (np.diff(times[np.isfinite(times)]) >= 0.0).all()
     x, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
@@ -99,20 +106,18 @@ def test_the_way_follows_the_current():
     assert float(y.max()) > 250.0
 
 
-def walled(gap, length=300):
-    """A wall from side to side of a box of 4 km by 3 km, 100 m thick, with a gap in it, in pixels."""
-    water = np.ones((400, length), bool)
+def walled(*gaps, obstacles=NOWHERE):
+    """A wall from side to side of a box of 4 km by 3.2 km, 100 m thick, with gaps in it, in pixels."""
+    water = WATER.copy()
     water[195:205] = False
-    if gap:
+    for gap in gaps:
         water[195:205, gap] = True
-    chart = ap.Chart.from_mask(water, 10.0, (-1000.0, -1600.0))
-    return ap.Environment(None, chart, None, (-1000, -1600, 0), (3000, -1600 + 10 * length, 0))
+    return sea(water, obstacles, upper=(3000, 1600, 0))
 
 
 def test_passages_with_more_control_points_are_the_same_ways():
     rock = ap.Obstacles.static([[1000.0, 0.0, 10.0]], [300.0])
-    env = ap.Environment(None, None, rock, LOWER, UPPER)
-    env = replace(env, obstacles=rock.resolved(env.current))
+    env = sea(obstacles=rock)
     usual, fine, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert fine.shape == (4, CONFIG.finer * 3 * CONFIG.control_points)
     for k in range(2):
@@ -135,7 +140,7 @@ def test_a_gap_narrower_than_a_cell_is_found():
 
 
 def test_a_wall_without_a_gap_is_closed():
-    env = walled(None)
+    env = walled()
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
     _, _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert 0.0 < float(closed) < 200.0
@@ -143,9 +148,9 @@ def test_a_wall_without_a_gap_is_closed():
 
 
 def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
-    water = np.ones((400, 300), bool)
+    water = WATER.copy()
     water[145:155, 40:260] = False  # 2.2 km across a way of 1 km
-    env = ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, (0, 0, 0), (3000, 3000, 0))
+    env = sea(water, origin=(0.0, 0.0), lower=(0, 0, 0), upper=(3000, 3000, 0))
     ends = jnp.array([1000.0, 1400.0, 0.0]), jnp.array([2000.0, 1400.0, 0.0])
     found, _, times, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert float(closed) == 0.0
@@ -160,12 +165,9 @@ def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
 
 def test_a_passage_that_is_closed_by_the_time_of_arrival_is_not_taken():
     # Two gaps; a sphere comes to the nearer one while the vehicle is on its way there.
-    env = walled(slice(170, 180))
-    chart = np.array(env.chart.passability)
-    chart[195:205, 110:120] = 1.0
-    chart = ap.Chart.from_passability(chart, 10.0, (-1000.0, -1600.0))
+    gaps = slice(170, 180), slice(110, 120)
     comes = ap.Obstacles.create([[1000.0, 950.0, 0.0]], [150.0], velocity=[[0.0, -2.0, 0.0]])
-    free, met = (replace(env, chart=chart, obstacles=seen) for seen in (ap.Obstacles.none(), comes))
+    free, met = (walled(*gaps, obstacles=seen) for seen in (NOWHERE, comes))
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
     sides = []
     for world in (free, met):

@@ -17,6 +17,8 @@ from auvplan.path.stages import Legs, _step_sizes, _world, split
 
 WAY, SPEED = 4000.0, 1.5
 UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
+#: Of what is planned here, plans with the same settings share compiled programs.
+LIGHT = ap.PathConfig.quick().replace(finer=1, refine_steps=0)
 LAYERED = ap.LambVortices(np.zeros((2, 1, 2)), np.zeros((2, 1)), np.ones((2, 1)), [20.0, 60.0])
 
 
@@ -100,16 +102,14 @@ def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
     found = straight_profile(env)
     assert np.isfinite(found).all()
     assert 45.0 < np.median(found) < 200.0
-    plan = ap.plan_path(
-        (0, 0, 10), (WAY, 0, 10), env, vehicle=UNLIMITED, key=jax.random.key(0), config=ap.PathConfig.quick()
-    )
+    ends = (0, 0, 10), (WAY, 0, 10)
+    plan = ap.plan_path(*ends, env, UNLIMITED, key=jax.random.key(0), config=LIGHT)
     assert plan.feasible
     assert plan.travel_time < WAY / 2.0
 
 
 def plan_of(vehicle, env, goal_depth=60.0):
-    config = ap.PathConfig.quick().replace(finer=1)
-    return ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, key=jax.random.key(0), config=config)
+    return ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, key=jax.random.key(0), config=LIGHT)
 
 
 def from_half_way(plan):
@@ -121,8 +121,8 @@ def from_half_way(plan):
 
 @cache
 def in_two_layers():
-    ends, config = ((0, 0, 10), (WAY, 0, 10)), ap.PathConfig.quick()
-    return ap.plan_path(*ends, sea(), UNLIMITED, key=jax.random.key(0), config=config)
+    ends = (0, 0, 10), (WAY, 0, 10)
+    return ap.plan_path(*ends, sea(), UNLIMITED, key=jax.random.key(0), config=LIGHT)
 
 
 def test_a_transit_depth_is_kept_between_the_ends_whatever_the_current():
@@ -268,7 +268,7 @@ def bands(x, y, z, t):
     ("sharp", "preset"),
     [
         pytest.param(layer, ap.PathConfig, marks=pytest.mark.slow),
-        (layer, ap.PathConfig.quick),
+        pytest.param(layer, ap.PathConfig.quick, marks=pytest.mark.slow),
         pytest.param(front, ap.PathConfig.quick, marks=pytest.mark.slow),
         pytest.param(bands, ap.PathConfig.quick, marks=pytest.mark.slow),
     ],
@@ -290,6 +290,7 @@ def test_what_is_finer_than_samples_is_timed_as_it_is_sailed(sharp, preset):
     assert float(ap.travel_time(plan.positions, env, vehicle)) == pytest.approx(plan.travel_time, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_gradual_sea_needs_no_finer_path_for_its_time():
     def eddy(x, y, z, t):
         return 0.4 * jnp.sin(y / 4000.0) + 0.0 * x, 0.4 * jnp.sin(x / 4000.0) + 0.0 * y, 0.0
@@ -311,7 +312,7 @@ def test_a_replan_in_two_layers_stays_below():
     assert rest.travel_time < 1.01 * (plan.times[-1] - rest.times[0])
 
 
-@pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), (60.0, 20.0, 80.0)])
+@pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), pytest.param((60.0, 20.0, 80.0), marks=pytest.mark.slow)])
 def test_paths_wind_where_the_straight_line_is_too_steep(goal):
     """Of the least time that the pitch allows, which a helix takes, nearly nothing is lost."""
     vehicle = ap.Vehicle(SPEED, pitch_max=np.radians(20.0))

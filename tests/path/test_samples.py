@@ -11,7 +11,7 @@ import pytest
 import auvplan as ap
 from auvplan.path import stages
 
-CONFIG = ap.PathConfig.quick()
+CONFIG = ap.PathConfig.quick().replace(finer=1, passages=0)
 START, GOAL = (0.0, 0.0, 10.0), (4000.0, 0.0, 10.0)
 KEY = jax.random.key(0)
 
@@ -73,6 +73,7 @@ def test_a_replan_keeps_to_samples_of_its_own():
     assert rest.travel_time == pytest.approx(plan.times[-1] - plan.times[half], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_front_is_searched_in_itself():
     def front(x, y, z, t):
         return jnp.where(y > 300.0, 0.8, -0.8), 0.0, 0.0

@@ -26,6 +26,7 @@ CONFIG = ap.PathConfig(
     field_cells=24,
     refine_steps=20,
     passage_steps=30,
+    finer=1,
 )
 LOWER, UPPER = (0.0, 0.0, 0.0), (3000.0, 2000.0, 200.0)
 START, GOAL = (200.0, 900.0, 70.0), (2800.0, 1100.0, 90.0)
@@ -214,7 +215,7 @@ def test_ends_at_the_bottom_are_refused(start, goal, message):
 
 
 def test_a_start_nearer_than_the_clearance_is_stated():
-    found = plan(over(120.0), (200.0, 900.0, 116.0), config=CONFIG.replace(finer=1))
+    found = plan(over(120.0), (200.0, 900.0, 116.0))
     assert found.status is ap.PathStatus.SEABED
     assert found.reason.startswith("altitude above the sea bed 4.0 m under 6.0 at km 0.0 of 2.6, at ")
     assert found.positions[5, 2] < 116.0

@@ -18,6 +18,10 @@ from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
+#: A search of next to nothing: tests that plan with it share compiled programs.
+LIGHT = CONFIG.replace(
+    bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0, finer=1
+)
 #: Places at which a segment meets the current when it is timed.
 PLACES = timed(CONFIG, world().current).quadrature
 SHARE = np.linspace(0.0, 1.0, 48)[:, None]
@@ -143,9 +147,8 @@ def test_plans_of_a_batch_know_their_own_world():
     none = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), ap.Obstacles.none())
     lower, upper = jnp.array([-500.0, -500.0, 0.0]), jnp.array([3500.0, 500.0, 0.0])
     env = ap.Environment(both, None, none, lower, upper)
-    light = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
     starts, goals = np.zeros((2, 3)), np.tile([3000.0, 0.0, 0.0], (2, 1))
-    plans = ap.plan_paths(starts, goals, env, key=jax.random.key(0), config=light, world_per_leg=True)
+    plans = ap.plan_paths(starts, goals, env, key=jax.random.key(0), config=LIGHT, world_per_leg=True)
     for plan, stream in zip(plans, (0.5, -0.5), strict=True):
         slopes = plan.sensitivity()
         straight = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1).sum() == pytest.approx(
@@ -205,17 +208,16 @@ def rounding(start, goal, current, position, radius, speed):
 
 
 def test_slopes_of_a_least_time_by_every_leaf():
-    light = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
     env = ap.Environment(tide, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0))
 
     def time(start, goal, env, vehicle, depart):
         return ap.plan_path(
-            start, goal, env, vehicle, key=jax.random.key(0), config=light, depart=depart
+            start, goal, env, vehicle, key=jax.random.key(0), config=LIGHT, depart=depart
         ).travel_time
 
     given = (0.0, 0.0, 0.0), (3000.0, 0.0, 0.0), env, ap.Vehicle(), 500.0
     least, slopes = jax.value_and_grad(time, argnums=tuple(range(5)), allow_int=True)(*given)
-    plan = ap.plan_path(*given[:4], key=jax.random.key(0), config=light, depart=500.0)
+    plan = ap.plan_path(*given[:4], key=jax.random.key(0), config=LIGHT, depart=500.0)
     assert least == plan.travel_time
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes) if leaf.dtype != jax.dtypes.float0)
     known = plan.sensitivity()
@@ -259,21 +261,15 @@ def test_least_times_have_the_slopes_of_plans_made_anew():
 
 
 def test_what_cannot_be_traced_says_what_can():
-    given = (
-        jnp.zeros(3),
-        jnp.array([3000.0, 0.0, 0.0]),
-        ap.Environment(None, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0)),
-    )
-    light = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
+    env = ap.Environment(tide, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0))
+    given = jnp.zeros(3), jnp.array([3000.0, 0.0, 0.0]), env
 
     def time(speed):
-        return ap.plan_path(*given, ap.Vehicle(speed), key=jax.random.key(0), config=light).travel_time
+        return ap.plan_path(*given, ap.Vehicle(speed), key=jax.random.key(0), config=LIGHT).travel_time
 
     def times(speed):
         ends = (end[None] for end in given[:2])
-        return ap.plan_paths(
-            *ends, given[2], ap.Vehicle(speed), key=jax.random.key(0), config=light
-        ).travel_time
+        return ap.plan_paths(*ends, env, ap.Vehicle(speed), key=jax.random.key(0), config=LIGHT).travel_time
 
     second = jax.grad(jax.grad(time))
     batch = lambda speed: jax.vmap(time)(jnp.stack([speed, speed])).sum()  # noqa: E731
@@ -283,10 +279,9 @@ def test_what_cannot_be_traced_says_what_can():
         ):
             traced(jnp.asarray(2.5))
     slow = ap.Vehicle(2.5, sway_max=1e-3)
-    across = replace(given[2], current=ap.UniformCurrent(0.0, 1.0))
     with pytest.raises(ValueError, match="breaks a limit"):
         jax.grad(
             lambda goal: (
-                ap.plan_path(given[0], goal, across, slow, key=jax.random.key(0), config=light).travel_time
+                ap.plan_path(given[0], goal, env, slow, key=jax.random.key(0), config=LIGHT).travel_time
             )
         )(given[1])

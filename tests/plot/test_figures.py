@@ -50,7 +50,13 @@ def a_run(legs):
 
 
 @pytest.mark.parametrize(
-    ("legs", "dpi"), [("three", 150), ("open water", 50), ("refused", 50), ("only refused", 50)]
+    ("legs", "dpi"),
+    [
+        ("three", 150),
+        pytest.param("open water", 50, marks=pytest.mark.slow),
+        ("refused", 50),
+        pytest.param("only refused", 50, marks=pytest.mark.slow),
+    ],
 )
 def test_all_figures(tmp_path, monkeypatch, legs, dpi):
     monkeypatch.setattr(style, "DPI", dpi)
@@ -234,7 +240,7 @@ def plan():
     stream = ap.UniformCurrent(0.2, 0.4)
     afloat = ap.Obstacles.afloat([[1000.0, -200.0, 0.0], [9000.0, 9000.0, 0.0]], [80.0, 50.0], growth=0.02)
     env = ap.Environment(stream, obstacles=afloat, lower=(-500, -900, 0), upper=(2500, 1500, 0))
-    config = ap.PathConfig.quick().replace(finer=1, passages=0)
+    config = ap.PathConfig.quick().replace(finer=1, passages=0, refine_steps=0)
     return ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
 
 

@@ -11,7 +11,7 @@ from auvplan.plot.painter import Painter
 from auvplan.runtime.files import OutputError
 from tests.io.sample_run import make_run
 
-RUN = make_run()
+RUN = make_run((0, 1), chart=False)
 
 
 @pytest.fixture

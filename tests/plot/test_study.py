@@ -62,12 +62,12 @@ def with_nothing_but_nan(study):
     "study",
     [
         make_study(1, failed=(0,)),
-        make_study(30, failed=range(30), chart=False),
+        make_study(8, failed=range(8), chart=False),
         make_study(1, {"planning.objective": ["only"]}),
-        without_legs(make_study(3, RATES)),
+        pytest.param(without_legs(make_study(3, RATES)), marks=pytest.mark.slow),
         without_legs(make_study(3, RATES)).isel(leg=slice(0), plan=slice(0), route=slice(0)),
         with_nothing_but_nan(make_study(3, RATES, chart=False)),
-        make_study(1, RATES | OBJECTIVES),
+        pytest.param(make_study(1, RATES | OBJECTIVES), marks=pytest.mark.slow),
         make_study(2, {"flag": [True, False], "vehicle.speed": [2, 3]} | OBJECTIVES),
     ],
 )
@@ -114,7 +114,7 @@ def test_unwritable_folder_and_unknown_seed(tmp_path):
 
 @pytest.mark.usefixtures("coarse")
 def test_all_figures(tmp_path):
-    assert_pictures(draw_study(make_study(5, OBJECTIVES | RATES), tmp_path), NAMES + SWEEPS)
+    assert_pictures(draw_study(make_study(5, RATES), tmp_path), NAMES + SWEEPS)
 
 
 @pytest.mark.parametrize("count", [7, 1000])

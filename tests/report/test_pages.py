@@ -161,11 +161,18 @@ def test_the_same_bytes_again_and_from_the_run_itself(run, run_page, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [REPORT]
 
 
+#: Kinds of runs whose pages differ little from those of others.
+RARER = "not begun", "open leg"
+
+
 def test_a_run_that_begins_anew_replaces_the_page():
     assert REPORT in RESULTS
 
 
-@pytest.mark.parametrize("change", ["refused", "not begun", "no legs", "open leg", "plan"])
+@pytest.mark.parametrize(
+    "change",
+    ["refused", "no legs", "plan", *(pytest.param(kind, marks=pytest.mark.slow) for kind in RARER)],
+)
 def test_runs_of_all_kinds_have_pages(tmp_path, change):
     run = make_run((0, 1), chart=False, obstacles=False) if change == "open leg" else make_run()
     run.scenario = Scenario().model_dump(mode="json")

@@ -68,6 +68,7 @@ def test_an_error_in_a_worker_reaches_the_caller(workers, tmp_path, monkeypatch)
         run_study(calm(2), tmp_path / "out", dask=str(tmp_path / "scheduler.json"))
 
 
+@pytest.mark.slow
 def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "run_whole_job", light.run_and_die)
     monkeypatch.setattr(workers.scheduler, "allowed_failures", 0)

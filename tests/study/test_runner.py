@@ -259,7 +259,8 @@ def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
     ],
 )
 def test_values_of_a_sweep_are_a_coordinate(tmp_path, text, values):
-    dataset = run_here(Design(small(), 1, sweeps=(Sweep.parse(text),)), tmp_path)
+    hasty = small(mission={"time_available": 60})  # over before it begins
+    dataset = run_here(Design(hasty, 1, sweeps=(Sweep.parse(text),)), tmp_path)
     dim = dataset.attrs["sweep"]
     assert dataset[dim].values.tolist() == values
     xr.testing.assert_identical(load_study(tmp_path), dataset)
@@ -495,7 +496,7 @@ WORDS = "a worker process died.*--resume"
 @pytest.mark.parametrize(
     ("work", "error", "words"),
     [
-        (light.work_and_die, StudyError, WORDS),
+        pytest.param(light.work_and_die, StudyError, WORDS, marks=pytest.mark.slow),
         (light.work_and_die_speaking, StudyError, WORDS),
         (light.work_and_fail, ScenarioError, "lies on land"),
     ],
