@@ -19,9 +19,13 @@ Where H <= 1 wherever a path may be, no path that is at the start at u(start) re
    not where e > d.
 5. Any u serves. Times of arrival are the best: sweeps over the grid find them from the start and to the
    goal, u is the mean of both, and level after level of it is stretched until H <= 1 holds.
+6. In depth cells are coarse, and a few of them would stretch whole levels. H is convex in grad u, so that the
+   greatest u(goal) - u(start) with H <= 1 is a convex problem (`_raise`); what its rounds come to is
+   stretched, and so proved, like any u. They begin with times that are the same at all depths, and have
+   e and d as great and small as may be in the mean over the grid, for what paths reach.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import permutations, product
@@ -61,8 +65,8 @@ _NEVER, _SLOWEST = 1e9, 0.05
 #: Rounds of sweeps at most, and the share of the known time by which the last one still changes a field.
 _ROUNDS, _SETTLED = 100, 1e-6
 
-#: How often a field is solved where things change, each time at the times of the one before.
-_TIMES = 5
+#: How often a field is solved where things change, each time at the times of the one before; and in depth.
+_TIMES = 5, 2
 
 #: Cells over which times are smoothed.
 _SMOOTH = 0.7
@@ -76,8 +80,13 @@ _BEYOND = 3.0
 #: Parts along each side, at most, in which cells are searched for their most open place.
 _FINER = 6
 
-#: How often what paths can reach is narrowed down, and how often the grid is widened.
-_NARROWED, _WIDENED = 4, 8
+#: How often what paths can reach is narrowed down, in the plane and in depth; how often the grid is widened;
+#: how often it shrinks in depth, where that leaves at most such a share of it.
+_NARROWED, _WIDENED, _SHRUNK, _WORTH = (4, 2), 8, 3, 0.7
+
+#: Rounds in which functions in depth are raised, for what paths can reach and for the bound; how stiff these
+#: are, by how much they go further than asked, and steps of Newton's method in each.
+_RAISED, _STIFF, _BOLD, _NEWTON = (60, 200), 15.0, 1.6, 3
 
 #: Depths at which a current is looked up for how it changes with depth, and the share of levels that are
 #: even.
@@ -138,6 +147,15 @@ def lower_bound(
         box = problem.clipped(_grown(box, 1.4), coarse)
     else:
         return Bound(0.0, problem.kind, cells)
+    for _ in range(_SHRUNK if problem.deep else 0):
+        if reach is None or not reach.any:
+            break
+        narrower = grid.box_of(reach.within)
+        if np.prod(np.ptp(narrower, axis=0)) > _WORTH * np.prod(np.ptp(box, axis=0)):
+            break
+        box = narrower
+        grid = _Cells.of(problem, box, coarse)
+        reach = grid.reach()
     if reach is not None and reach.any:
         grid = _Cells.of(problem, grid.box_of(reach.within), cells)
         reach = grid.reach()
@@ -206,7 +224,7 @@ class _Problem:
         if env.seabed is not None:
             bottom = min(bottom, float(np.max(env.seabed.depth)))
         # Nothing dives so far within the known time that it matters, which the edge of the grid proves.
-        farthest = 0.3 * known * speed
+        farthest = known * speed
         top = max(top, min(start[2], goal[2]) - farthest)
         bottom = max(min(bottom, max(start[2], goal[2]) + farthest), top)
         env = replace(env, obstacles=env.obstacles.resolved(env.current))
@@ -324,7 +342,8 @@ class _Reach:
     """Where paths of the known time can be, and when.
 
     Attributes:
-        arrivals: [nodes] s since departure, as the sweeps found the first arrival and the last departure.
+        arrivals: [nodes] s since departure, the first arrival and the last departure: in the plane as the
+            sweeps found them, in depth those that are proved.
         first, last: [nodes] s since departure, between which they are there, proved.
         within: simplices that they can be in.
     """
@@ -403,19 +422,26 @@ class _Cells:
                 view |= chosen
         return nodes
 
-    def value(self, nodes: Array, place: Array) -> float:
-        """Return a function at a place, [d] m."""
+    def weights(self, place: Array) -> Array:
+        """Return the weights [nodes] with which values at nodes make that at a place, [d] m."""
         index, shares = [], []
         for axis, where in zip(self.axes, place, strict=True):
             k = int(np.clip(np.searchsorted(axis, where, side="right") - 1, 0, len(axis) - 2))
             index.append(k)
             shares.append((where - axis[k]) / (axis[k + 1] - axis[k]))
-        found = last = float(nodes[tuple(index)])
+        found, rest = np.zeros([len(axis) for axis in self.axes]), 1.0
         for axis in np.argsort(shares)[::-1]:
+            found[tuple(index)] = rest - shares[axis]
+            rest = shares[axis]
             index[axis] += 1
-            following = float(nodes[tuple(index)])
-            found, last = found + shares[axis] * (following - last), following
+        found[tuple(index)] = rest
         return found
+
+    def value(self, nodes: Array, place: Array) -> float:
+        """Return a function at a place, [d] m."""
+        weights = self.weights(place)
+        held = weights != 0.0
+        return float(weights[held] @ nodes[held])
 
     # What is closed
 
@@ -623,9 +649,17 @@ class _Cells:
             flags & np.logical_and.reduce(values)
             for flags, (_, values) in zip(self.open, self.corners(nodes), strict=True)
         ]
-        arrivals = self._arrivals(nodes)
-        first, last = rough = self._smoothed(arrivals) if problem.deep else arrivals
-        for _ in range(_NARROWED):
+        arrivals = first, last = rough = self._arrivals(nodes)
+        if problem.deep:
+            rough = self._smoothed((_over_depths(np.min, first), _over_depths(np.max, last)))
+        for _ in range(_NARROWED[problem.deep]):
+            if problem.deep:
+                everywhere = self._everywhere(within)
+                begin, end = (self.weights(place) for place in (problem.start, problem.goal))
+                rough = (
+                    self._raised(rough[0], within, everywhere - begin, _RAISED[0]),
+                    self._raised(rough[1], within, end - everywhere, _RAISED[0]),
+                )
             first = self.proved(rough[0], within, problem.start, 0.0)
             last = self.proved(rough[1], within, problem.goal, known)
             late = first > last
@@ -637,7 +671,7 @@ class _Cells:
             within = narrower
             if after == 0 or after > 0.97 * before:
                 break
-        return _Reach(arrivals, first, last, within)
+        return _Reach((first, last) if problem.deep else arrivals, first, last, within)
 
     def _nearest(self, place: Array) -> tuple[int, ...]:
         return tuple(
@@ -653,7 +687,7 @@ class _Cells:
             for end in (problem.start, problem.goal)
         ]
         first, last = still[0], known - still[1]
-        for _ in range(1 if self._steady else _TIMES):
+        for _ in range(1 if self._steady else _TIMES[problem.deep]):
             found = []
             for times, end, sign in ((first, problem.start, 1.0), (last, problem.goal, -1.0)):
                 water = self.current(np.clip(times, 0.0, known))
@@ -717,24 +751,87 @@ class _Cells:
             held = np.flatnonzero(cells.any(axis=tuple(i for i in range(self.dimensions) if i != k)))
             low.append(axis[held[0]])
             high.append(axis[held[-1] + 1])
-        box = np.array([low, high])
-        if self.problem.deep:
-            box[:, 2] = self.problem.depths
-        return box
+        return np.array([low, high])
 
     def time(self, reach: _Reach) -> float:
         """Return the time that no path beats, s: the best of the proved functions at the goal."""
-        problem = self.problem
-        found = [self.value(reach.first, problem.goal)]
-        for first, last in (reach.arrivals, self._smoothed(reach.arrivals)):
-            mean = self.proved(0.5 * (first + last), reach.within, problem.start, 0.0)
-            found.append(self.value(mean, problem.goal))
-        return max(found)
+        goal, mean = self.problem.goal, 0.5 * _total(reach.arrivals)
+        if self.problem.deep:
+            load = self.weights(goal) - self.weights(self.problem.start)
+            other = self._raised(mean, reach.within, load, _RAISED[1])
+        else:
+            other = 0.5 * _total(self._smoothed(reach.arrivals))
+        proved = [self.proved(times, reach.within, self.problem.start, 0.0) for times in (mean, other)]
+        return max(self.value(times, goal) for times in (reach.first, *proved))
+
+    def _everywhere(self, within: Simplices) -> Array:
+        """Return the share [nodes] of the volume that each node of some simplices stands for."""
+        held = self.spread(within) * reduce(np.multiply.outer, [_lumped(axis) for axis in self.axes])
+        return held / max(held.sum(), 1e-300)
+
+    def _raised(self, times: Array, within: Simplices, load: Array, rounds: int) -> Array:
+        """Return about the function with the greatest mean by some weights of those that keep H <= 1.
+
+        Speeds over ground in a simplex are within a ball: where b is its middle and r its radius, b . grad u
+        + r |grad u| <= 1 is asked.
+
+        Args:
+            times: [nodes] s, where it begins, and when currents are met.
+            within: simplices that matter.
+            load: [nodes], weights, zero in all.
+            rounds: of `_raise`.
+        """
+        speed, fastest, known = self.problem.speed, self.problem.fastest, self.problem.known
+        water, departs, middles, radii = self.current(times), self.departure(times), [], []
+        corners = zip(*([values for _, values in self.corners(part)] for part in water), strict=True)
+        for values, chosen in zip(corners, within, strict=True):
+            middle = [_total(part) / len(part) for part in values]
+            off = [_total((a - b) ** 2 for a, b in zip(at, middle, strict=True))
+                   for at in zip(*values, strict=True)]  # fmt: skip
+            radius, square = np.sqrt(np.maximum.reduce(off)) + departs, _total(part**2 for part in middle)
+            if self.problem.config.speed_reading == "eq8":  # headings count by what they make good
+                radius, square = radius + 0.5 * np.sqrt(square), 0.25 * square
+                middle = [0.5 * part for part in middle]
+            # The ball about what two balls share, this one and that of the limit.
+            radius = speed + radius
+            share = np.clip(0.5 + 0.5 * (fastest**2 - radius**2) / np.maximum(square, 1e-12), 0.0, 1.0)
+            radius = np.where(share < 1.0, np.sqrt(fastest**2 - share**2 * square), radius)
+            middles.append([np.where(chosen, share * part / speed, 0.0) for part in middle])
+            radii.append(np.where(chosen, radius / speed, 0.0))
+        axes = [axis / (speed * known) for axis in self.axes]
+        modes, squares = zip(*map(_modes, axes), strict=True)
+        square = reduce(np.add.outer, squares)
+        inverse = np.where(square > 0.0, 1.0 / np.where(square > 0.0, square, 1.0), 0.0)
+        area = np.prod([np.ptp(axis) for axis in axes[1:]])
+        single = jax.tree.map(
+            lambda part: jnp.asarray(part, jnp.float32),
+            (times / known, [np.stack(part) for part in zip(*middles, strict=True)], np.stack(radii),
+             [np.diff(axis) for axis in axes], list(modes), inverse, load * area / _STIFF),
+        )  # fmt: skip
+        return np.asarray(_raise(*single, rounds), float) * known
 
     def _smoothed(self, arrivals: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return times without the kinks where two ways meet: cells across them mix the slopes of both."""
         first, last = (ndimage.gaussian_filter(times, _SMOOTH, mode="nearest") for times in arrivals)
         return first, last
+
+
+def _over_depths(best: Callable[..., Any], times: Array) -> Array:
+    return np.broadcast_to(best(times, axis=-1, keepdims=True), times.shape)
+
+
+def _lumped(axis: Array) -> Array:
+    """Return the length that each node of an axis stands for."""
+    return np.convolve(np.diff(axis), (0.5, 0.5))
+
+
+def _modes(axis: Array) -> tuple[Array, Array]:
+    """Return the functions [n, modes] that diagonalise the second differences on an axis, and -them."""
+    root, slopes = np.sqrt(_lumped(axis)), np.diff(np.eye(len(axis)), axis=0)
+    stiff = slopes.T @ (slopes / np.diff(axis)[:, None])
+    squares, modes = np.linalg.eigh(stiff / np.outer(root, root))
+    squares[0] = 0.0
+    return modes / root[:, None], squares
 
 
 def _greatest_over(first: NDArray[np.int_], last: NDArray[np.int_], values: Array, count: int) -> Array:
@@ -786,6 +883,97 @@ def _swept_until_settled(
 
 
 _swept = compiled(_swept_until_settled)
+
+
+def _raise_in_rounds(
+    times: jax.Array,
+    middles: list[jax.Array],
+    radii: jax.Array,
+    gaps: list[jax.Array],
+    modes: list[jax.Array],
+    inverse: jax.Array,
+    load: jax.Array,
+    rounds: jax.Array,
+) -> jax.Array:
+    """Maximise load . u over functions with b . grad u + r |grad u| <= 1 in every simplex, about.
+
+    Alternating directions (ADMM): the slopes nearest to those of u that are allowed, the function nearest to
+    these, and multipliers, what they differ by in sum.
+
+    Args:
+        times: [nodes] u at first, in any unit.
+        middles, radii: [cuts, cells] b along each axis, and r; zero where nothing is asked.
+        gaps: between nodes along each axis.
+        modes, inverse: that invert the Laplacian of the grid, see `_modes`.
+        load: [nodes], as much greater as the rounds are bolder.
+        rounds: how many.
+    """
+    count = times.ndim
+    shaped = [gap.reshape([-1 if k == i else 1 for k in range(count)]) for i, gap in enumerate(gaps)]
+    volume = reduce(jnp.multiply, shaped) / len(radii)
+
+    def slopes(u: jax.Array) -> list[jax.Array]:
+        found: list[list[jax.Array]] = [[] for _ in range(count)]
+        along = [jnp.diff(u, axis=k) / shaped[k] for k in range(count)]
+        for order in permutations(range(count)):
+            sides = [slice(None, -1)] * count
+            for axis in order:
+                sides[axis] = slice(None)
+                found[axis].append(along[axis][tuple(sides)])
+                sides[axis] = slice(1, None)
+        return [jnp.stack(part) for part in found]
+
+    def solved(u: jax.Array) -> jax.Array:
+        for mode in modes:  # each brings the next axis to the front
+            u = jnp.tensordot(u, mode, axes=(0, 0))
+        u = u * inverse
+        for mode in modes:
+            u = jnp.tensordot(u, mode, axes=(0, 1))
+        return u
+
+    _, gathered = jax.vjp(slopes, times)
+
+    def round_(_: jax.Array, state: tuple) -> tuple:
+        u, allowed, multipliers = state
+        now = slopes(u)
+        mixed = [_BOLD * a + (1.0 - _BOLD) * b + c for a, b, c in zip(now, allowed, multipliers, strict=True)]
+        allowed = _nearest_allowed(mixed, middles, radii)
+        multipliers = [a - b for a, b in zip(mixed, allowed, strict=True)]
+        off = [volume * (a - b - c) for a, b, c in zip(allowed, multipliers, now, strict=True)]
+        return u + solved(load + gathered(off)[0]), allowed, multipliers
+
+    first = slopes(times)
+    state = times, first, [jnp.zeros_like(part) for part in first]
+    return jax.lax.fori_loop(0, rounds, round_, state)[0]
+
+
+_raise = compiled(_raise_in_rounds)
+
+
+def _nearest_allowed(slopes: list[jax.Array], middles: list[jax.Array], radii: jax.Array) -> list[jax.Array]:
+    """Return the nearest g with b . g + r |g| <= 1, about.
+
+    It is along w = q - m b, as long as |w| - m r, where m solves (b . w / |w| + r) (|w| - m r) = 1: by
+    Newton's method, from below.
+    """
+
+    def dot(a: list[jax.Array], b: list[jax.Array]) -> jax.Array:
+        return reduce(jnp.add, (x * y for x, y in zip(a, b, strict=True)))
+
+    square, drift, water = dot(slopes, slopes), dot(middles, slopes), dot(middles, middles)
+
+    def long(m: jax.Array) -> jax.Array:
+        return jnp.sqrt(jnp.maximum(square - 2.0 * m * drift + m * m * water, 1e-12))
+
+    m = jnp.zeros_like(radii)
+    for _ in range(_NEWTON):
+        length = long(m)
+        ahead, rest = (drift - m * water) / length, length - m * radii
+        over = (ahead + radii) * rest - 1.0
+        fall = (water - ahead**2) / length * rest + (ahead + radii) ** 2
+        m = jnp.maximum(m + over / jnp.maximum(fall, 1e-6), 0.0)
+    share = jnp.maximum(1.0 - m * radii / long(m), 0.0)
+    return [share * (a - m * b) for a, b in zip(slopes, middles, strict=True)]
 
 
 def _along(
