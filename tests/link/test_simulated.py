@@ -5,8 +5,9 @@ import pytest
 
 import auvplan as ap
 from auvplan.executive.collisions import collisions
-from auvplan.link import Lost, State, Upload
+from auvplan.link import Lost, State, Upload, execute
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.simulation.faults import (
     CurrentStep,
@@ -20,6 +21,7 @@ from auvplan.simulation.faults import (
     TakenOver,
     WrongForecast,
 )
+from benchmarks.faults import KINDS, MIXED, OF_A_LINK, draw
 from tests.executive.small import scenario
 from tests.export.sample import make_itinerary
 
@@ -148,3 +150,24 @@ def test_legs_have_the_obstacles_that_missions_have():
 def test_faults_of_a_link_are_refused_where_there_is_none():
     with pytest.raises(ValueError, match="SimulatedVehicle"):
         ap.run_missions(scenario(), seeds=[0], faults=[[TakenOver(10.0)]])
+
+
+@pytest.mark.usefixtures("light_search")
+@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(20, 50))])
+def test_whatever_goes_wrong_a_mission_ends_with_a_verdict(seed):
+    """Two to six faults of any kind: it is said how the mission ended, and the vehicle comes up."""
+    faults = draw(MIXED, KINDS | OF_A_LINK, np.random.default_rng(seed), 2000.0)
+    settings = scenario(site={"longitude": 148.96, "latitude": -20.34})
+    plan, vehicle = RollingPlan(settings, 1), SimulatedVehicle(settings, 1, faults=faults)
+    record = execute(plan, vehicle, notices=vehicle)
+    assert record.reason
+    assert record.success == (record.reason == "destination reached in time")
+    assert len(set(record.tasks)) == len(record.tasks)
+    assert record.route == list(dict.fromkeys(record.route)) or record.count("hazard") + record.count("drift")
+    assert vehicle.now < record.t_available + 1000.0
+    track = vehicle.record().legs[0]
+    assert (np.diff(track.times) > 0.0).all()
+    if any(isinstance(fault, TakenOver) and fault.at < record.t_mission for fault in faults):
+        assert not record.success
+    elif record.success or "told to surface" not in record.safe:
+        assert track.positions[-1][2] < 1.0
