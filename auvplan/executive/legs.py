@@ -47,10 +47,16 @@ def begin_legs(context: SimulationContext, missions: list[Mission], records: Seq
         mission.active_leg.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
 
 
-def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> None:
-    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
+def set_out(
+    context: SimulationContext, mission: Mission, record: LegRecord, position: Array | None = None
+) -> None:
+    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet.
+
+    It begins at a position, [3] m, where one is given, else at its first waypoint.
+    """
     mission.sea.advance(mission.now)
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
+    origin = origin if position is None else position
     truth = TrueObstacles.known(context.known_obstacles(mission.now))
     if context.simulated and float(np.linalg.norm(target - origin)) > ONE_PLACE:
         truth = draw_obstacles(context.scenario, origin, target, mission.rng) + truth

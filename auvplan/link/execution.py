@@ -7,6 +7,7 @@ safe end.
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -124,7 +125,7 @@ class _Executor:
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
         self._settled = -1  # legs that were done when the rest was last re-planned for its times
-        self._tries = 0  # answers in a row to what did not go away
+        self._tries: Counter[str] = Counter()  # answers in a row, by kind, to what did not go away
         self._spent = ""  # what was answered too often
         self._failed = -math.inf  # s, when something failed that is tried again later
         self._looked = -math.inf  # s, when the track ahead was last looked at
@@ -363,7 +364,7 @@ class _Executor:
             if not self._record.track or self._record.track[-1][1:] != row[1:]:
                 self._record.track.append(row)
         for step in progress.complete(report.done, self._now):
-            self._tries = 0
+            self._tries.clear()
             if step.ends_leg:
                 self._end_leg(step.leg)
         if self._link.by_legs and report.position is not None:
@@ -426,6 +427,7 @@ class _Executor:
                 if self._now - self._measured >= _PAUSE:
                     self._due, self._new, self._measured = "current", None, self._now
         if reported:
+            self._tries["hazard"] = self._tries["no plan"] = 0  # what is in the way now is something else
             self._check_legs(reported)
 
     def _check_legs(self, reported: list[KnownObstacle]) -> None:
@@ -475,9 +477,9 @@ class _Executor:
         return f"by its own settings {alone}" if alone else self._goes_on
 
     def _try(self, kind: str, text: str) -> bool:
-        """Count an answer to what went wrong; return whether there were not too many in a row."""
-        self._tries += 1
-        if self._tries > self._limits.tries:
+        """Count an answer to what went wrong; return whether there were not too many of its kind in a row."""
+        self._tries[kind] += 1
+        if self._tries[kind] > self._limits.tries:
             self._spent = f"{text.split(':')[0]}, after {self._limits.tries} tries"
             return False
         self._say(kind, text)

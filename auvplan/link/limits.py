@@ -24,7 +24,7 @@ class Limits:
         moved: m.
         corridor: m that the vehicle may be off its track.
         astray: s of mission time off its track after which it counts as drifting.
-        tries: times in a row that a stop, a drift or a hazard is answered before the mission is aborted.
+        tries: times in a row that a stop, a drift or a hazard is answered before the mission is given up.
         overdue: s of mission time after the time available at which the mission is given up.
         ending: s of mission time that the end behaviour is watched.
         away: m from the mission's start that the vehicle may be when it is connected to.

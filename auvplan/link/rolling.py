@@ -241,17 +241,13 @@ class RollingPlan:
 
     def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
         """Plan a leg's path from a position instead of its start; return whether it may be gone."""
-        set_out(self._context, state, record)
-        leg, nothing = state.active_leg, np.zeros((0, 3))
-        here = np.asarray([state.now]), position[None], leg.truth.position[None]
-        leg.stretches.append((*here, nothing, nothing))
+        set_out(self._context, state, record, position)
         for _ in range(2):
             plan_legs(self._context, [state], ["hazard"], cold=True)
-            if not refusal(leg):
+            if not refusal(state.active_leg):
                 break
-        leg.stretches.clear()
         record.followed = len(record.plans) - 1
-        return not refusal(leg)
+        return not refusal(state.active_leg)
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
         """Count on an obstacle in all that is planned from now on; its position is for time 0 s.

@@ -22,6 +22,9 @@ from tests.link.scripted import Failing, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
+#: m/s, of the vehicle, which no current here more than doubles.
+SPEED = 2.5
+
 SITE = {"longitude": 148.96, "latitude": -20.34}
 
 
@@ -172,6 +175,24 @@ def test_a_told_obstacle_on_the_way_is_gone_around():
     assert record.success
     track = np.asarray([row[1:3] for row in record.track])
     assert np.linalg.norm(track - found[0][:2], axis=1).min() > radius
+
+
+def test_one_obstacle_after_another_is_gone_around():
+    """More of them on one leg than what does not go away is answered."""
+    plan, vehicle = made()
+    tries = Limits().tries
+
+    def ahead():
+        place, last = vehicle.place, vehicle.plan.steps[vehicle.done].position
+        share = 150.0 / np.linalg.norm(last - place)
+        north, east, _ = (place + share * (last - place)).tolist()
+        return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0))
+
+    times = 10.0 + 20.0 * np.arange(tries + 2)
+    record = executed(plan, vehicle, notices=Tell(vehicle, *((time, ahead) for time in times)))
+    before = [event.kind for event in record.events]
+    assert before[: before.index("leg")].count("hazard") > tries
+    assert record.success
 
 
 def test_a_report_stands_for_an_earlier_one_of_its_name_until_it_is_gone():
@@ -492,6 +513,9 @@ def test_a_way_back_may_be_planned_anew_on_its_way():
         assert found is not None
         assert found.legs[1].start == found.legs[1].goal == leg.start
         assert (leg.start, leg.goal) not in [(part.start, part.goal) for part in found.legs]
+        back = found.legs[1]
+        assert back.positions[[0, -1]] == pytest.approx(np.stack([here, leg.positions[0]]), abs=0.1)
+        assert back.times[-1] - back.times[0] > 0.5 * np.linalg.norm(here - leg.positions[0]) / SPEED
         plan.followed = found
         here, now = here + np.array([5.0, 5.0, 0.0]), now + 60.0
 
