@@ -63,12 +63,12 @@ def interpolation_deviation(
     parts = [np.asarray(field, float)[np.ix_(*cut)] for field in fields]
     count = len(lines)
     gaps = [_along(np.diff(line), k, count) for k, line in enumerate(lines)]
-    # Nodes around a place that can lie in its box, and one more for the cell that it is in.
-    reach = [int(np.ceil(0.5 * edge / gap.min())) + 1 for edge, gap in zip(widest, gaps, strict=True)]
-    index = tuple(
-        np.clip(np.searchsorted(line, place), 0, len(line) - 1)
-        for line, place in zip(lines, places, strict=True)
-    )
+    spans = [_planes(line, place, edge) for line, place, edge in zip(lines, places, edges, strict=True)]
+    # The node at or before each box's beginning, and how many there are at most from it to beyond its end.
+    before = [np.clip(first - 1, 0, len(line) - 2) for (first, _), line in zip(spans, lines, strict=True)]
+    across = [
+        int(np.max(last - start, initial=1)) + 1 for (_, last), start in zip(spans, before, strict=True)
+    ]
     total = np.zeros(np.shape(places[0]))
     for i in range(count):
         if widest[i] == 0.0:
@@ -76,18 +76,35 @@ def interpolation_deviation(
         slopes = [np.diff(part, axis=i) / gaps[i] for part in parts]
         bends = [np.diff(slope, axis=i) for slope in slopes]
         jump = np.maximum(-bends[0], 0.0) if upward else np.sqrt(sum(bend**2 for bend in bends))
-        jump = np.pad(jump, [(1, 1) if k == i else (0, 0) for k in range(count)])
-        jump = ndimage.maximum_filter(jump, [1 if k == i else 2 * reach[k] + 1 for k in range(count)])
-        sums = ndimage.convolve1d(jump, np.ones(2 * reach[i] + 1), axis=i, mode="constant")
-        total = total + 0.25 * np.asarray(edges[i]) * sums[index]
+        jump = _most(jump, [1 if k == i else across[k] for k in range(count)])
+        # Jumps are at the nodes but the outer ones: sums of those before each.
+        sums = np.pad(
+            np.cumsum(jump, axis=i), [(2, 1) if k == i else (0, 0) for k in range(count)], mode="edge"
+        )
+        sums[tuple(slice(2) if k == i else slice(None) for k in range(count))] = 0.0
+        ends = [sums[tuple(end if k == i else before[k] for k in range(count))] for end in spans[i]]
+        total = total + 0.25 * np.asarray(edges[i]) * (ends[1] - ends[0])
         for j in range(i):
             if widest[j] == 0.0:
                 continue
             twist = np.sqrt(sum((np.diff(slope, axis=j) / gaps[j]) ** 2 for slope in slopes))
-            twist = np.pad(twist, [(0, 1) if k in (i, j) else (0, 0) for k in range(count)], mode="edge")
-            twist = ndimage.maximum_filter(twist, [2 * span + 1 for span in reach])
-            total = total + 0.25 * np.asarray(edges[i]) * np.asarray(edges[j]) * twist[index]
+            twist = _most(twist, [across[k] - (k in (i, j)) for k in range(count)])
+            total = total + 0.25 * np.asarray(edges[i]) * np.asarray(edges[j]) * twist[tuple(before)]
     return total
+
+
+def _planes(line: Array, place: Array, edge: Any) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Return the first node within each box, and the first beyond it."""
+    half = 0.5 * np.asarray(edge)
+    first, last = np.searchsorted(line, place - half, "right"), np.searchsorted(line, place + half, "left")
+    return first, np.maximum(first, last)
+
+
+def _most(values: Array, sizes: Sequence[int]) -> Array:
+    """Return the most of so many values along each axis, from each one on."""
+    for axis, size in enumerate(sizes):
+        values = ndimage.maximum_filter1d(values, size, axis=axis, origin=-(size // 2), mode="nearest")
+    return values
 
 
 def _held(line: Array, place: Array, edge: float) -> tuple[Array, NDArray[np.int_]]:
