@@ -182,17 +182,18 @@ class Progress:
 
     def track_ahead(self, place: Array) -> tuple[Array, Array]:
         """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s."""
-        speed = self.step.pace(self.upload.itinerary.speed)
-        places, left = [place], _AHEAD * speed
+        places, times, present = [place], [0.0], self.step
         for step in self.upload.steps[self.ahead :]:
-            gap = float(np.linalg.norm(step.position - places[-1]))
-            if step.leg != self.step.leg or left <= 0.0:
+            gap, speed = (
+                float(np.linalg.norm(step.position - places[-1])),
+                step.pace(self.upload.itinerary.speed),
+            )
+            if step.leg != present.leg or times[-1] >= _AHEAD:
                 break
-            places.append(places[-1] + min(1.0, left / max(gap, 1e-6)) * (step.position - places[-1]))
-            left -= gap
-        track = np.asarray(places)
-        passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(track, axis=0), axis=1))])
-        return track, passed / speed
+            share = min(1.0, (_AHEAD - times[-1]) * speed / max(gap, 1e-6))
+            places.append(places[-1] + share * (step.position - places[-1]))
+            times.append(times[-1] + share * gap / speed)
+        return np.asarray(places), np.asarray(times)
 
     def time_to_step(self, place: Array) -> float:
         """Return s from a place [3] m to the step ahead."""

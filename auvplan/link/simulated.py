@@ -201,8 +201,10 @@ class SimulatedVehicle:
     def record(self) -> MissionRun:
         """Return what it did until now as a mission of one leg."""
         times, places, obstacles, ground, water = zip(*self._trace, strict=True)
-        rows = len(self._truth.radius)
-        below = np.append(self._truth.position[:, :2], np.full((rows, 1), FAR_BELOW), axis=1)
+        traced = [self._trace[-1][2]]
+        for part in obstacles[-2::-1]:  # what was not there yet was far below where it came
+            later = traced[-1][len(part) :]
+            traced.append(np.concatenate([part, np.c_[later[:, :2], np.full(len(later), FAR_BELOW)]]))
         leg = LegRecord(
             self._mission.run.start,
             self._mission.run.goal,
@@ -212,7 +214,7 @@ class SimulatedVehicle:
             times=np.asarray(times),
             positions=np.stack(places),
             motion=Motion.through_water(*(np.stack([*part[1:], part[-1]]) for part in (ground, water))),
-            obstacle_positions=np.stack([np.concatenate([part, below[len(part) :]]) for part in obstacles]),
+            obstacle_positions=np.stack(traced[::-1]),
             obstacle_radii=self._truth.radius,
             obstacle_kinds=self._truth.kinds,
         )

@@ -8,6 +8,7 @@ from auvplan.export.itinerary import waypoints
 from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Limits, Upload
 from auvplan.link.opening import check_address
+from auvplan.link.progress import Progress
 from tests.export.sample import make_itinerary
 
 
@@ -73,3 +74,19 @@ def test_addresses_that_are_none(address, words):
 def test_limits_are_positive():
     with pytest.raises(AuvplanError, match="limit silence: must be positive, got 0"):
         Limits(silence=0)
+
+
+def test_the_track_ahead_is_gone_at_the_pace_of_each_line():
+    """Within the next three minutes, from a step that lies in its place on."""
+    upload = Upload(make_itinerary())
+    first, second = upload.steps[1:3]
+    assert first.pace(1.0) != pytest.approx(second.pace(1.0), rel=0.01)
+    track, seconds = Progress(upload, ahead=1).track_ahead(first.left + 0.8 * (first.position - first.left))
+    corner = 0.2 * (first.time - first.left_at)
+    assert seconds == pytest.approx([0.0, corner, 180.0])
+    share = (180.0 - corner) / (second.time - second.left_at)
+    assert track[-1] == pytest.approx(second.left + share * (second.position - second.left))
+    track, seconds = Progress(upload).track_ahead(upload.steps[0].position)
+    assert seconds == pytest.approx([0.0, 0.0, 180.0])
+    share = 180.0 / (first.time - first.left_at)
+    assert track[-1] == pytest.approx(first.left + share * (first.position - first.left))
