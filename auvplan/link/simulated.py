@@ -281,17 +281,20 @@ class SimulatedVehicle:
         """Pass time, in which the vehicle goes straight to a place, and obstacles go on."""
         seconds = until - self._now
         if seconds > 0.0:
-            *moves, water = self._drift()
-            self._truth.position = self._truth.position + seconds * np.reshape(moves, (-1, 3))
-            ground = (place - self._place) / seconds
-            self._trace.append((until, place, self._truth.position.copy(), ground, water))
+            moves, ground = self._drift(), (place - self._place) / seconds
+            self._truth.position = self._truth.position + seconds * moves[:-1]
+            self._trace.append((until, place, self._truth.position.copy(), ground, moves[-1]))
         self._now, self._place = until, place
 
     def _drift(self) -> Array:
-        """Return velocities over ground [M, 3] m/s of the obstacles, and last that of the water here."""
+        """Return velocities over ground [M + 1, 3] m/s of the obstacles, and last that of the water here."""
         here = TrueObstacles(self._place[None], np.zeros((1, 3)), np.ones(1), np.ones(1), [KNOWN])
+        motion = (self._truth + here).motion
+        there = np.abs(motion[0]).max(axis=1) < 0.5 * _GONE  # the others stay where they are
         self._sea.advance(self._now)
-        return over_ground(self._sea.field, *(self._truth + here).motion, now=self._now)
+        moves = np.zeros(motion[0].shape)
+        moves[there] = over_ground(self._sea.field, *(part[there] for part in motion), now=self._now)
+        return moves
 
     def _complete(self) -> None:
         """Go on to the next step, or to the end behaviour."""
@@ -312,7 +315,7 @@ class SimulatedVehicle:
         over = (self._truth.position[:, 2] < 0.5 * FAR_BELOW) & (np.asarray(self._truth.kinds) != KNOWN)
         away = self._truth.position[over, :2] - self._place[:2]
         self._truth.position[over, :2] += _GONE * away / np.linalg.norm(away, axis=1)[:, None].clip(1e-9)
-        self._gone += list(self._seen)
+        self._gone = list(self._seen)
         target = next(step.position for step in reversed(self._plan.steps) if step.leg == leg)
         if float(np.linalg.norm(target - self._place)) > ONE_PLACE:
             self._truth += draw_obstacles(self._context.scenario, self._place, target, self._mission.rng)

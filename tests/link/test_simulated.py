@@ -6,7 +6,7 @@ import pytest
 import auvplan as ap
 from auvplan.executive.collisions import collisions
 from auvplan.link import Lost, State, Upload, execute
-from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.simulation.faults import (
@@ -145,6 +145,20 @@ def test_legs_have_the_obstacles_that_missions_have():
     while vehicle.report(5.0).state is State.EXECUTING:
         pass
     assert vehicle.record().legs[0].obstacle_kinds == ["static", "afloat", "self-motivated"] * 2
+
+
+def test_what_was_seen_is_gone_with_its_leg_however_long_nobody_heard():
+    obstacles = {"static": 3, "afloat": 0, "self_motivated": 0}
+    vehicle, _ = started(LinkOut(600.0, 1e4), simulation={"obstacles": obstacles})
+    names = {notice.obstacle.name for notice in sightings(vehicle, 500.0)}
+    assert names
+    while vehicle.report(5.0).heard < 9e3:
+        pass
+    vehicle._faults.given.clear()
+    assert {notice.name for notice in vehicle.read() if isinstance(notice, GoneNotice)} == names
+    rows = vehicle.record().legs[0].obstacle_positions
+    assert np.isfinite(rows).all()
+    assert np.abs(rows[-1, :3]).max() > 1e5
 
 
 def test_faults_of_a_link_are_refused_where_there_is_none():
