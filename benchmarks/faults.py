@@ -99,8 +99,9 @@ class Planner(RollingPlan):
         self._faults, self._vehicle = Faults(faults), vehicle
 
     def _out(self) -> bool:
-        self.reason = "the planner is out"
-        return self._faults.left(PlannerOut, self._vehicle.now) > 0.0
+        out = self._faults.left(PlannerOut, self._vehicle.now) > 0.0
+        self.reason = "the planner is out" if out else self.reason
+        return out
 
     def from_leg(self, count: int, now: float) -> Prospect | None:
         return None if self._out() else super().from_leg(count, now)

@@ -36,7 +36,7 @@ class ObstacleBelief:
         self.std = np.zeros(count)
         self.observed_at = np.zeros(count)
         self._known = np.asarray([kind == KNOWN for kind in truth.kinds], bool)
-        self._unknown = ~self._known
+        self.unknown = ~self._known
         self._moving = (truth.drift > 0) | self._known
         self._measure(np.ones(count, bool), truth, moves, now, sensors.prior_std)
 
@@ -48,7 +48,7 @@ class ObstacleBelief:
     @property
     def growth(self) -> Array:
         """[M] m/s, growth of the boundaries between two looks."""
-        return self._sensors.growth * self._unknown
+        return self._sensors.growth * self.unknown
 
     def within(self, vehicle: Array, seconds: float, speed: float) -> NDArray[np.bool_]:
         """[M], whether a vehicle at [3] m may meet them within `seconds` at a speed, m/s."""
@@ -57,21 +57,26 @@ class ObstacleBelief:
 
     def look(
         self, vehicle: Array, truth: TrueObstacles, moves: Array, now: float, blind: bool = False
-    ) -> None:
-        """Measure the obstacles within sensor range of the vehicle at [3] m; none where it is blind."""
+    ) -> NDArray[np.bool_]:
+        """Measure the obstacles within sensor range of the vehicle at [3] m; none where it is blind.
+
+        Returns:
+            Which they are, [M].
+        """
         away = np.linalg.norm(truth.position - vehicle, axis=1) - truth.radius
         seen = (away <= self._sensors.range) & (not blind)
         self._measure(seen, truth, moves, now, self._sensors.position_std)
+        return seen
 
     def _measure(
         self, seen: NDArray[np.bool_], truth: TrueObstacles, moves: Array, now: float, std: float
     ) -> None:
         # All draws are made whether seen or not: the stream of random numbers does not depend on the path.
-        stds = std * self._unknown
+        stds = std * self.unknown
         position = truth.position + stds[:, None] * self._rng.normal(size=truth.position.shape)
         radius = np.maximum(truth.radius + stds * self._rng.normal(size=truth.radius.shape), 1.0)
         errors = self._sensors.velocity_std * self._rng.normal(size=moves.shape)
-        velocity = moves + errors * self._unknown[:, None]
+        velocity = moves + errors * self.unknown[:, None]
         self.position[seen] = position[seen]
         self.velocity[seen] = np.where(self._moving[:, None], velocity, 0.0)[seen]
         self.radius[seen] = radius[seen]
@@ -90,7 +95,7 @@ class ObstacleBelief:
         centre = self.position + self.velocity * since[..., None]
         distance, share = closest_approach(positions[:, None] - centre)
         since = since + share * np.diff(since, axis=0, append=since[-1:])
-        grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max) * self._unknown
+        grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max) * self.unknown
         return (distance - self.radius - CONFIDENCE * np.sqrt(2.0) * self.std - grown).min(axis=1)
 
 

@@ -50,13 +50,17 @@ def begin_legs(context: SimulationContext, missions: list[Mission], records: Seq
 def set_out(
     context: SimulationContext, mission: Mission, record: LegRecord, position: Array | None = None
 ) -> None:
-    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet.
-
-    It begins at a position, [3] m, where one is given, else at its first waypoint.
-    """
-    mission.sea.advance(mission.now)
+    """Put a mission on a leg between two waypoints, or from a position [3] m to the second; no path yet."""
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-    origin = origin if position is None else position
+    record.line = mission.parts.get((record.start, record.goal))
+    encounter(context, mission, record, origin if position is None else position, target)
+
+
+def encounter(
+    context: SimulationContext, mission: Mission, record: LegRecord, origin: Array, target: Array
+) -> None:
+    """Put a mission on a leg between two places [3] m: its true obstacles, and what is believed of them."""
+    mission.sea.advance(mission.now)
     truth = TrueObstacles.known(context.known_obstacles(mission.now))
     if context.simulated and float(np.linalg.norm(target - origin)) > ONE_PLACE:
         truth = draw_obstacles(context.scenario, origin, target, mission.rng) + truth
@@ -65,10 +69,15 @@ def set_out(
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
     belief = ObstacleBelief(truth, moves, mission.now, context.scenario.sensors, mission.rng)
-    record.line = mission.parts.get((record.start, record.goal))
-    if context.simulated:
-        belief.look(origin, truth, moves, mission.now, mission.faults.left(SensorOut, mission.now) > 0.0)
     mission.leg = Leg(record, origin, target, truth, moves, belief)
+    if context.simulated:
+        look(mission)
+
+
+def look(mission: Mission) -> NDArray[np.bool_]:
+    """Measure the obstacles of a mission's leg that are in sight; return which they are, [M]."""
+    leg, blind = mission.active_leg, mission.faults.left(SensorOut, mission.now) > 0.0
+    return leg.belief.look(leg.position, leg.truth, leg.moves, mission.now, blind)
 
 
 def _replan_optimistically(context: SimulationContext, missions: list[Mission]) -> None:
@@ -102,7 +111,8 @@ def advance(context: SimulationContext, missions: list[Mission]) -> None:
     """One stretch of every mission's leg: look, re-plan where it is due, and advance to the next look."""
     for mission in missions:
         mission.sea.advance(mission.now)
-        _let_appear(mission)
+        if mission.faults and mission.active_leg.stretches:
+            let_appear(mission, _tangent(mission.active_leg))
     _react(context, missions)
     steps = max(1, round(context.scenario.sensors.interval / TIME_STEP))
     for batch, real in _batches(missions):
@@ -200,8 +210,7 @@ def _react(context: SimulationContext, missions: list[Mission]) -> None:
     for mission in missions:
         leg = mission.active_leg
         if leg.stretches:
-            blind = mission.faults.left(SensorOut, mission.now) > 0.0
-            leg.belief.look(leg.position, leg.truth, leg.moves, mission.now, blind)
+            look(mission)
         if np.linalg.norm(leg.target - leg.position) < CLOSE and leg.moving and not leg.escaping:
             continue
         window = bool(leg.windows) and mission.now >= leg.windows[0]
@@ -237,18 +246,19 @@ def _facts(mission: Mission, window: bool = False) -> Facts:
     )
 
 
-def _let_appear(mission: Mission) -> None:
-    """Let the obstacles appear that are due."""
+def let_appear(mission: Mission, tangent: Array) -> None:
+    """Let the obstacles appear that are due before a vehicle that goes along a tangent [3] of its track."""
     leg = mission.active_leg
-    if not leg.stretches:
-        return
     for fault in mission.faults.due(Obstacle, mission.now):
-        ahead, behind = (np.clip(leg.arc + way, 0.0, leg.marks[-1]) for way in (5.0, -5.0))
-        ends = [np.interp([behind, ahead], leg.marks, axis) for axis in leg.followed.positions.T]
-        traces = [part[2] for part in leg.stretches]
-        appear(fault, leg.truth, traces, leg.position, np.diff(ends, axis=1)[:, 0])
+        appear(fault, leg.truth, [part[2] for part in leg.stretches], leg.position, tangent)
         leg.record.obstacle_radii = leg.truth.radius
         leg.moves = over_ground(mission.sea.field, *leg.truth.motion, now=mission.now)
+
+
+def _tangent(leg: Leg) -> Array:
+    ahead, behind = (np.clip(leg.arc + way, 0.0, leg.marks[-1]) for way in (5.0, -5.0))
+    ends = [np.interp([behind, ahead], leg.marks, axis) for axis in leg.followed.positions.T]
+    return np.diff(ends, axis=1)[:, 0]
 
 
 def _is_moving(mission: Mission) -> bool:

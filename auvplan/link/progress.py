@@ -182,14 +182,12 @@ class Progress:
 
     def track_ahead(self, place: Array) -> tuple[Array, Array]:
         """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s."""
-        places, times, present = [place], [0.0], self.step
+        places, times = [place], [0.0]
         for step in self.upload.steps[self.ahead :]:
-            gap, speed = (
-                float(np.linalg.norm(step.position - places[-1])),
-                step.pace(self.upload.itinerary.speed),
-            )
-            if step.leg != present.leg or times[-1] >= _AHEAD:
+            if step.leg != self.step.leg or times[-1] >= _AHEAD:
                 break
+            gap = float(np.linalg.norm(step.position - places[-1]))
+            speed = step.pace(self.upload.itinerary.speed)
             share = min(1.0, (_AHEAD - times[-1]) * speed / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
             times.append(times[-1] + share * gap / speed)

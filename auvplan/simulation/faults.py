@@ -22,7 +22,7 @@ from auvplan.simulation.world import KINDS, TrueObstacles
 Array = NDArray[np.floating]
 
 #: Depth, m, at which obstacles wait that have not appeared yet.
-FAR_BELOW = 1e6
+_FAR_BELOW = 1e6
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class FaultySea:
 
 def absent(count: int) -> TrueObstacles:
     """Obstacles that have not appeared yet."""
-    place = np.tile([0.0, 0.0, FAR_BELOW], (count, 1))
+    place = np.tile([0.0, 0.0, _FAR_BELOW], (count, 1))
     return TrueObstacles(place, np.zeros((count, 3)), np.ones(count), np.ones(count), [KINDS[2]] * count)
 
 
@@ -235,7 +235,7 @@ def appear(
         position: [3] m, of the vehicle.
         tangent: [3], along its track.
     """
-    free = np.flatnonzero(truth.position[:, 2] > 0.5 * FAR_BELOW)
+    free = np.flatnonzero(truth.position[:, 2] > 0.5 * _FAR_BELOW)
     if not len(free):
         return False
     level = tangent[:2] / max(float(np.linalg.norm(tangent[:2])), 1e-9)
@@ -243,7 +243,7 @@ def appear(
     place = np.append(position[:2] + fault.ahead * level + fault.aside * starboard, position[2])
     row = free[0]
     for trace in traces:
-        trace[:, row] = (*place[:2], FAR_BELOW)
+        trace[:, row] = (*place[:2], _FAR_BELOW)
     if traces:
         traces[-1][-1, row] = place
     truth.position[row], truth.velocity[row], truth.radius[row] = place, (*fault.velocity, 0.0), fault.radius
