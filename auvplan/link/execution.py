@@ -410,7 +410,7 @@ class _Executor:
                 reported.append(obstacle)
             elif isinstance(notice, GoneNotice):
                 there = self._plan.remove_obstacle(notice.name)
-                end = "is gone" if there else "was to be gone, and was not reported before"
+                end = "is gone" if there else "is reported gone, but was never reported"
                 self._say("reported" if there else "note", f"obstacle {notice.name} {end}")
                 self._looked = -math.inf
             elif isinstance(notice, CurrentNotice):

@@ -207,16 +207,16 @@ def test_a_report_stands_for_an_earlier_one_of_its_name_until_it_is_gone():
     assert plan.clearance(np.zeros((1, 3)), np.zeros(1)) == known
 
 
-def test_what_is_gone_is_told():
+def test_an_obstacle_that_is_gone_is_in_the_record():
     plan, vehicle = made()
     buoy = KnownObstacle("buoy", (9000.0, 9000.0), 20.0)
-    told = (10.0, ObstacleNotice(buoy)), (20.0, GoneNotice("buoy")), (30.0, GoneNotice("buoy"))
-    record = executed(plan, vehicle, notices=Tell(vehicle, *told))
+    notices = (10.0, ObstacleNotice(buoy)), (20.0, GoneNotice("buoy")), (30.0, GoneNotice("buoy"))
+    record = executed(plan, vehicle, notices=Tell(vehicle, *notices))
     words = [event.text for event in record.events if "buoy" in event.text]
     assert words == [
         "obstacle buoy, radius 20 m",
         "obstacle buoy is gone",
-        "obstacle buoy was to be gone, and was not reported before",
+        "obstacle buoy is reported gone, but was never reported",
     ]
 
 

@@ -101,7 +101,7 @@ def test_an_obstacle_is_reported_once_it_is_seen_and_again_where_it_moves_otherw
     assert sightings(started(ahead, SensorOut(0.0, 600.0))[0], 120.0) == []
 
 
-def test_an_obstacle_that_turns_is_reported_anew_by_the_same_name():
+def test_an_obstacle_that_turns_is_reported_again_by_the_same_name():
     current = {"vortices": 0, "uniform": [0.3, 0.0, 0.0]}
     vehicle, _ = started(
         Obstacle(at=2.0, ahead=400.0, aside=80.0),
