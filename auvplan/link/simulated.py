@@ -152,7 +152,7 @@ class SimulatedVehicle:
         return self._report
 
     def read(self) -> Iterator[Notice]:
-        """Yield obstacles that its sensor sees where they were not expected, and currents that are forecast."""
+        """Yield obstacles that its sensor sees where none was expected, and currents that are forecast."""
         now, sensors = self.now, self._context.scenario.sensors
         if self._is_silent:
             return
