@@ -104,6 +104,7 @@ class LegRecord(ReprMixin):
         obstacle_radii: [M] m, the truth.
         obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
         arrived: whether the goal was reached.
+        refused: why it was planned and not begun, or empty.
         t_hold: s that the vehicle waited at the waypoint left, for the way to open.
         t_wait: s that it waited at the waypoint reached, for the task's window.
         missed: whether it came too late for the task's window.
@@ -128,6 +129,7 @@ class LegRecord(ReprMixin):
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)
     arrived: bool = False
+    refused: str = ""
     t_hold: float = 0.0
     t_wait: float = 0.0
     missed: bool = False

@@ -235,6 +235,24 @@ def _pass_obstacles(leg: Leg, walk: Walk, known: Sequence[Cylinder], met: Mask, 
         for first, last in events(distance < 0.0):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
+        for end, begins, ends in _stays(leg):
+            moments = np.linspace(begins, ends, 2 + int(ends - begins))
+            places = np.broadcast_to(leg.positions[end], (len(moments), 3))
+            distance = obstacle.distance(places, moments)
+            report.obstacle_clearance = min(report.obstacle_clearance, float(distance.min()))
+            if (inside := distance[1:-1] < 0.0).any():
+                report.obstacle_hits += 1
+                when = moments[1:-1][inside][0]
+                report.faults.append(
+                    f"{leg}: {obstacle.name!r} comes over it where it stays, at {when:.0f} s"
+                )
+
+
+def _stays(leg: Leg) -> list[tuple[int, float, float]]:
+    """Ends of a leg, 0 or -1, at which a vehicle stays, and s from when to when."""
+    begins, ends = float(leg.times[0]), float(leg.times[-1])
+    stays = [(0, begins - leg.t_hold, begins), (-1, ends, ends + leg.t_wait + leg.t_task)]
+    return [stay for stay in stays if stay[2] > stay[1]]
 
 
 def _book(leg: Leg, walk: Walk, kind: str, inside: Mask, where: str, report: CheckReport) -> None:
@@ -278,10 +296,8 @@ def _look_at_area(
         return
     for first, last in events(inside & area.closed(walk.times, walk.times)):
         report.faults.append(f"{leg}: {words} {walk.between(first, last)}")
-    stays = [(bool(inside[0]), walk.times[0] - leg.t_hold, walk.times[0])]
-    stays += [(bool(inside[-1]), walk.times[-1], walk.times[-1] + leg.t_wait + leg.t_task)]
-    for within, begins, ends in stays:
-        if within and ends > begins and area.closed(np.array([begins]), np.array([ends])).any():
+    for end, begins, ends in _stays(leg):
+        if inside[end] and area.closed(np.array([begins]), np.array([ends])).any():
             report.faults.append(f"{leg}: stays {words} between {begins:.0f} and {ends:.0f} s")
 
 

@@ -62,6 +62,7 @@ class Facts:
         stuck: that it makes no way.
         astray: that it is off its track.
         hazard: that an obstacle is in the way of its present leg.
+        approached: that an obstacle comes to where it stays, at a task or held.
         due: why the rest is to be re-planned.
         window: whether its path is due to be looked at again.
         waiting: of a plan that is to replace the one in hand.
@@ -83,6 +84,7 @@ class Facts:
     stuck: str = ""
     astray: str = ""
     hazard: str = ""
+    approached: str = ""
     due: str = ""
     window: bool = False
     waiting: Waiting = Waiting.NONE
@@ -155,6 +157,12 @@ RULES = (
         lambda f: not f.uploads and (f.hazard or f.held),
     ),
     Rule("not heard", "the vehicle or its place is not heard of", Act.GO_ON, lambda f: not f.heard),
+    Rule(
+        "approached",
+        "an obstacle comes to where it stays, and no plan waits that leads on from there",
+        Act.GIVE_WAY,
+        lambda f: f.approached if not f.held or f.waiting is Waiting.NONE else "",
+    ),
     Rule("stopped", "no way is made", Act.RESTART, lambda f: not f.held and f.stuck),
     Rule("no plan", "it has no plan, for a moment", Act.GO_ON, lambda f: not f.held and f.idle),
     Rule("resting", "something failed a moment ago", Act.GO_ON, lambda f: f.resting),

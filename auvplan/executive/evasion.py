@@ -1,9 +1,10 @@
 """Collision-avoidance fallback where no plan is clear ahead: keep station, or move out of the way."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.executive.belief import ObstacleBelief
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 
@@ -17,13 +18,14 @@ def escape_track(
     position: Array,
     now: float,
     seconds: float,
-    belief: ObstacleBelief,
+    clearance: Callable[[Array, Array], Array],
     chart: Chart | None,
     seabed: Seabed | None,
     speed: float,
     lower: Array,
     upper: Array,
     samples: int,
+    stay: float = 0.0,
 ) -> Array | None:
     """The straight track of most clearance among sixteen headings, or None where keeping station is as good.
 
@@ -31,37 +33,39 @@ def escape_track(
         position: [3] m, where the vehicle is.
         now: s.
         seconds: how long the escape lasts.
-        belief: of the obstacles.
+        clearance: [n] m, of places [n, 3] m at [n] s to the nearest obstacle.
         chart: coast, or None.
         seabed: or None.
         speed: |v|, m/s.
         lower, upper: [3] m, box to stay in.
         samples: points on the track.
+        stay: s that station is kept at its end.
 
     Returns:
         [samples, 3] m or None.
     """
     share = np.linspace(0.0, 1.0, samples)
-    times = now + share * seconds
-    best, choice = _worth(belief.clearance(np.broadcast_to(position, (samples, 3)), times)), None
+    times = now + share * (seconds + stay)
+    gone = np.minimum(share * (1.0 + stay / seconds), 1.0)
+    best, choice = _worth(clearance(np.broadcast_to(position, (samples, 3)), times)), None
     for heading in np.arange(16) * np.pi / 8.0:
         way = _ESCAPE_SPEED * speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
-        track = position + share[:, None] * way
+        track = position + gone[:, None] * way
         if (track[-1] < lower).any() or (track[-1] > upper).any():
             continue
         if chart is not None and float(np.min(np.asarray(chart.distance(track[:, 0], track[:, 1])))) < 20.0:
             continue
         if seabed is not None and seabed.altitude(track).min() < float(seabed.clearance):
             continue
-        worth = _worth(belief.clearance(track, times))
+        worth = _worth(clearance(track, times))
         if worth > best + 1.0:
             best, choice = worth, track
     return choice
 
 
-def _worth(clearance: Array) -> float:
+def _worth(apart: Array) -> float:
     """Return how well a track keeps clear, m, from its clearance [n] m.
 
     Where it begins inside a boundary, no track has more at its least: how soon it leaves distinguishes them.
     """
-    return float(clearance.min() + min(clearance[len(clearance) // 4 :].min(), 0.0))
+    return float(apart.min() + min(apart[len(apart) // 4 :].min(), 0.0))

@@ -107,6 +107,19 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
+def crossing(context: SimulationContext, mission: Mission) -> str:
+    """Return what known obstacle comes to the goal of a mission's leg during its task, or an empty string."""
+    leg, timetable = mission.active_leg, mission.graph.timetable
+    record, arrives = leg.record, float(leg.followed.times[-1])
+    begins = arrives if timetable is None else float(timetable.begins(record.start, record.goal, arrives))
+    ends = (begins if np.isfinite(begins) else arrives) + record.t_task
+    margin = context.scenario.safety.obstacles
+    for obstacle in context.area.obstacles:
+        if obstacle.moves and (near := obstacle.closest(leg.target, arrives, ends))[1] < margin:
+            return f"{obstacle.name} comes to its end {context.moment(near[0])}, while the vehicle is there"
+    return ""
+
+
 def advance(context: SimulationContext, missions: list[Mission]) -> None:
     """One stretch of every mission's leg: look, re-plan where it is due, and advance to the next look."""
     for mission in missions:
@@ -273,7 +286,7 @@ def _give_way(context: SimulationContext, mission: Mission) -> None:
         leg.position,
         mission.now,
         context.scenario.sensors.interval,
-        leg.belief,
+        leg.belief.clearance,
         context.chart,
         context.area.seabed,
         context.speed,

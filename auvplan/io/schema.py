@@ -251,6 +251,7 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     """
     table = {column.attribute: column.read(dataset) for column in LEG if column.kept}
     motion, plans = motion_of(dataset), _plans_of(dataset, model)
+    refusals = json.loads(dataset.attrs.get("refusals", "[]")) or [""] * len(plans)
     place = np.stack([dataset[name].values for name in ("x", "y", "depth")], axis=1).astype(float)
     ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
     codes = dataset.get("obstacle_kind")
@@ -258,7 +259,8 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     legs = []
     for row, (begin, end) in enumerate(zip(ends - counts, ends, strict=True)):
         part = slice(int(begin), int(end))
-        leg = LegRecord(**{name: values[row] for name, values in table.items()}, plans=plans[row])
+        figures = {name: values[row] for name, values in table.items()}
+        leg = LegRecord(**figures, plans=plans[row], refused=refusals[row])
         leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
         leg.motion, leg.line = motion[part], _line_of(dataset, row)
         leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))
@@ -467,6 +469,7 @@ def stated(run: MissionRun) -> dict[str, str]:
             (zone.name, shapely.to_wkt(zone.polygon, rounding_precision=2)) for zone in run.zones
         ],
         "waypoint_names": run.names,
+        "refusals": [leg.refused for leg in run.legs],
         "jobs": jobs,
         "closures": [
             {"name": area.name, "area": area.outline, "closed": spans(area.spans)}

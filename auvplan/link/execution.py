@@ -18,7 +18,7 @@ from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after
 from auvplan.export.itinerary import ExportError, PlannedLeg
 from auvplan.link.limits import Limits
 from auvplan.link.notices import AllNotices, CurrentNotice, GoneNotice, Notices, ObstacleNotice
-from auvplan.link.progress import Progress
+from auvplan.link.progress import Progress, staying
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
@@ -130,6 +130,7 @@ class _Executor:
         self._failed = -math.inf  # s, when something failed that is tried again later
         self._looked = -math.inf  # s, when the track ahead was last looked at
         self._blocked = False  # whether an obstacle was on it
+        self._aside = False  # whether it has left its plan to give way to one
         self._cost = 0.0  # s of mission time that re-planning takes
         self._silent = self._over = False
         self._end: Report | None = None  # that the vehicle, or somebody else, has ended the mission
@@ -270,6 +271,8 @@ class _Executor:
         elif decision.act in (Act.UPLOAD, Act.START):
             call = self._upload if decision.act is Act.UPLOAD else self._start
             self._asked(call, "the new plan was not taken: sent again")
+        elif decision.act is Act.GIVE_WAY:
+            self._give_way(decision.why)
         elif decision.act is Act.RESTART:
             self._restart(decision.why)
         elif decision.act is Act.REPLAN_LEG:
@@ -289,7 +292,12 @@ class _Executor:
         now, progress, new, place = self._now, self._progress, self._new, report.position
         heard = self._reached(report)
         stuck, idle = "", report.state is State.IDLE
-        astray = hazard = ""
+        astray = hazard = approached = ""
+        if heard and place is not None and not idle and self._is_blocked(place):
+            if self._phase is Phase.HELD or progress.at_task(place):
+                approached = "an obstacle comes to where it stays"
+            else:
+                hazard = "an obstacle is in the way of the present leg"
         if heard and self._phase is Phase.UNDER_WAY:
             assert place is not None
             if still := progress.still(report, now, self._limits):
@@ -298,7 +306,6 @@ class _Executor:
             if not idle:
                 off = progress.drift(place, now, self._limits)
                 astray = f"{off:.0f} m off its track" if off else ""
-                hazard = "an obstacle is in the way of the present leg" if self._is_blocked(place) else ""
                 self._judge_times(place)
         end = "" if self._end is None else _state_in_words(self._end)
         taken = self._end is not None and self._end.state is State.STOPPED
@@ -312,6 +319,7 @@ class _Executor:
             stuck=stuck,
             astray=astray,
             hazard=hazard,
+            approached=approached,
             due=self._due,
             waiting=Waiting.NONE if new is None else Waiting.UPLOADED if new.sent else Waiting.MADE,
             missed="" if new is None else self._missed(new),
@@ -336,13 +344,12 @@ class _Executor:
         return progress.step.hold > 0.0 and progress.time_to_step(place) < near
 
     def _is_blocked(self, place: Array) -> bool:
-        """Return whether the track leads through an obstacle within the next minutes, seen now and then."""
-        now, progress = self._now, self._progress
-        if progress.over or progress.at_task(place):
-            return False
+        """Return whether the vehicle meets an obstacle within the next minutes, seen now and then."""
+        now = self._now
         if now - self._looked >= self._limits.astray:
             self._looked = now
-            track, seconds = progress.track_ahead(place)
+            stopped = self._phase is Phase.HELD and not self._aside
+            track, seconds = staying(place) if stopped else self._progress.track_ahead(place)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
 
@@ -364,6 +371,8 @@ class _Executor:
             if not self._record.track or self._record.track[-1][1:] != row[1:]:
                 self._record.track.append(row)
         for step in progress.complete(report.done, self._now):
+            if self._aside:
+                continue  # this is no step of the mission's
             self._tries.clear()
             if step.ends_leg:
                 self._end_leg(step.leg)
@@ -527,6 +536,22 @@ class _Executor:
             self._phase, self._new, self._due = after(self._phase, Act.HOLD), None, cause
             self._failed, self._blocked = -math.inf, False
 
+    def _give_way(self, why: str) -> None:
+        """Have the vehicle go aside, to wait for a plan from there; a task under way is begun again."""
+        assert self._sight is not None
+        self._blocked, place, before = False, self._sight[1], self._progress.upload
+        leg = self._plan.aside(self._count, place, self._now)
+        if leg is None:
+            self._say("hazard", f"{why}: no place near is better, and it stays")
+        elif self._try(
+            "give way", f"{why}: it goes {np.linalg.norm(np.diff(leg.positions, axis=0)):.0f} m aside"
+        ):
+            upload = Upload(replace(before.itinerary, legs=(leg,)), before.number + 1)
+            self._new = _Next(upload, self._plan.followed, self._count, "give way")
+            if self._asked(self._upload) and self._asked(self._start):
+                self._phase, self._aside, self._due = after(self._phase, Act.GIVE_WAY), True, "hazard"
+                self._looked = self._failed = self._now  # it gets away before there is a plan from there
+
     def _drop(self) -> None:
         """Drop the plan that waits; another one is due for the same cause."""
         assert self._new is not None
@@ -563,7 +588,7 @@ class _Executor:
             self._phase = after(self._phase, Act.START)  # it may have started, whatever comes back
         self._link.start(more)
         self._phase = after(self._phase, Act.START)
-        begun = None if self._sight is None else self._sight[1]
+        self._aside, begun = False, None if self._sight is None else self._sight[1]
         self._progress = Progress(new.sent, more, more, more, since=self._now, begun=begun)
         self._progress.stay_on(before)
         self._plan.followed = new.prospect

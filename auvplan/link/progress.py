@@ -15,7 +15,7 @@ Array = NDArray[np.floating]
 _AT_TASK = 15.0
 
 #: s ahead within which the track is looked at for known obstacles.
-_AHEAD = 180.0
+AHEAD = 180.0
 
 #: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
@@ -183,12 +183,15 @@ class Progress:
     def track_ahead(self, place: Array) -> tuple[Array, Array]:
         """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s."""
         places, times = [place], [0.0]
+        if self.at_task(place):
+            left = self.step.hold - max(float(self.stayed[self.ahead]), 0.0)
+            return staying(place, float(np.clip(left, 0.0, AHEAD)))
         for step in self.upload.steps[self.ahead :]:
-            if step.leg != self.step.leg or times[-1] >= _AHEAD:
+            if step.leg != self.step.leg or times[-1] >= AHEAD:
                 break
             gap = float(np.linalg.norm(step.position - places[-1]))
             speed = step.pace(self.upload.itinerary.speed)
-            share = min(1.0, (_AHEAD - times[-1]) * speed / max(gap, 1e-6))
+            share = min(1.0, (AHEAD - times[-1]) * speed / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
             times.append(times[-1] + share * gap / speed)
         return np.asarray(places), np.asarray(times)
@@ -197,6 +200,11 @@ class Progress:
         """Return s from a place [3] m to the step ahead."""
         gap = float(np.linalg.norm(self.step.position - place))
         return gap / self.step.pace(self.upload.itinerary.speed)
+
+
+def staying(place: Array, seconds: float = AHEAD) -> tuple[Array, Array]:
+    """Return the track of a vehicle that stays at [3] m: places [2, 3] m, and s."""
+    return np.stack([place, place]), np.asarray([0.0, seconds])
 
 
 def _place_of(step: Step) -> tuple[float, ...]:

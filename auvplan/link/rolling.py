@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.executive.context import Mission
-from auvplan.executive.legs import finish, go_as_planned, refusal, set_out
+from auvplan.executive.evasion import escape_track
+from auvplan.executive.legs import crossing, finish, go_as_planned, refusal, set_out
 from auvplan.executive.loop import seed_keys, step
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.planning import leaving, load_area_at, planning_context
-from auvplan.export.itinerary import Itinerary
+from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.ocean.currents import Current
@@ -33,6 +34,9 @@ Array = NDArray[np.floating]
 
 #: Of a vehicle that keeps to its paths.
 _NONE = Allowance()
+
+#: s that a vehicle goes aside for, and s that it stays there before it ends its mission by itself.
+_ASIDE, _WAIT = 90.0, 900.0
 
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
@@ -247,7 +251,7 @@ class RollingPlan:
             if not refusal(state.active_leg):
                 break
         record.followed = len(record.plans) - 1
-        return not refusal(state.active_leg)
+        return not (refusal(state.active_leg) or crossing(self._context, state))
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
         """Count on an obstacle in all that is planned from now on; its position is for time 0 s.
@@ -299,13 +303,46 @@ class RollingPlan:
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""
+        return float(self._clearances(positions, times).min())
+
+    def _clearances(self, positions: Array, times: Array) -> Array:
+        """Return m [n], as `clearance`, from each place to the next."""
         known = self._context.known_obstacles(0.0)
         apart = (
             np.asarray(positions, float)[:, None]
             - known.position
             - np.asarray(times)[:, None, None] * known.velocity
         )
-        return float((closest_approach(apart)[0] - known.radius).min(initial=np.inf))
+        return (closest_approach(apart)[0] - known.radius).min(axis=1, initial=np.inf)
+
+    def aside(self, count: int, position: Array, now: float) -> PlannedLeg | None:
+        """Return a straight leg out of the way of known obstacles; None where staying is as good.
+
+        At its end the vehicle stays until it is told to go on, and at last ends the mission by itself.
+
+        Args:
+            count: legs that are done.
+            position: [3] m, where the vehicle is.
+            now: s.
+        """
+        context, leg = self._context, self.legs[count]
+        track = escape_track(
+            position,
+            now,
+            _ASIDE,
+            self._clearances,
+            context.chart,
+            context.area.seabed,
+            context.speed,
+            *context.box,
+            context.path_config.samples,
+            stay=2.0 * _ASIDE,
+        )
+        if track is None:
+            return None
+        ends = np.stack([position, track[-1]])
+        times, names = [now, now + _ASIDE], self.run.names
+        return PlannedLeg.of(count + 1, leg.start, leg.goal, ends, times, names=names, hold=_WAIT)
 
     @property
     def margin(self) -> float:

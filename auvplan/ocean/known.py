@@ -44,6 +44,14 @@ class KnownObstacle:
         north, east = (p + v * seconds for p, v in zip(self.position, self.velocity, strict=True))
         return replace(self, position=(north, east))
 
+    def closest(self, place: NDArray[np.floating], begin: float, end: float) -> tuple[float, float]:
+        """Return s within two times at which the surface comes closest to a place [3] m, and m how close."""
+        moves = np.asarray(self.velocity)
+        ahead = float((place[:2] - np.asarray(self.position)) @ moves)
+        swift = float(moves @ moves)
+        when = float(np.clip(ahead / swift, begin, end)) if swift > 1e-20 else begin
+        return when, float(self.distance(place[None], np.asarray([when]))[0])
+
     def distance(self, places: NDArray[np.floating], times: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the distance [n] m of places [n, 3] m at times [n] s to the surface, negative inside."""
         centre = np.asarray(self.position) + times[:, None] * np.asarray(self.velocity)

@@ -419,7 +419,13 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
         lost = run.total_priority - with_it.others
         if lost > 1e-9:
             return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
-        return f"{more} {hours(end)}, which is in time: the search found no better route than this one"
+        refused = [leg for leg in run.legs if leg.refused and leg.goal in nodes]
+        better = "the search found no better route than this one"
+        if refused:
+            better = (
+                f"the leg from {waypoint_name(run, refused[-1].start)} was refused, {refused[-1].refused}"
+            )
+        return f"{more} {hours(end)}, which is in time: {better}"
     # The time that a route is given is less than all of it by the reserve and an allowance.
     needed = run.t_available + (needs - first.time_available) * run.t_available / first.time_available
     if end >= run.t_available:

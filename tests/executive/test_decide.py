@@ -45,6 +45,12 @@ TABLE = [
     ({"stuck": "s", "phase": HELD, "due": "drift"}, Act.REPLAN_LEG, "held"),
     ({"idle": True, "astray": "a", "hazard": "rock", "due": "late"}, Act.GO_ON, "no plan"),
     ({"idle": True, "phase": HELD, "due": "drift"}, Act.REPLAN_LEG, "held"),
+    # It does not stay where an obstacle comes to, whatever else is due, and goes on where there is a plan.
+    ({"approached": "rock", "busy": True, "stuck": "s", "due": "late"}, Act.GIVE_WAY, "approached"),
+    ({"approached": "rock", "busy": True, "waiting": MADE}, Act.GIVE_WAY, "approached"),
+    ({"approached": "rock", "phase": HELD, "resting": True, "due": "hazard"}, Act.GIVE_WAY, "approached"),
+    ({"approached": "rock", "phase": HELD, "waiting": MADE}, Act.UPLOAD, "plan"),
+    ({"approached": "rock", "heard": False}, Act.GO_ON, "not heard"),
     # Nothing is tried again just after it failed.
     ({"resting": True, "astray": "a", "hazard": "rock"}, Act.GO_ON, "resting"),
     ({"resting": True, "waiting": MADE, "missed": "m"}, Act.GO_ON, "resting"),
@@ -85,7 +91,10 @@ def test_every_rule_decides_somewhere_in_the_table():
 
 @pytest.mark.parametrize(
     ("fact", "held"),
-    [(name, False) for name in ("taken", "given_up", "overdue", "stuck", "astray", "hazard", "due")]
+    [
+        (name, False)
+        for name in ("taken", "given_up", "overdue", "approached", "stuck", "astray", "hazard", "due")
+    ]
     + [("due", True)],
 )
 def test_why_is_the_fact_that_decided(fact, held):
@@ -105,7 +114,7 @@ def test_what_never_happens(facts):
     if facts.taken and not facts.arrived:
         assert act is Act.LEAVE, "what somebody else has taken is asked for nothing"
     if facts.uploads:
-        assert act is not Act.GIVE_WAY
+        assert act is not Act.GIVE_WAY or facts.approached
         if not facts.heard and facts.waiting is not UPLOADED:
             assert act in (Act.GO_ON, Act.ARRIVE, Act.LEAVE, Act.SURFACE)
     if act is Act.UPLOAD:

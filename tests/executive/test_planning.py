@@ -104,6 +104,28 @@ def test_no_plan_leads_through_an_obstacle_that_closes_the_channel():
     assert "obstacle" in run.reason
 
 
+def test_no_task_is_done_where_a_known_obstacle_comes_meanwhile():
+    """A ferry over the buoy in the middle of the task; an hour later it is in nobody's way."""
+    buoy = JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 300.0)
+    settings = channel(mission=CHANNEL["mission"] | {"time_available": 3000.0})
+    free = plan_scenario(settings, area=replace(tidal_area(0.4, 0.0), jobs=Jobs((buoy,))))
+    (leg,) = (leg for leg in free.done if leg.priority)
+    for late, crossed in ((150.0, True), (3600.0, False)):
+        when = float(leg.times[-1]) + late
+        ferry = KnownObstacle("ferry", (300.0, 40.0 + when), 20.0, 0.0, 12.0, (0.0, -1.0))
+        area = replace(tidal_area(0.4, 0.0), jobs=Jobs((buoy,)), obstacles=(ferry,))
+        run = plan_scenario(settings, area=area)
+        assert run.success
+        assert check_dataset(run.summary(), to_dataset(run)).faults == []
+        left = [job.reason for job in sheet_of(run).left_out]
+        assert len(left) == crossed
+        assert all("the leg from start was refused, ferry comes to its end" in why for why in left)
+        # The plan that knows nothing of it is found out.
+        unaware = replace(free, obstacles=(ferry,))
+        faults = check_dataset(unaware.summary(), to_dataset(unaware)).faults
+        assert any("'ferry' comes over it where it stays" in fault for fault in faults) == crossed
+
+
 @pytest.mark.slow
 def test_departures_promise_what_plans_hold():
     area = tidal_area(1.0, 0.3)

@@ -193,16 +193,16 @@ def test_escape_goes_away_from_what_comes():
     )
     belief = ObstacleBelief(truth, np.array([[-1.0, 0, 0]]), 0.0, sensors, np.random.default_rng(0))
     box = (np.full(3, -1e4), np.full(3, 1e4))
-    track = escape_track(np.zeros(3), 0.0, 30.0, belief, None, None, 2.5, *box, 10)
+    track = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
     assert track is not None
     assert track[-1, 0] < 0
     # Where the sea bed rises behind the vehicle it gives way to another side.
     depth = np.full((200, 200), 100.0)
     depth[:99] = 2.0
     bed = Seabed.from_depth(depth, 10.0, (-1000.0, -1000.0))
-    aside = escape_track(np.zeros(3), 0.0, 30.0, belief, None, bed, 2.5, *box, 10)
+    aside = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, bed, 2.5, *box, 10)
     assert aside is None or (bed.altitude(aside) >= 5.0).all()
-    far = escape_track(np.array([-5e3, 0, 0]), 0.0, 30.0, belief, None, None, 2.5, *box, 10)
+    far = escape_track(np.array([-5e3, 0, 0]), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
     assert far is None or np.linalg.norm(far[-1] - [-5e3, 0, 0]) <= 0.4 * 2.5 * 30 + 1e-6
 
 

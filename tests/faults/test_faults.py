@@ -150,7 +150,7 @@ def test_an_escape_from_inside_a_boundary_leads_away():
     belief.look(np.zeros(3), truth, truth.velocity, 0.0)
     assert belief.clearance(np.zeros((1, 3)), np.zeros(1))[0] < 0.0
     box = (np.full(3, -1e4), np.full(3, 1e4))
-    track = escape_track(np.zeros(3), 0.0, 30.0, belief, None, None, 2.5, *box, 10)
+    track = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
     assert track is not None
     assert track[-1, 0] < -20.0
 

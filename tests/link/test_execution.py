@@ -195,6 +195,46 @@ def test_one_obstacle_after_another_is_gone_around():
     assert record.success
 
 
+def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again():
+    plan, vehicle = made()
+    place = np.asarray(plan.legs[0].positions[-1], float)
+    reported, radius, moves = 195.0, 30.0, np.array([1.0, 0.0])  # it begins 12 s before, and takes 91 s
+
+    def near():
+        """An obstacle that is over the task's place 70 s later."""
+        assert np.linalg.norm(vehicle.place - place) < 1.0
+        north, east = (place[:2] - 70.0 * moves).tolist()
+        return ObstacleNotice(KnownObstacle("drifter", (north, east), radius, velocity=tuple(moves)))
+
+    record = executed(plan, vehicle, notices=Tell(vehicle, (reported, near)))
+    assert record.success
+    assert record.count("give way") >= 1
+    track = np.asarray([row for row in record.track if row[0] >= reported])
+    drifter = place[:2] + (track[:, :1] - reported - 70.0) * moves
+    assert np.linalg.norm(track[:, 1:3] - drifter, axis=1).min() > radius
+    assert place.round(1).tolist() in np.round(vehicle.tasks, 1).tolist()
+
+
+def test_a_vehicle_that_is_held_gives_way():
+    plan, vehicle = made()
+    plan.from_position = lambda *_: None  # it has no plan from there
+    radius = 40.0
+
+    def passing():
+        """An obstacle ahead of it, which comes its way."""
+        step = vehicle.plan.steps[vehicle.done].position
+        ahead = (step - vehicle.place)[:2] / np.linalg.norm((step - vehicle.place)[:2])
+        north, east = (vehicle.place[:2] + 250.0 * ahead).tolist()
+        return ObstacleNotice(KnownObstacle("drifter", (north, east), radius, velocity=tuple(-ahead)))
+
+    record = executed(plan, vehicle, notices=Tell(vehicle, (60.0, passing)))
+    assert record.count("give way") >= 1
+    assert record.safe == "at the surface"
+    known = plan._context.area.obstacles[-1]
+    rows = np.asarray([row for row in record.track if row[0] >= 60.0])
+    assert known.distance(rows[:, 1:], rows[:, 0]).min() > 0.0
+
+
 def test_a_report_stands_for_an_earlier_one_of_its_name_until_it_is_gone():
     plan, _ = made()
     known = plan.clearance(np.zeros((1, 3)), np.zeros(1))

@@ -1,6 +1,7 @@
 """Spheres that cover known obstacles: nothing of a cylinder is left out, and little is added."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -38,3 +39,19 @@ def test_what_lies_far_below_is_left_out():
     wreck = KnownObstacle("wreck", (0.0, 0.0), 20.0, 300.0, 310.0)
     assert len(spheres([wreck], (0.0, 50.0), 0.0).radius) == 0
     assert len(spheres([], (0.0, 50.0), 0.0).radius) == 0
+
+
+@given(
+    st.tuples(*[st.floats(-200.0, 200.0)] * 2),
+    st.tuples(*[st.floats(-2.0, 2.0)] * 2),
+    st.floats(0.0, 500.0),
+    st.floats(0.0, 500.0),
+)
+def test_how_close_one_comes_is_the_least_of_all_times(position, velocity, begin, lasts):
+    obstacle = KnownObstacle("ship", position, 15.0, 0.0, 8.0, velocity)
+    place, times = np.array([10.0, -20.0, 5.0]), np.linspace(begin, begin + lasts, 2001)
+    when, apart = obstacle.closest(place, begin, begin + lasts)
+    assert begin <= when <= begin + lasts
+    every = obstacle.distance(np.broadcast_to(place, (2001, 3)), times)
+    assert apart <= every.min() + 1e-6
+    assert apart == pytest.approx(every.min(), abs=lasts / 2000.0 * np.hypot(*velocity) + 1e-6)
