@@ -26,6 +26,7 @@ import pytest
 
 from auvplan import cli
 from auvplan.executive import loop
+from auvplan.link import rolling
 from auvplan.plot import painter
 from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import LIGHT
@@ -89,6 +90,7 @@ def light_search():
     with pytest.MonkeyPatch.context() as patch:
         for name, light in LIGHT.items():
             patch.setattr(loop, name, light)
+        patch.setattr(rolling, "_PLACES", 16)
         yield
 
 

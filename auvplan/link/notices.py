@@ -21,8 +21,14 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: Each line has one of them.
-_KINDS = "obstacle", "current", "gone"
+_PLACE = "longitude", "latitude", "north", "east"
+
+#: Each line has one of them, and may have these fields more.
+_KINDS = {
+    "obstacle": (*_PLACE, "radius", "course", "speed", "depth_min", "depth_max"),
+    "current": (*_PLACE, "depth"),
+    "gone": (),
+}
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class NoticeFile:
         """
         self._path, self._site, self._place, self._line = Path(path), site, 0, 0
         self._gone = False
+        self._unread = set[str]()  # fields that are not known, as far as they were said
         if self._path.exists() and not self._path.is_file():
             raise AuvplanError(f"{path}: is no file of lines")
         try:
@@ -130,7 +137,9 @@ class NoticeFile:
             if not line.strip():
                 continue
             try:
-                yield self._notice(json.loads(line))
+                found = json.loads(line)
+                yield self._notice(found)
+                yield from self._left_out(found)
             except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
                 yield f"{self._path}, line {self._line}: {one_line(str(error))[:300]}; not taken in"
 
@@ -161,6 +170,14 @@ class NoticeFile:
             raise ValueError(f"depth_max: {bottom:g} is above depth_min, {top:g}")
         velocity = speed * math.cos(course), speed * math.sin(course)
         return ObstacleNotice(KnownObstacle(_name(found["obstacle"]), place, radius, top, bottom, velocity))
+
+    def _left_out(self, found: dict[str, Any]) -> Iterator[str]:
+        """Yield what of a notice that was taken in was not, once for each field."""
+        kind = next(kind for kind in _KINDS if kind in found)
+        if unread := sorted(set(found) - {kind, *_KINDS[kind]} - self._unread):
+            self._unread |= set(unread)
+            fields, known = ", ".join(map(one_line, unread)), ", ".join(_KINDS[kind]) or "none"
+            yield f"{self._path}, line {self._line}: not read: {fields[:200]}; {kind} has {known}"
 
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""

@@ -54,6 +54,16 @@ def test_what_is_gone_goes_by_its_name(tmp_path):
     assert gone == GoneNotice("ferry")
 
 
+def test_fields_that_are_not_read_are_named_once(tmp_path):
+    ferry = {"obstacle": "ferry", "north": 1, "east": 2, "radius": 3, "velocity": [1, 0]}
+    found = stated(tmp_path, ferry, ferry | {"mmsi": 7}, {"gone": "ferry", "north": 1})
+    assert [type(notice) for notice in found] == [ObstacleNotice, str, ObstacleNotice, str, GoneNotice, str]
+    first, second, third = (notice for notice in found if isinstance(notice, str))
+    assert "line 1: not read: velocity; obstacle has longitude" in first
+    assert "line 2: not read: mmsi;" in second
+    assert "line 3: not read: north; gone has none" in third
+
+
 def test_the_file_is_read_on_by_whole_lines(tmp_path):
     path = tmp_path / "notices.jsonl"
     path.write_text("")
