@@ -2,7 +2,9 @@
 
 `python -m benchmarks.links`: twenty missions by MAVSDK's autopilot side and twenty by a peer of imcpy's
 messages, each behind a proxy that loses, doubles and delays packets. Counted are verdicts, uploads that are
-what was planned, item by item, and tasks by the vehicles' own books. `--link ADDRESS -n 5`: missions on a
+what was planned, item by item, and tasks by the vehicles' own books. With `--random` three to eight things
+happen at random moments of each mission: obstacles and currents are reported, nothing is heard, the vehicle
+makes no way, is driven off or ends its plan, by itself or by others. `--link ADDRESS -n 5`: missions on a
 running vehicle, one after another; `--current` gives them the current that the vehicle's simulator has, m/s
 north and east.
 """
@@ -21,7 +23,7 @@ import numpy as np
 
 from auvplan.io.area import load_area
 from auvplan.link import Limits, execute, open_link
-from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.scenario import Scenario
@@ -80,6 +82,77 @@ class Reports:
             yield CurrentNotice(np.array([0.25, -0.15, 0.0]))
 
 
+class Storm:
+    """Rules fired at random over a mission: what is reported, what happens to vehicle and link."""
+
+    def __init__(self, link, plan: RollingPlan, peer, proxy, seed: int) -> None:
+        self._link, self._plan, self._peer, self._proxy = link, plan, peer, proxy
+        self._random = rng = random.Random(1000 + seed)
+        self.fired: list[str] = []
+        rules = [self.obstacle, self.gone, self.current, self.silence, self.stuck, self.driven]
+        if hasattr(peer, "abort"):
+            rules += [peer.restart, peer.halt]
+        ends = [getattr(peer, name) for name in ("abort", "stop") if hasattr(peer, name)]
+        times = sorted(rng.uniform(0.0, 2200.0) for _ in range(rng.randint(3, 8)))
+        self._due = [(time, rng.choice(rules)) for time in times]
+        if ends and rng.random() < 0.3:
+            self._due.append((rng.uniform(200.0, 2200.0), rng.choice(ends)))
+        self._told: list = []
+
+    def read(self):
+        """Fire what is due, and yield what is reported."""
+        while due := [rule for rule in self._due if rule[0] <= self._link.now]:
+            self._due.remove(due[0])
+            self.fired.append(due[0][1].__name__)
+            due[0][1]()
+        told, self._told = self._told, []
+        yield from told
+
+    def _later(self, name: str, seconds: float, undo) -> None:
+        undo.__name__ = f"end of {name}"
+        self._due.append((self._link.now + seconds, undo))
+
+    def obstacle(self) -> None:
+        """One on the track ahead, or one that comes to where the vehicle is."""
+        rng, place = self._random, self._link.report(0.0).position
+        if place is None:
+            return
+        angle, away, speed = (
+            rng.uniform(0.0, 2.0 * np.pi),
+            rng.uniform(60.0, 300.0),
+            rng.choice([0.0, 0.5, 1.0]),
+        )
+        side = np.array([np.cos(angle), np.sin(angle)])
+        north, east = (place[:2] + away * side).tolist()
+        moves = tuple((-speed * side).tolist())
+        name = f"obstacle {rng.randint(0, 2)}"
+        self._told.append(
+            ObstacleNotice(KnownObstacle(name, (north, east), rng.uniform(10.0, 40.0), velocity=moves))
+        )
+
+    def gone(self) -> None:
+        self._told.append(GoneNotice(f"obstacle {self._random.randint(0, 2)}"))
+
+    def current(self) -> None:
+        self._told.append(
+            CurrentNotice(np.array([*(self._random.uniform(-0.4, 0.4) for _ in range(2)), 0.0]))
+        )
+
+    def silence(self) -> None:
+        self._proxy.dead = True
+        self._later("silence", self._random.uniform(60.0, 600.0), lambda: setattr(self._proxy, "dead", False))
+
+    def stuck(self) -> None:
+        body = self._peer.body
+        body.stuck = True
+        self._later("stuck", self._random.uniform(60.0, 400.0), lambda: setattr(body, "stuck", False))
+
+    def driven(self) -> None:
+        body = self._peer.body
+        body.push = self._random.uniform(-1.5, 1.5), self._random.uniform(-1.5, 1.5)
+        self._later("driven", self._random.uniform(60.0, 200.0), lambda: setattr(body, "push", (0.0, 0.0)))
+
+
 def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
     """Tasks that the record has and the vehicle's own books lack, and those that it did more than once."""
     site, places = plan.site, []
@@ -98,7 +171,7 @@ def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
     return lost, len(places) - sum(matched)
 
 
-def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
+def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bool = False) -> dict:
     """Execute one mission and count."""
     scenario = Scenario.model_validate(SCENARIO)
     area = replace(load_area(scenario, "."), obstacles=(WRECK,))
@@ -114,9 +187,10 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
         return notes
 
     link.upload = upload
+    notices = Storm(link, plan, peer, proxy, seed) if stormy else Reports(link, plan, seed)
     begin = time.perf_counter()
     try:
-        record = execute(plan, link, limits=LIMITS, notices=Reports(link, plan, seed), tell=tell)
+        record = execute(plan, link, limits=LIMITS, notices=notices, tell=tell)
     finally:
         peer.close()
         proxy.close()
@@ -126,6 +200,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
         "doubled": doubled, "counts": dict(Counter(event.kind for event in record.events)),
         "packets": proxy.counts, "wall_s": round(time.perf_counter() - begin, 1),
+        "fired": getattr(notices, "fired", []),
     }  # fmt: skip
 
 
@@ -158,6 +233,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--scale", type=float, default=50.0, help="s of mission in one of wall-clock time")
     parser.add_argument("--loss", type=float, default=0.05)
+    parser.add_argument("--random", action="store_true", help="things happen at random moments")
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--link", help="a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT")
@@ -176,7 +252,7 @@ def main() -> None:
     rows = []
     for kind in given.kind or ["mavlink", "imc"]:
         for seed in range(given.first, given.first + given.n):
-            row = mission(kind, seed, given.scale, Faults(lost=given.loss), tell)
+            row = mission(kind, seed, given.scale, Faults(lost=given.loss), tell, given.random)
             rows.append(row)
             print(json.dumps(row), flush=True)
             if given.out:

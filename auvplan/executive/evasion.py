@@ -10,7 +10,7 @@ from auvplan.ocean.seabed import Seabed
 
 Array = NDArray[np.floating]
 
-#: Share of the speed through the water that an escape reckons with; the rest is left to the current.
+#: Share of the speed through the water that an escape is made at; the rest is left to the current.
 _ESCAPE_SPEED = 0.4
 
 
@@ -26,6 +26,7 @@ def escape_track(
     upper: Array,
     samples: int,
     stay: float = 0.0,
+    share: float = _ESCAPE_SPEED,
 ) -> Array | None:
     """The straight track of most clearance among sixteen headings, or None where keeping station is as good.
 
@@ -40,16 +41,17 @@ def escape_track(
         lower, upper: [3] m, box to stay in.
         samples: points on the track.
         stay: s that station is kept at its end.
+        share: of the speed through the water that is reckoned with over ground.
 
     Returns:
         [samples, 3] m or None.
     """
-    share = np.linspace(0.0, 1.0, samples)
-    times = now + share * (seconds + stay)
-    gone = np.minimum(share * (1.0 + stay / seconds), 1.0)
+    parts = np.linspace(0.0, 1.0, samples)
+    times = now + parts * (seconds + stay)
+    gone = np.minimum(parts * (1.0 + stay / seconds), 1.0)
     best, choice = _worth(clearance(np.broadcast_to(position, (samples, 3)), times)), None
     for heading in np.arange(16) * np.pi / 8.0:
-        way = _ESCAPE_SPEED * speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
+        way = share * speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
         track = position + gone[:, None] * way
         if (track[-1] < lower).any() or (track[-1] > upper).any():
             continue

@@ -110,13 +110,13 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
 def crossing(context: SimulationContext, mission: Mission) -> str:
     """Return what known obstacle comes to the goal of a mission's leg during its task, or an empty string."""
     leg, timetable = mission.active_leg, mission.graph.timetable
-    record, arrives = leg.record, float(leg.followed.times[-1])
-    begins = arrives if timetable is None else float(timetable.begins(record.start, record.goal, arrives))
-    ends = (begins if np.isfinite(begins) else arrives) + record.t_task
-    margin = context.scenario.safety.obstacles
-    for obstacle in context.area.obstacles:
-        if obstacle.moves and (near := obstacle.closest(leg.target, arrives, ends))[1] < margin:
-            return f"{obstacle.name} comes to its end {context.moment(near[0])}, while the vehicle is there"
+    for obstacle in (known for known in context.area.obstacles if known.moves):
+        record, arrives = leg.record, float(leg.followed.times[-1])
+        begins = arrives if timetable is None else timetable.begins(record.start, record.goal, arrives)
+        ends = (begins if np.isfinite(begins) else arrives) + record.t_task
+        when, apart = obstacle.closest(leg.target, arrives, ends)
+        if apart < context.scenario.safety.obstacles:
+            return f"{obstacle.name} comes to its end {context.moment(when)}, while the vehicle is there"
     return ""
 
 

@@ -349,7 +349,7 @@ class _Executor:
         if now - self._looked >= self._limits.astray:
             self._looked = now
             stopped = self._phase is Phase.HELD and not self._aside
-            track, seconds = staying(place) if stopped else self._progress.track_ahead(place)
+            track, seconds = staying(place) if stopped else self._progress.track_ahead(place, now)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
 
@@ -546,7 +546,7 @@ class _Executor:
         elif self._try(
             "give way", f"{why}: it goes {np.linalg.norm(np.diff(leg.positions, axis=0)):.0f} m aside"
         ):
-            upload = Upload(replace(before.itinerary, legs=(leg,)), before.number + 1)
+            upload = Upload(replace(before.itinerary, legs=(leg,)), before.number + 1).without(1)
             self._new = _Next(upload, self._plan.followed, self._count, "give way")
             if self._asked(self._upload) and self._asked(self._start):
                 self._phase, self._aside, self._due = after(self._phase, Act.GIVE_WAY), True, "hazard"

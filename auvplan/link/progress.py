@@ -33,6 +33,7 @@ class Progress:
         place: [3] m and `since` s, where and since when it has not moved.
         astray: s since when it is off its track, or infinite.
         begun: [3] m, where it was when it began, or None.
+        task: the step at whose task it was last seen, and s when it was first seen there.
         stayed: [n] s that it can have been at the place of each step, by where it was seen; -1 for never.
     """
 
@@ -44,6 +45,7 @@ class Progress:
     since: float = 0.0
     astray: float = math.inf
     begun: Array | None = None
+    task: tuple[int, float] = (-1, 0.0)
     stayed: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -180,11 +182,16 @@ class Progress:
         share = float(np.clip((place - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
         return now - (step.left_at + share * (step.time - step.left_at))
 
-    def track_ahead(self, place: Array) -> tuple[Array, Array]:
-        """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s."""
+    def track_ahead(self, place: Array, now: float) -> tuple[Array, Array]:
+        """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s.
+
+        At a task it stays for what is left of that.
+        """
         places, times = [place], [0.0]
         if self.at_task(place):
-            left = self.step.hold - max(float(self.stayed[self.ahead]), 0.0)
+            if self.task[0] != self.ahead:
+                self.task = self.ahead, now
+            left = self.task[1] + self.step.hold - now
             return staying(place, float(np.clip(left, 0.0, AHEAD)))
         for step in self.upload.steps[self.ahead :]:
             if step.leg != self.step.leg or times[-1] >= AHEAD:

@@ -35,8 +35,9 @@ Array = NDArray[np.floating]
 #: Of a vehicle that keeps to its paths.
 _NONE = Allowance()
 
-#: s that a vehicle goes aside for, and s that it stays there before it ends its mission by itself.
-_ASIDE, _WAIT = 90.0, 900.0
+#: s that a vehicle goes aside for, at a share of its speed, and s that it stays there before it ends its
+#: mission by itself.
+_ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
@@ -337,6 +338,7 @@ class RollingPlan:
             *context.box,
             context.path_config.samples,
             stay=2.0 * _ASIDE,
+            share=_BRISK,
         )
         if track is None:
             return None

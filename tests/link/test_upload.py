@@ -81,12 +81,24 @@ def test_the_track_ahead_is_gone_at_the_pace_of_each_line():
     upload = Upload(make_itinerary())
     first, second = upload.steps[1:3]
     assert first.pace(1.0) != pytest.approx(second.pace(1.0), rel=0.01)
-    track, seconds = Progress(upload, ahead=1).track_ahead(first.left + 0.8 * (first.position - first.left))
+    place = first.left + 0.8 * (first.position - first.left)
+    track, seconds = Progress(upload, ahead=1).track_ahead(place, 0.0)
     corner = 0.2 * (first.time - first.left_at)
     assert seconds == pytest.approx([0.0, corner, 180.0])
     share = (180.0 - corner) / (second.time - second.left_at)
     assert track[-1] == pytest.approx(second.left + share * (second.position - second.left))
-    track, seconds = Progress(upload).track_ahead(upload.steps[0].position)
+    track, seconds = Progress(upload).track_ahead(upload.steps[0].position, 0.0)
     assert seconds == pytest.approx([0.0, 0.0, 180.0])
     share = 180.0 / (first.time - first.left_at)
     assert track[-1] == pytest.approx(first.left + share * (first.position - first.left))
+
+
+def test_at_a_task_the_track_ahead_stays_for_what_is_left_of_it(upload):
+    progress = Progress(upload)
+    ahead = next(k for k, step in enumerate(upload.steps) if step.hold > 0.0)
+    progress.ahead, task = ahead, upload.steps[ahead]
+    near = task.position + np.array([3.0, 0.0, 0.0])
+    for since in (0.0, 0.25, 0.9):
+        track, seconds = progress.track_ahead(near, 700.0 + since * task.hold)
+        assert (track == near).all()
+        assert seconds[-1] == pytest.approx(min((1.0 - since) * task.hold, 180.0))
