@@ -38,6 +38,7 @@ def check(call):
     return partial(call, "check")
 
 
+@pytest.mark.slow
 def test_every_saved_run_of_a_study_is_checked(study, check):
     code, said, err = check(study)
     assert (code, err) == (1, "")
@@ -86,6 +87,7 @@ def test_the_result_as_one_object(study, check):
     assert one["collisions"] == one["coast_hits"] == 0
 
 
+@pytest.mark.slow
 def test_what_is_one_is_told_in_the_singular(study, check):
     (line,) = [line for line in check(study)[1].splitlines() if line.startswith("0000-00000001")]
     assert "1 legs" not in line

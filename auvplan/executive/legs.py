@@ -107,9 +107,9 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
-def crossing(context: SimulationContext, mission: Mission) -> str:
-    """Return what known obstacle comes to the goal of a mission's leg during its task, or an empty string."""
-    leg, timetable = mission.active_leg, mission.graph.timetable
+def crossing(context: SimulationContext, mission: Mission, leg: Leg) -> str:
+    """Return what known obstacle comes to the goal of a leg during its task, or an empty string."""
+    timetable = mission.graph.timetable
     for obstacle in (known for known in context.area.obstacles if known.moves):
         record, arrives = leg.record, float(leg.followed.times[-1])
         begins = arrives if timetable is None else timetable.begins(record.start, record.goal, arrives)

@@ -328,8 +328,9 @@ def _begin(context: SimulationContext, missions: list[Mission]) -> None:
         if why := why_refused(context, mission, mission.active_leg, times):
             mission.now -= mission.active_leg.record.t_hold
             mission.active_leg.record.t_hold = 0.0
-            barred = bool(refusal(mission.active_leg) or crossing(context, mission))
-            _reject_leg(mission, mission.active_leg, why, barred)
+            leg = mission.active_leg
+            barred = bool(refusal(leg) or crossing(context, mission, leg))
+            _reject_leg(mission, leg, why, barred)
             mission.leg = None
 
 
@@ -352,7 +353,7 @@ def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: n
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, with the margin that its route was made with.
     """
-    if why := refusal(leg, context.epoch) or crossing(context, mission):
+    if why := refusal(leg, context.epoch) or crossing(context, mission, leg):
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not context.rules.guard_return:
         return ""

@@ -252,7 +252,8 @@ class RollingPlan:
             if not refusal(state.active_leg):
                 break
         record.followed = len(record.plans) - 1
-        return not (refusal(state.active_leg) or crossing(self._context, state))
+        leg = state.active_leg
+        return not (refusal(leg) or crossing(self._context, state, leg))
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
         """Count on an obstacle in all that is planned from now on; its position is for time 0 s.

@@ -173,6 +173,7 @@ def test_a_job_comes_after_the_fall_where_its_window_does(tmp_path):
     assert run.total_priority == run.routes[0].priority == 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("departures", "least", "most"), [(1, 0.02, 1.0), (12, 0.0, 0.01)])
 def test_expected_times_hold_where_the_sea_is_timed_by_the_clock(departures, least, most):
     """Half a tide passes: priced as if executed at the departure, the last legs take another time."""

@@ -252,6 +252,7 @@ def departures(call, settings, folder, *options):
     return call("departures", path, "--out", folder / "out", *options)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*still water:auvplan.errors.ScenarioWarning")
 def test_the_command_from_a_file_of_currents(dated, call):
     settings, folder = dated

@@ -168,6 +168,7 @@ def test_no_simulated_obstacle_reaches_a_vehicle_and_known_ones_that_stand_do():
     assert any("simulated" in note for note in itinerary_of(executed).notes)
 
 
+@pytest.mark.slow
 def test_a_plan_is_restored_with_its_obstacles(tmp_path):
     run = plan_scenario(scenario(), area=OperatingArea(obstacles=(ROCK, FERRY)))
     again = restore_run(save_run(run, tmp_path))
@@ -175,6 +176,7 @@ def test_a_plan_is_restored_with_its_obstacles(tmp_path):
     assert not again.simulated
 
 
+@pytest.mark.slow
 def test_bounds_that_are_asked_for_are_planned_saved_restored_and_on_the_sheet(tmp_path, run):
     assert all(math.isnan(plan.gap) for leg in run.legs for plan in leg.plans)
     assert "paths" not in sheet_of(run).facts

@@ -55,6 +55,7 @@ def test_by_the_papers_rule_every_late_leg_causes_a_new_route(paper):
     assert seen > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task_time", ["whole", "clock", "expected"])
 def test_what_the_time_of_a_task_counts_in(task_time, monkeypatch):
     """Beside t_ij: in the leg's time and what is compared, in its time alone, or in neither (Fig. 15)."""

@@ -147,6 +147,7 @@ def test_the_checker_catches_a_line_that_counts_in_full(run):
     assert any("counts a priority of 4" in fault for fault in faults)
 
 
+@pytest.mark.slow
 def test_an_obstacle_that_appears_on_a_line_is_passed_and_the_line_taken_up_again():
     unseen = scenario(
         mission={"start": [200, 1000, 5], "goal": [3300, 1000, 5], "time_available": 3000},

@@ -62,6 +62,7 @@ def test_a_step_that_is_not_known_is_not_stated(shared):
     np.testing.assert_allclose(np.stack(stated(*PLACES)), 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_is_held_up_stays_where_it_is(shared):
     mission = under_way(shared, HeldUp(0.0, 100.0))
     before, now = mission.active_leg.position, mission.now

@@ -40,6 +40,7 @@ def test_the_reserve_is_not_eaten_unnoticed():
     assert causes(SLACK + 45.0, 300.0) == ["start", "late"]
 
 
+@pytest.mark.slow
 def test_of_a_kept_population_the_best_is_kept(plan, world):
     """With noise around it and a share redrawn, it is the best alone that a re-plan can live off."""
     config = CONFIG.replace(fresh_share=0.3)

@@ -185,8 +185,9 @@ def test_one_obstacle_after_another_is_gone_around():
     def ahead():
         place, last = vehicle.place, vehicle.plan.steps[vehicle.done].position
         share = 150.0 / np.linalg.norm(last - place)
-        north, east, _ = (place + share * (last - place)).tolist()
-        return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0))
+        north, east, depth = (place + share * (last - place)).tolist()
+        levels = depth - 15.0, depth + 15.0
+        return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0, *levels))
 
     times = 10.0 + 20.0 * np.arange(tries + 2)
     record = executed(plan, vehicle, notices=Tell(vehicle, *((time, ahead) for time in times)))
@@ -347,7 +348,7 @@ class Slow(ScriptedVehicle):
         return report if hidden is None else replace(report, done=hidden)
 
 
-@pytest.mark.parametrize(("mute", "further"), [(False, 90), (True, 0)])
+@pytest.mark.parametrize(("mute", "further"), [pytest.param(False, 90, marks=pytest.mark.slow), (True, 0)])
 def test_a_leg_that_ends_before_the_vehicle_holds_is_not_done_again(mute, further):
     plan, vehicle = made()
     vehicle = Slow(vehicle.start_at, push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
@@ -616,6 +617,7 @@ def test_a_vehicle_that_is_stopped_while_a_plan_is_made_or_sent_is_not_started()
     assert started == [0.0]
 
 
+@pytest.mark.slow
 def test_a_vehicle_is_at_the_surface_only_by_its_depth():
     plan, vehicle = made(rises=0.1)
     record = executed(plan, vehicle)
@@ -626,7 +628,9 @@ def test_a_vehicle_is_at_the_surface_only_by_its_depth():
     assert executed(plan, vehicle).safe == "the vehicle was not seen to surface yet"
 
 
-@pytest.mark.parametrize("away", [[60.0, 0.0, 0.0], [-150.0, 130.0, 0.0]])
+@pytest.mark.parametrize(
+    "away", [[60.0, 0.0, 0.0], pytest.param([-150.0, 130.0, 0.0], marks=pytest.mark.slow)]
+)
 def test_a_vehicle_that_begins_off_the_start_is_not_adrift(away):
     plan, vehicle = made()
     start = vehicle.start_at.copy()

@@ -42,7 +42,7 @@ def test_a_plan_file_is_the_message_that_imcpy_makes(upload):
     assert [move.dest_man for move in again.transitions] == ["leg1", "task1", "leg2", "end"]
 
 
-@pytest.mark.parametrize("faults", [CLEAN, Faults()])
+@pytest.mark.parametrize("faults", [pytest.param(CLEAN, marks=pytest.mark.slow), Faults()])
 def test_a_plan_arrives_as_planned_and_is_executed(upload, join, faults):
     link, peer, _ = join(faults)
     assert link.upload(upload) == []
@@ -61,6 +61,7 @@ def test_a_later_step_is_a_shorter_plan(upload, join):
     assert link.report(1.0).done == 3
 
 
+@pytest.mark.slow
 def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
     link, peer, _ = join()
     plan = Upload(make_itinerary(over_ground=True))
@@ -80,6 +81,7 @@ def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
     assert len(peer.tasks) == 1
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(opened):
     stream = (-0.2, 0.25, 0.0)
     plan = Upload(in_current(stream))

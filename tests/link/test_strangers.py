@@ -149,8 +149,8 @@ class AcknowledgesAlways(Stranger):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (AsksBeyond, "the fence broke off: 1 of 8 items were asked for"),
-        (AsksInTurn, "the fence broke off: 2 of 8 items were asked for"),
+        pytest.param(AsksBeyond, "the fence broke off: 1 of 8 items were asked for", marks=pytest.mark.slow),
+        pytest.param(AsksInTurn, "the fence broke off: 2 of 8 items were asked for", marks=pytest.mark.slow),
         (AcknowledgesAlways, "the fence broke off: nothing was asked for"),
     ],
 )
@@ -236,6 +236,7 @@ def test_a_place_that_is_none_is_no_place(meet, place):
         link.connect()
 
 
+@pytest.mark.slow
 def test_a_place_that_is_not_told_any_more_is_not_known(meet):
     link, peer, _ = meet()
     link.connect()

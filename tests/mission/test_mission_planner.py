@@ -254,7 +254,9 @@ def test_bad_settings_are_refused(setting: dict) -> None:
 
 
 @needs_graphs
-@pytest.mark.parametrize("name", ["full40-s0", pytest.param("knn40-s0", marks=pytest.mark.slow), "rnd40-s0"])
+@pytest.mark.parametrize(
+    "name", ["full40-s0", *(pytest.param(name, marks=pytest.mark.slow) for name in ("knn40-s0", "rnd40-s0"))]
+)
 def test_close_to_the_proven_optimum(name: str) -> None:
     case, graph = proven(name)
     asked = case["start"], case["dest"], case["T"]

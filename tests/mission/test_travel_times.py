@@ -235,6 +235,7 @@ def test_bent_lines_save_what_a_planned_path_saves() -> None:
         assert bent[0, i, j] == pytest.approx(plan.travel_time, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_bending_saves_is_linear_between_departures() -> None:
     graph, env, departures = compass(), channel(0.2), np.linspace(0.0, 8000.0, 5)
     straight, bent = (graph.times_at(env, VEHICLE, departures, bends=bends) for bends in (0, 3))
@@ -267,6 +268,7 @@ def test_a_world_per_graph_needs_stacked_graphs() -> None:
         compass().with_travel_times(northward(0.5), world_per_graph=True)
 
 
+@pytest.mark.slow
 def test_a_detour_found_at_one_departure_serves_the_others() -> None:
     """Times are those of each departure by itself, where one fan of detours is scored for all of them."""
     water = np.ones((300, 300), bool)

@@ -137,6 +137,7 @@ def test_tide_along_the_way(strength, period, phase):
     assert 0.97 * t < found.travel_time <= t + 0.05
 
 
+@pytest.mark.slow
 def test_a_dive_into_a_quick_layer():
     def layers(x, y, z, t):
         return 0.5 + jnp.tanh((z - 35.0) / 8.0), 0.0 * z, 0.0 * z
@@ -153,6 +154,7 @@ def test_a_dive_into_a_quick_layer():
     assert 0.93 * known < found.travel_time <= known
 
 
+@pytest.mark.slow
 def test_a_limit_on_ground_speed_counts_in_depth():
     current = lambda x, y, z, t: (0.6 + 0.4 * jnp.tanh((z - 30.0) / 10.0), 0.0 * z, 0.0 * z)  # noqa: E731
     env = ap.Environment(current, lower=(-300, -300, 0), upper=(4300, 300, 60))

@@ -112,7 +112,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
     ("chart", "obstacles", "vertical"),
     [
         (True, True, {"pitch_max": 0.03, "climb_rate_max": 0.01, "dive_rate_max": 0.1}),
-        (False, False, {"pitch_max": None}),
+        pytest.param(False, False, {"pitch_max": None}, marks=pytest.mark.slow),
         (False, False, {"pitch_max": None, "dive_rate_max": 0.1}),
     ],
 )
@@ -309,6 +309,7 @@ def test_batched_equals_looped():
         np.testing.assert_allclose(alone[1][0], together[1][p], rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_large_population_is_scored_in_parts():
     env = resolved(world())
     many = population(1203, env)

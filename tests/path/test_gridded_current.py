@@ -96,6 +96,7 @@ def test_pacing_the_search_loses_next_to_nothing(tide):
     assert (np.array(paced) < 1.002 * np.array(scanned)).all()
 
 
+@pytest.mark.slow
 def test_the_plan_of_another_hour_and_field_compiles_nothing(tide):
     lightest = SMALL.replace(refine_steps=0)
     plan(tide, config=lightest)

@@ -2,6 +2,7 @@
 
 import jax
 import numpy as np
+import pytest
 
 import auvplan as ap
 from auvplan.path import planner
@@ -35,6 +36,7 @@ def test_a_path_that_does_not_cross_itself_has_none():
     assert without_loop(np.linspace(START, GOAL, 80), CONFIG) is None
 
 
+@pytest.mark.slow
 def test_a_plan_that_loops_is_polished_without(monkeypatch):
     """A search that returns a loop, as strong currents and limits of the vehicle have made it do."""
     config = CONFIG.replace(finer=2, fine_steps=20, refine_steps=4, passages=0)

@@ -71,7 +71,10 @@ def test_where_the_current_beats_it_a_vehicle_is_too_slow_for_its_track():
     assert np.linalg.norm(through_water) > SPEED
 
 
-@pytest.fixture(scope="module", params=["track", "eq8", "eq11"])
+@pytest.fixture(
+    scope="module",
+    params=["track", *(pytest.param(name, marks=pytest.mark.slow) for name in ("eq8", "eq11"))],
+)
 def plan(request):
     """A light plan through vortices and over some depth, in each reading of speed."""
     config = ap.PathConfig(samples=48, passages=0, refine_steps=0, speed_reading=request.param)

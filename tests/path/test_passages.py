@@ -96,6 +96,7 @@ def test_passages_on_both_sides_of_an_obstacle():
     assert 800.0 < float(known) < 900.0  # 2000 m at 2.5 m/s, and the detour
 
 
+@pytest.mark.slow
 def test_the_way_follows_the_current():
     # A jet along the line of y = 400 m.
     env = ap.Environment(

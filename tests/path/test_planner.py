@@ -137,6 +137,7 @@ def test_replanning_starts_at_the_vehicle_and_keeps_the_quality(plan):
     assert compilations() == compiled
 
 
+@pytest.mark.slow
 def test_given_population_is_used(plan):
     lazy = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=0), refine_steps=0, passage_steps=0)
     kept = ap.plan_path(START, GOAL, world(), key=jax.random.key(9), config=lazy, population=plan.population)
@@ -274,6 +275,7 @@ def test_winding_ways_are_planned_with_more_control_points():
     assert rest.travel_time <= 1.02 * (fine.times[-1] - now)
 
 
+@pytest.mark.slow
 def test_a_path_that_the_last_polish_still_improves_is_polished_finely():
     # With few steps before it the last polish has something left to improve.
     env, key, config = world(), jax.random.key(0), CONFIG.replace(passage_steps=3)
@@ -320,7 +322,7 @@ def test_without_passages_none_are_looked_for_again():
 @pytest.mark.parametrize(
     ("across", "finer", "sways"),
     [
-        (1.9, 1, [1.5, 1.485]),
+        pytest.param(1.9, 1, [1.5, 1.485], marks=pytest.mark.slow),
         (0.5, 1, [1.5]),
         pytest.param(1.9, 2, [1.5, 1.485], marks=pytest.mark.slow),
         pytest.param(0.5, 2, [1.5], marks=pytest.mark.slow),

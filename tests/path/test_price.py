@@ -32,6 +32,7 @@ def test_a_price_that_is_the_same_everywhere_multiplies_the_time():
     assert found.cost == pytest.approx(1.5 * found.travel_time, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_paths_keep_off_dear_places_as_far_as_it_pays():
     free, priced = 2000.0 / 2.5, plan(lane)
     nearest = np.linalg.norm(priced.positions[:, :2] - np.asarray(MIDDLE), axis=1).min()

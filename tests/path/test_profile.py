@@ -97,6 +97,7 @@ def test_the_quicker_layer_is_taken_on_the_way():
     assert np.median(found) > 45.0
 
 
+@pytest.mark.slow
 def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
     env = ap.Environment(two_layers)
     found = straight_profile(env)
@@ -137,6 +138,7 @@ def test_a_transit_depth_is_kept_between_the_ends_whatever_the_current():
     assert shallower.positions[:, 2].max() == pytest.approx(25.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_transit_altitude_follows_the_terrain_and_climbs_before_a_bank():
     x = np.arange(-500.0, 5500.0, 50.0)
     bed = ap.Seabed.from_depth(

@@ -84,6 +84,7 @@ def test_a_front_is_searched_in_itself():
     assert plan.sampling_error == 0.0
 
 
+@pytest.mark.slow
 def test_only_functions_are_sampled():
     env = replace(sea(600.0), current=ap.UniformCurrent(0.2))
     assert ap.plan_path(START, GOAL, env, key=KEY, config=CONFIG).sampling_error == 0.0

@@ -141,6 +141,7 @@ def test_in_a_paced_current_slopes_take_the_times_of_look_ups_as_they_are():
     np.testing.assert_allclose(*slopes, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_plans_of_a_batch_know_their_own_world():
     fields = [ap.UniformCurrent(jnp.asarray(u), jnp.asarray(0.0), jnp.asarray(0.0)) for u in (0.5, -0.5)]
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *fields)
@@ -207,6 +208,7 @@ def rounding(start, goal, current, position, radius, speed):
     return ap.plan_path(start, goal, env, ap.Vehicle(speed), key=jax.random.key(0), config=FINE)
 
 
+@pytest.mark.slow
 def test_slopes_of_a_least_time_by_every_leaf():
     env = ap.Environment(tide, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0))
 

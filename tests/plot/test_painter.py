@@ -43,7 +43,7 @@ def test_they_are_those_drawn_here(tmp_path, two_cores, expected):
     assert_drawn(found, expected)
 
 
-@pytest.mark.parametrize("begun", [False, True])
+@pytest.mark.parametrize("begun", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_all_are_drawn_where_the_process_has_ended(tmp_path, two_cores, expected, begun):
     with Painter() as painter:
         if begun:

@@ -62,11 +62,11 @@ def with_nothing_but_nan(study):
     "study",
     [
         make_study(1, failed=(0,)),
-        make_study(8, failed=range(8), chart=False),
-        make_study(1, {"planning.objective": ["only"]}),
+        pytest.param(make_study(8, failed=range(8), chart=False), marks=pytest.mark.slow),
+        pytest.param(make_study(1, {"planning.objective": ["only"]}), marks=pytest.mark.slow),
         pytest.param(without_legs(make_study(3, RATES)), marks=pytest.mark.slow),
         without_legs(make_study(3, RATES)).isel(leg=slice(0), plan=slice(0), route=slice(0)),
-        with_nothing_but_nan(make_study(3, RATES, chart=False)),
+        pytest.param(with_nothing_but_nan(make_study(3, RATES, chart=False)), marks=pytest.mark.slow),
         pytest.param(make_study(1, RATES | OBJECTIVES), marks=pytest.mark.slow),
         make_study(2, {"flag": [True, False], "vehicle.speed": [2, 3]} | OBJECTIVES),
     ],
@@ -80,6 +80,7 @@ def test_studies_that_lack_something(tmp_path, study):
     assert plt.get_fignums() == []
 
 
+@pytest.mark.slow
 def test_missions_are_shown_in_order_of_seed(tmp_path, monkeypatch):
     monkeypatch.setattr(style, "save", lambda figure, _: figure)
     study = make_study()
@@ -243,6 +244,7 @@ def test_maps_of_the_routes():
         assert sorted(text.get_text() for text in axes.texts) == sorted(map(str, nodes))
 
 
+@pytest.mark.slow
 def test_maps_of_many_routes_show_the_first_and_the_last():
     study = make_study(1, failed=())
     routes = [name for name in study if "route" in study[name].dims]

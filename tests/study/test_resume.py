@@ -122,6 +122,7 @@ def test_a_study_killed_three_times_ends_like_one_never_killed(begin, holds, tmp
     assert sorted(path.name for path in tmp_path.iterdir()) == ["missions.nc", "study.json", "summary.json"]
 
 
+@pytest.mark.slow
 @needs_proc
 def test_processes_of_a_killed_study_do_not_go_on_when_they_have_nothing_to_send(begin, holds, tmp_path):
     """As in a compilation: no broken pipe tells them then that nobody listens."""

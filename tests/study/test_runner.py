@@ -216,6 +216,7 @@ def test_a_mission_is_the_same_to_the_last_bit_in_batches_of_1_3_and_7(seven, tm
         xr.testing.assert_identical(first, other)
 
 
+@pytest.mark.slow
 def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
     sweeps = (Sweep.parse("planning.replan=late,deviation"), Sweep.parse("current.update_rate=0,1"))
     # By edges: where no waypoint may be visited again, small missions have one route left for either rule.
@@ -251,6 +252,7 @@ def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "values"),
     [
@@ -277,6 +279,7 @@ def test_progress_ends_with_everything_done(seven):
     assert max(shares) == 1.0
 
 
+@pytest.mark.slow
 def test_whole_results_are_saved_when_asked_for(three, tmp_path):
     _, dataset = three
     run_here(Design(small(), 2), tmp_path, save_runs=True)
@@ -374,6 +377,7 @@ def test_a_study_is_extended_and_ends_as_one_of_all_its_missions(tmp_path, sweep
         assert names(out) == RESULTS
 
 
+@pytest.mark.slow
 def test_a_study_that_lacks_a_variable_is_shown_but_not_extended(three, tmp_path):
     """One that neither its summary nor its pictures need."""
     out = tmp_path / "older"
@@ -498,7 +502,7 @@ WORDS = "a worker process died.*--resume"
     [
         pytest.param(light.work_and_die, StudyError, WORDS, marks=pytest.mark.slow),
         (light.work_and_die_speaking, StudyError, WORDS),
-        (light.work_and_fail, ScenarioError, "lies on land"),
+        pytest.param(light.work_and_fail, ScenarioError, "lies on land", marks=pytest.mark.slow),
     ],
 )
 def test_what_ends_a_worker_is_stated_and_the_study_can_be_resumed(
