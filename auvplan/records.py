@@ -152,6 +152,15 @@ class LegRecord(ReprMixin):
         return None if self.line is None else self.line.covered(self.positions)
 
     @property
+    def stays(self) -> list[tuple[int, float, float]]:
+        """Ends of the leg, 0 or -1, at which the vehicle stays, and s from when to when."""
+        if not len(self.times):
+            return []
+        begins, ends = float(self.times[0]), float(self.times[-1])
+        stays = [(0, begins - self.t_hold, begins), (-1, ends, ends + self.t_wait + self.t_task)]
+        return [stay for stay in stays if stay[2] > stay[1]]
+
+    @property
     def t_path(self) -> float:
         """Travel time as executed, s."""
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0

@@ -34,8 +34,16 @@ class Margins:
 
     @classmethod
     def of(cls, run: MissionRun, leg: LegRecord) -> "Margins":
-        """Return those of a leg, whose records are its own."""
-        return cls.along(run, leg.times, np.reshape(leg.positions, (-1, 3)), *true_obstacles(leg))
+        """Return those of a leg, whose records are its own; its ends count for as long as it stays there."""
+        places = np.reshape(leg.positions, (-1, 3))
+        found = cls.along(run, leg.times, places, *true_obstacles(leg))
+        for end, begins, ends in leg.stays:
+            known = (obstacle.closest(places[end], begins, ends)[1] for obstacle in run.obstacles)
+            if (near := min(known, default=np.inf)) < FAR:
+                found.obstacle[end] = min(found.obstacle[end], near)
+            closed = _to_closed(run, np.array([begins, ends]), places[[end, end]]).min()
+            found.closed[end] = min(found.closed[end], closed)
+        return found
 
     @classmethod
     def along(

@@ -19,6 +19,7 @@ from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.area import OperatingArea
+from auvplan.view.margins import Margins
 from auvplan.view.sheet import sheet_of
 from tests.executive.small import planning, scenario
 from tests.executive.tide import CHANNEL, channel, tidal_area
@@ -124,6 +125,8 @@ def test_no_task_is_done_where_a_known_obstacle_comes_meanwhile():
         unaware = replace(free, obstacles=(ferry,))
         faults = check_dataset(unaware.summary(), to_dataset(unaware)).faults
         assert any("'ferry' comes over it where it stays" in fault for fault in faults) == crossed
+        apart = ferry.closest(leg.positions[-1], float(leg.times[-1]), float(leg.times[-1]) + leg.t_task)[1]
+        assert Margins.of(unaware, leg).obstacle[-1] == pytest.approx(apart)
 
 
 @pytest.mark.slow
