@@ -246,7 +246,7 @@ def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
     path = _existing(folder, name)
     try:
         require_whole(path, ResultError)
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
             size, own = sum(variable.nbytes for variable in dataset.variables.values()), path.stat().st_size
             if size > max(_MAX_DATASET_BYTES, _MOST_COMPRESSED * own):
                 raise ResultError(f"{path}: {size:.2g} bytes of values in a file of {own} are no result")
@@ -280,7 +280,7 @@ def _require_whole_hdf5(path: str | Path, fault: type[AuvplanError]) -> None:
     if _has_endless_heap(Path(path)):
         raise fault(f"{path}: damaged: a collection of its values has no end")
     with h5py.File(path, "r") as file:
-        # What h5netcdf asks first; its answer to an error there is one more, on the way out.
+        # Of a damaged file this is the first to fail.
         file.attrs.get("_nc3_strict")
         left: list[tuple[str, Any]] = [("", file)]
         seen: set[int] = set()
