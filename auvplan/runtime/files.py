@@ -282,10 +282,10 @@ def _read_hdf5(path: Path) -> tuple[dict[str, "xr.Variable"], dict[str, Any], di
             raise ResultError(f"{path}: {size:.2g} bytes of values in a file of {own} are no result")
         for name, part in parts.items():
             own_axis = part.attrs.get("CLASS") == b"DIMENSION_SCALE"
-            if own_axis and part.attrs["NAME"].startswith(_NO_VARIABLE):
+            if own_axis and bytes(part.attrs["NAME"]).startswith(_NO_VARIABLE):  # type: ignore[arg-type]
                 continue
             axes = part.attrs.get("DIMENSION_LIST", ())
-            dims = [name] if own_axis else [file[axis[0]].name.removeprefix("/") for axis in axes]
+            dims = [name] if own_axis else [str(file[axis[0]].name).removeprefix("/") for axis in axes]
             values = part.asstr()[()] if h5py.check_string_dtype(part.dtype) else part[()]
             variables[name] = xr.Variable(dims, values, attributes(part))
         return variables, {}, attributes(file)
