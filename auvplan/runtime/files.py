@@ -265,7 +265,7 @@ def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
 def _read_hdf5(path: Path) -> tuple[dict[str, "xr.Variable"], dict[str, Any], dict[str, Any]]:
     """Return variables, no coordinates and attributes of a NetCDF 4 file without groups.
 
-    h5netcdf and xarray take ten times as long: they look for every dimension again and again.
+    h5netcdf takes several times as long: it looks for every dimension again and again.
     """
     import h5py
     import xarray as xr
