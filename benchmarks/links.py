@@ -153,8 +153,11 @@ class Storm:
         self._later("driven", self._random.uniform(60.0, 200.0), lambda: setattr(body, "push", (0.0, 0.0)))
 
 
-def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
-    """Tasks that the record has and the vehicle's own books lack, and those that it did more than once."""
+def books(record, plan: RollingPlan, peer, reach: float) -> tuple[int, int]:
+    """Tasks that the record has and the vehicle's own books lack, and those that it did more than once.
+
+    They are the same within `reach` m: a vehicle that is driven off does them where it is.
+    """
     site, places = plan.site, []
     for task in peer.tasks:
         north, east = site.to_local(task.longitude, task.latitude)
@@ -164,7 +167,7 @@ def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
     for name in record.tasks:
         leg = legs[name]
         goal = np.asarray(plan.run.graph.positions[leg.goal], float)
-        near = [k for k, place in enumerate(places) if np.linalg.norm(goal - place) < 10.0]
+        near = [k for k, place in enumerate(places) if np.linalg.norm(goal - place) < reach]
         lost += not near
         for k in near[:1]:
             matched[k] += 1
@@ -194,7 +197,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bo
     finally:
         peer.close()
         proxy.close()
-    lost, doubled = books(record, plan, peer)
+    lost, doubled = books(record, plan, peer, LIMITS.corridor if stormy else 10.0)
     return {
         "kind": kind, "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
