@@ -185,14 +185,14 @@ class Progress:
     def track_ahead(self, place: Array, now: float) -> tuple[Array, Array]:
         """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s.
 
-        At a task it stays for what is left of that.
+        At a task it stays for what is left of that, wherever about its place it circles.
         """
         places, times = [place], [0.0]
         if self.at_task(place):
             if self.task[0] != self.ahead:
                 self.task = self.ahead, now
             left = self.task[1] + self.step.hold - now
-            return staying(place, float(np.clip(left, 0.0, AHEAD)))
+            return staying(self.step.position, float(np.clip(left, 0.0, AHEAD)))
         for step in self.upload.steps[self.ahead :]:
             if step.leg != self.step.leg or times[-1] >= AHEAD:
                 break
