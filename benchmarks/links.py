@@ -181,7 +181,9 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bo
     plan = RollingPlan(scenario, seed, area=area)
     start, pace = plan.run.graph.positions[plan.run.start], random.Random(seed).uniform(0.85, 1.1)
     body = body_at(plan.site, *np.asarray(start, float), pace)
-    link, peer, proxy = joined(kind, plan.site, body, scale, faults, seed, LIMITS)
+    # Where nothing is heard for long, an upload is given up before the mission is over at the scaled time.
+    limits = replace(LIMITS, attempts=8, uploads=3) if stormy else LIMITS
+    link, peer, proxy = joined(kind, plan.site, body, scale, faults, seed, limits)
     checked, send = [], link.upload
 
     def upload(wanted):
@@ -193,11 +195,11 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bo
     notices = Storm(link, plan, peer, proxy, seed) if stormy else Reports(link, plan, seed)
     begin = time.perf_counter()
     try:
-        record = execute(plan, link, limits=LIMITS, notices=notices, tell=tell)
+        record = execute(plan, link, limits=limits, notices=notices, tell=tell)
     finally:
         peer.close()
         proxy.close()
-    lost, doubled = books(record, plan, peer, LIMITS.corridor if stormy else 10.0)
+    lost, doubled = books(record, plan, peer, limits.corridor if stormy else 10.0)
     return {
         "kind": kind, "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
