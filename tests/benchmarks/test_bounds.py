@@ -9,9 +9,8 @@ from benchmarks.water_problems import FAMILIES
 KNOWN = 1.25
 
 
-@pytest.mark.parametrize(
-    "family", ["moving", *(pytest.param(name, marks=pytest.mark.slow) for name in ("open", "sounds"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["open", "sounds", "moving"])
 def test_no_reference_beats_its_bound(family):
     (run,) = bounds([family], [1000], None, KNOWN, 0.25)
     assert run["kind"] == "certified"

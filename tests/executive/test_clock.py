@@ -93,6 +93,7 @@ def test_a_window_that_is_missed_is_told_with_the_time():
     assert "too late" in left.reason
 
 
+@pytest.mark.slow
 def test_a_simulated_mission_keeps_its_windows_and_counts_no_task_out_of_them():
     """The sea is against the vehicle where it was given to be with it."""
     settings, area = windowed(((0.0, 200.0),), north=0.6, truth=-0.6)

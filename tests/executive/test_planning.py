@@ -148,6 +148,7 @@ def test_departures_promise_what_plans_hold():
         assert run.site.epoch.hour + run.site.epoch.minute / 60.0 == 6.0 + depart / HOUR
 
 
+@pytest.mark.slow
 def test_a_simulated_mission_knows_the_known_obstacles_for_certain():
     area = replace(tidal_area(0.4, 0.0), obstacles=(ROCK,))
     run = ap.run_mission(channel(), seed=0, area=area)

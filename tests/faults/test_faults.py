@@ -71,6 +71,7 @@ def test_a_vehicle_that_is_held_up_stays_where_it_is(shared):
     assert mission.now > now
 
 
+@pytest.mark.slow
 def test_a_slower_vehicle_is_noticed_and_reckoned_with(shared):
     mission = under_way(shared, Slower(0.0, 0.7))
     while mission.leg is not None:

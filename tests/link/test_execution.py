@@ -426,6 +426,10 @@ def test_what_a_vehicle_says_to_have_done_counts_only_where_it_was():
     )
     record = executed(plan, vehicle)
     assert len(record.tasks) == len(vehicle.tasks)
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_leaves_steps_out_is_brought_back():
     plan, vehicle = odd()
     vehicle.skip = 300.0
     record = executed(plan, vehicle)
@@ -541,6 +545,7 @@ def test_what_is_told_while_a_plan_is_sent_waits_until_it_is_started():
     assert len(record.tasks) == len(vehicle.tasks)
 
 
+@pytest.mark.slow
 def test_a_way_back_may_be_planned_anew_on_its_way():
     plan, _ = made()
     assert plan.plan()

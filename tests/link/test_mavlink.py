@@ -28,7 +28,7 @@ def join(join_vehicle):
     return partial(join_vehicle, kind="mavlink", limits=LIMITS)
 
 
-@pytest.mark.parametrize("faults", [CLEAN, Faults()])
+@pytest.mark.parametrize("faults", [pytest.param(CLEAN, marks=pytest.mark.slow), Faults()])
 def test_items_and_fence_arrive_as_planned_and_are_executed(upload, join, faults):
     link, peer, _ = join(faults)
     assert link.upload(upload) == []

@@ -314,7 +314,8 @@ def test_a_replan_in_two_layers_stays_below():
     assert rest.travel_time < 1.01 * (plan.times[-1] - rest.times[0])
 
 
-@pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), pytest.param((60.0, 20.0, 80.0), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), (60.0, 20.0, 80.0)])
 def test_paths_wind_where_the_straight_line_is_too_steep(goal):
     """Of the least time that the pitch allows, which a helix takes, nearly nothing is lost."""
     vehicle = ap.Vehicle(SPEED, pitch_max=np.radians(20.0))
