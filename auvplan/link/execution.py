@@ -349,7 +349,10 @@ class _Executor:
         if now - self._looked >= self._limits.astray:
             self._looked = now
             stopped = self._phase is Phase.HELD and not self._aside
-            track, seconds = staying(place) if stopped else self._progress.track_ahead(place, now)
+            until = (
+                self._cost + 2.0 * self._limits.astray
+            )  # there is a plan by then, or it is looked at again
+            track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
 
@@ -534,7 +537,8 @@ class _Executor:
             return
         if self._asked(self._link.hold):
             self._phase, self._new, self._due = after(self._phase, Act.HOLD), None, cause
-            self._failed, self._blocked = -math.inf, False
+            self._failed = self._looked = -math.inf
+            self._blocked = False
 
     def _give_way(self, why: str) -> None:
         """Have the vehicle go aside, to wait for a plan from there; a task under way is begun again."""

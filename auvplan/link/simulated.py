@@ -167,11 +167,12 @@ class SimulatedVehicle:
             return
         self._look = now + sensors.interval
         margin, belief = CONFIDENCE * np.sqrt(2.0) * sensors.position_std, self._leg.belief
+        grown = min(sensors.growth * sensors.interval, sensors.growth_max)  # until it is looked at again
         for row in map(int, np.flatnonzero(look(self._mission) & belief.unknown)):
             place, known = belief.position[row], self._seen.get(row)
             if known is None or np.linalg.norm(known.after(now).position - place[:2]) > margin:
                 (north, east, depth), velocity = place.tolist(), belief.velocity[row].tolist()
-                radius = float(belief.radius[row]) + margin
+                radius = float(belief.radius[row]) + margin + grown
                 found = KnownObstacle(
                     f"sighting {len(self._legs) - 1}.{row}",
                     (north, east),
