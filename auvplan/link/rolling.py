@@ -189,6 +189,7 @@ class RollingPlan:
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
 
+        A vehicle that can come to the destination too late alone is not left where it is.
         Where no path leads from there to the leg's goal, the way back to its start is tried, and the rest of
         the mission from there without this leg.
 
@@ -220,9 +221,8 @@ class RollingPlan:
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
                 step(self._context, [state])
-            return self._complete(
-                state, (*self.followed.planned[:count], _Planned(record, self._state(count)))
-            )
+            kept = (*self.followed.planned[:count], _Planned(record, self._state(count)))
+            return self._complete(state, kept, late=True)
         return self._back_to_start(count, position, now)
 
     def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
@@ -357,8 +357,8 @@ class RollingPlan:
         planned = self.followed.planned
         return planned[count].before if count < len(planned) else self.followed.after
 
-    def _complete(self, state: Mission, kept: tuple[_Planned, ...]) -> Prospect | None:
-        """Plan to the end; None where the destination is not reached in time."""
+    def _complete(self, state: Mission, kept: tuple[_Planned, ...], late: bool = False) -> Prospect | None:
+        """Plan to the end; None where the destination is not reached, in time if not `late`."""
         legs = list(kept)
         with expecting(PLANS, self._fingerprint):
             while not state.ended:
@@ -366,7 +366,8 @@ class RollingPlan:
                 step(self._context, [state])
                 legs += [_Planned(record, before) for record in state.run.legs[known:] if record.arrived]
         self.reason = state.run.reason
-        return Prospect(tuple(legs), state) if state.run.success else None
+        good = state.run.success or (late and state.run.arrived)
+        return Prospect(tuple(legs), state) if good else None
 
 
 def _fork(state: Mission) -> Mission:

@@ -678,6 +678,18 @@ def test_a_plan_from_a_hold_begins_when_the_vehicle_can_be_started():
     assert now == pytest.approx(planned, abs=21.0)
 
 
+def test_a_plan_from_a_hold_leads_to_the_destination_even_too_late():
+    plan, _ = made()
+    last, available = len(plan.legs) - 1, plan.run.t_available
+    leg = plan.legs[last]
+    found = plan.from_position(last, np.asarray(leg.positions[3], float), available - 60.0)
+    assert found is not None
+    lasts = float(leg.times[-1] - leg.times[0]) + leg.t_task
+    assert available < found.ends < available + lasts + 60.0
+    assert found.legs[-1].goal == plan.run.goal
+    assert plan.from_leg(last, available - 60.0) is None, "the vehicle is under way there already"
+
+
 def test_a_hold_on_the_first_leg_keeps_the_route():
     plan, _ = made()
     assert plan.plan()
