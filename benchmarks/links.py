@@ -82,7 +82,7 @@ class Reports:
             yield CurrentNotice(np.array([0.25, -0.15, 0.0]))
 
 
-class Storm:
+class RandomEvents:
     """Rules fired at random over a mission: what is reported, what happens to vehicle and link."""
 
     def __init__(self, link, plan: RollingPlan, peer, proxy, seed: int) -> None:
@@ -97,7 +97,7 @@ class Storm:
         self._due = [(time, rng.choice(rules)) for time in times]
         if ends and rng.random() < 0.3:
             self._due.append((rng.uniform(200.0, 2200.0), rng.choice(ends)))
-        self._told: list = []
+        self._reported: list = []
 
     def read(self):
         """Fire what is due, and yield what is reported."""
@@ -105,38 +105,32 @@ class Storm:
             self._due.remove(due[0])
             self.fired.append(due[0][1].__name__)
             due[0][1]()
-        told, self._told = self._told, []
-        yield from told
+        reported, self._reported = self._reported, []
+        yield from reported
 
     def _later(self, name: str, seconds: float, undo) -> None:
         undo.__name__ = f"end of {name}"
         self._due.append((self._link.now + seconds, undo))
 
     def obstacle(self) -> None:
-        """One on the track ahead, or one that comes to where the vehicle is."""
+        """One to any side of the vehicle, that stands or comes its way."""
         rng, place = self._random, self._link.report(0.0).position
         if place is None:
             return
-        angle, away, speed = (
-            rng.uniform(0.0, 2.0 * np.pi),
-            rng.uniform(60.0, 300.0),
-            rng.choice([0.0, 0.5, 1.0]),
-        )
+        angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(60.0, 300.0)
+        speed = rng.choice([0.0, 0.5, 1.0])
         side = np.array([np.cos(angle), np.sin(angle)])
         north, east = (place[:2] + away * side).tolist()
         moves = tuple((-speed * side).tolist())
-        name = f"obstacle {rng.randint(0, 2)}"
-        self._told.append(
-            ObstacleNotice(KnownObstacle(name, (north, east), rng.uniform(10.0, 40.0), velocity=moves))
-        )
+        name, radius = f"obstacle {rng.randint(0, 2)}", rng.uniform(10.0, 40.0)
+        self._reported.append(ObstacleNotice(KnownObstacle(name, (north, east), radius, velocity=moves)))
 
     def gone(self) -> None:
-        self._told.append(GoneNotice(f"obstacle {self._random.randint(0, 2)}"))
+        self._reported.append(GoneNotice(f"obstacle {self._random.randint(0, 2)}"))
 
     def current(self) -> None:
-        self._told.append(
-            CurrentNotice(np.array([*(self._random.uniform(-0.4, 0.4) for _ in range(2)), 0.0]))
-        )
+        north, east = (self._random.uniform(-0.4, 0.4) for _ in range(2))
+        self._reported.append(CurrentNotice(np.array([north, east, 0.0])))
 
     def silence(self) -> None:
         self._proxy.dead = True
@@ -174,7 +168,7 @@ def books(record, plan: RollingPlan, peer, reach: float) -> tuple[int, int]:
     return lost, len(places) - sum(matched)
 
 
-def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bool = False) -> dict:
+def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: bool = False) -> dict:
     """Execute one mission and count."""
     scenario = Scenario.model_validate(SCENARIO)
     area = replace(load_area(scenario, "."), obstacles=(WRECK,))
@@ -182,7 +176,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bo
     start, pace = plan.run.graph.positions[plan.run.start], random.Random(seed).uniform(0.85, 1.1)
     body = body_at(plan.site, *np.asarray(start, float), pace)
     # Where nothing is heard for long, an upload is given up before the mission is over at the scaled time.
-    limits = replace(LIMITS, attempts=8, uploads=3) if stormy else LIMITS
+    limits = replace(LIMITS, attempts=8, uploads=3) if eventful else LIMITS
     link, peer, proxy = joined(kind, plan.site, body, scale, faults, seed, limits)
     checked, send = [], link.upload
 
@@ -192,14 +186,14 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, stormy: bo
         return notes
 
     link.upload = upload
-    notices = Storm(link, plan, peer, proxy, seed) if stormy else Reports(link, plan, seed)
+    notices = RandomEvents(link, plan, peer, proxy, seed) if eventful else Reports(link, plan, seed)
     begin = time.perf_counter()
     try:
         record = execute(plan, link, limits=limits, notices=notices, tell=tell)
     finally:
         peer.close()
         proxy.close()
-    lost, doubled = books(record, plan, peer, limits.corridor if stormy else 10.0)
+    lost, doubled = books(record, plan, peer, limits.corridor if eventful else 10.0)
     return {
         "kind": kind, "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,

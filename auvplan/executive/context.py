@@ -1,6 +1,6 @@
 """Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
+from auvplan.executive.evasion import escape_track
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
 from auvplan.mission.survey import LinePart
 from auvplan.mission.travel_times import ONE_PLACE
@@ -140,6 +141,18 @@ class SimulationContext:
         while 0 < places < len(found.radius):
             places *= 2
         return found.padded(places)
+
+    def escape(
+        self,
+        position: Array,
+        now: float,
+        seconds: float,
+        clearance: Callable[[Array, Array], Array],
+        **how: float,
+    ) -> Array | None:
+        """Return the way out of obstacles' way in this area, as `escape_track` has it."""
+        area = self.chart, self.area.seabed, self.speed, *self.box, self.path_config.samples
+        return escape_track(position, now, seconds, clearance, *area, **how)
 
     @property
     def lookahead(self) -> float:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.decide import Act, Facts, Phase, decide
-from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
 from auvplan.mission.travel_times import ONE_PLACE
@@ -107,16 +106,22 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
-def crossing(context: SimulationContext, mission: Mission, leg: Leg) -> str:
+def unfit(context: SimulationContext, mission: Mission, leg: Leg) -> str:
+    """Return why a leg cannot be begun whatever time is left, or an empty string."""
+    return refusal(leg, context.epoch) or _crossing(context, mission, leg)
+
+
+def _crossing(context: SimulationContext, mission: Mission, leg: Leg) -> str:
     """Return what known obstacle comes to the goal of a leg during its task, or an empty string."""
-    timetable = mission.graph.timetable
+    timetable, margin = mission.graph.timetable, context.scenario.safety.obstacles
     for obstacle in (known for known in context.area.obstacles if known.moves):
         record, arrives = leg.record, float(leg.followed.times[-1])
         begins = arrives if timetable is None else timetable.begins(record.start, record.goal, arrives)
         ends = (begins if np.isfinite(begins) else arrives) + record.t_task
         when, apart = obstacle.closest(leg.target, arrives, ends)
-        if apart < context.scenario.safety.obstacles:
-            return f"{obstacle.name} comes to its end {context.moment(when)}, while the vehicle is there"
+        if apart < margin:
+            where = f"{obstacle.name} comes within {margin:g} m of its goal"
+            return f"{where} {context.moment(when)}, while the vehicle is there"
     return ""
 
 
@@ -281,19 +286,8 @@ def _is_moving(mission: Mission) -> bool:
 
 def _give_way(context: SimulationContext, mission: Mission) -> None:
     """Keep station, or escape where something comes too near."""
-    leg, (lower, upper) = mission.active_leg, context.box
-    track = escape_track(
-        leg.position,
-        mission.now,
-        context.scenario.sensors.interval,
-        leg.belief.clearance,
-        context.chart,
-        context.area.seabed,
-        context.speed,
-        lower,
-        upper,
-        context.path_config.samples,
-    )
+    leg, interval = mission.active_leg, context.scenario.sensors.interval
+    track = context.escape(leg.position, mission.now, interval, leg.belief.clearance)
     leg.moving, leg.escaping = track is not None, track is not None
     if track is not None:
         leg.track, leg.arc = track, 0.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.decide import Act, Facts, decide
-from auvplan.executive.legs import advance, begin_legs, crossing, finish, go_as_planned, refusal
+from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.warmup import warm_up
@@ -328,9 +328,7 @@ def _begin(context: SimulationContext, missions: list[Mission]) -> None:
         if why := why_refused(context, mission, mission.active_leg, times):
             mission.now -= mission.active_leg.record.t_hold
             mission.active_leg.record.t_hold = 0.0
-            leg = mission.active_leg
-            barred = bool(refusal(leg) or crossing(context, mission, leg))
-            _reject_leg(mission, leg, why, barred)
+            _reject_leg(context, mission, mission.active_leg, why)
             mission.leg = None
 
 
@@ -353,7 +351,7 @@ def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: n
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, with the margin that its route was made with.
     """
-    if why := refusal(leg, context.epoch) or crossing(context, mission, leg):
+    if why := unfit(context, mission, leg):
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not context.rules.guard_return:
         return ""
@@ -370,10 +368,11 @@ def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: n
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
-def _reject_leg(mission: Mission, leg: Leg, why: str, barred: bool) -> None:
-    """Ask for another route without the refused edge where it is `barred`, or with its path's time."""
+def _reject_leg(context: SimulationContext, mission: Mission, leg: Leg, why: str) -> None:
+    """Ask for another route without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
     leg.record.refused = why
+    barred = bool(unfit(context, mission, leg))
     i, j = leg.record.start, leg.record.goal
     name = f"leg {mission.run.called(i)} to {mission.run.called(j)}"
     mission.obstruction = f"{name}, {why}"

@@ -349,9 +349,8 @@ class _Executor:
         if now - self._looked >= self._limits.astray:
             self._looked = now
             stopped = self._phase is Phase.HELD and not self._aside
-            until = (
-                self._cost + 2.0 * self._limits.astray
-            )  # there is a plan by then, or it is looked at again
+            # By then a held vehicle has a plan, or this is looked at again.
+            until = self._cost + 2.0 * self._limits.astray
             track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
@@ -547,14 +546,16 @@ class _Executor:
         leg = self._plan.aside(self._count, place, self._now)
         if leg is None:
             self._say("hazard", f"{why}: no place near is better, and it stays")
-        elif self._try(
-            "give way", f"{why}: it goes {np.linalg.norm(np.diff(leg.positions, axis=0)):.0f} m aside"
-        ):
+            return
+        gap = float(np.linalg.norm(leg.positions[-1] - leg.positions[0]))
+        if self._try("give way", f"{why}: it goes {gap:.0f} m aside"):
             upload = Upload(replace(before.itinerary, legs=(leg,)), before.number + 1).without(1)
             self._new = _Next(upload, self._plan.followed, self._count, "give way")
             if self._asked(self._upload) and self._asked(self._start):
                 self._phase, self._aside, self._due = after(self._phase, Act.GIVE_WAY), True, "hazard"
                 self._looked = self._failed = self._now  # it gets away before there is a plan from there
+            else:
+                self._new = None  # no later plan of the mission's; whether to give way is looked at again
 
     def _drop(self) -> None:
         """Drop the plan that waits; another one is due for the same cause."""

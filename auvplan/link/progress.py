@@ -15,7 +15,7 @@ Array = NDArray[np.floating]
 _AT_TASK = 15.0
 
 #: s ahead within which the track is looked at for known obstacles.
-AHEAD = 180.0
+_AHEAD = 180.0
 
 #: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
@@ -185,20 +185,20 @@ class Progress:
     def track_ahead(self, place: Array, now: float) -> tuple[Array, Array]:
         """Return the track of the present leg within the next minutes from [3] m: places [n, 3] m, and s.
 
-        At a task it stays for what is left of that, wherever about its place it circles.
+        At a task it stays at the task's place, wherever about that it circles, until the task is done.
         """
-        places, times = [place], [0.0]
         if self.at_task(place):
             if self.task[0] != self.ahead:
                 self.task = self.ahead, now
             left = self.task[1] + self.step.hold - now
-            return staying(self.step.position, float(np.clip(left, 0.0, AHEAD)))
+            return staying(self.step.position, float(np.clip(left, 0.0, _AHEAD)))
+        places, times = [place], [0.0]
         for step in self.upload.steps[self.ahead :]:
-            if step.leg != self.step.leg or times[-1] >= AHEAD:
+            if step.leg != self.step.leg or times[-1] >= _AHEAD:
                 break
             gap = float(np.linalg.norm(step.position - places[-1]))
             speed = step.pace(self.upload.itinerary.speed)
-            share = min(1.0, (AHEAD - times[-1]) * speed / max(gap, 1e-6))
+            share = min(1.0, (_AHEAD - times[-1]) * speed / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
             times.append(times[-1] + share * gap / speed)
         return np.asarray(places), np.asarray(times)
@@ -209,7 +209,7 @@ class Progress:
         return gap / self.step.pace(self.upload.itinerary.speed)
 
 
-def staying(place: Array, seconds: float = AHEAD) -> tuple[Array, Array]:
+def staying(place: Array, seconds: float) -> tuple[Array, Array]:
     """Return the track of a vehicle that stays at [3] m: places [2, 3] m, and s."""
     return np.stack([place, place]), np.asarray([0.0, seconds])
 

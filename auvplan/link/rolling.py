@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.executive.context import Mission
-from auvplan.executive.evasion import escape_track
-from auvplan.executive.legs import crossing, finish, go_as_planned, refusal, set_out
+from auvplan.executive.legs import finish, go_as_planned, refusal, set_out, unfit
 from auvplan.executive.loop import seed_keys, step
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.planning import leaving, load_area_at, planning_context
@@ -189,7 +188,7 @@ class RollingPlan:
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
 
-        A vehicle that can come to the destination too late alone is not left where it is.
+        Where only the time is short, the plan reaches the destination too late.
         Where no path leads from there to the leg's goal, the way back to its start is tried, and the rest of
         the mission from there without this leg.
 
@@ -252,8 +251,7 @@ class RollingPlan:
             if not refusal(state.active_leg):
                 break
         record.followed = len(record.plans) - 1
-        leg = state.active_leg
-        return not (refusal(leg) or crossing(self._context, state, leg))
+        return not unfit(self._context, state, state.active_leg)
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
         """Count on an obstacle in all that is planned from now on; its position is for time 0 s.
@@ -305,7 +303,7 @@ class RollingPlan:
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""
-        return float(self._clearances(positions, times).min())
+        return float(self._clearances(positions, times).min(initial=np.inf))
 
     def _clearances(self, positions: Array, times: Array) -> Array:
         """Return m [n], as `clearance`, from each place to the next."""
@@ -327,23 +325,11 @@ class RollingPlan:
             position: [3] m, where the vehicle is.
             now: s.
         """
-        context, leg = self._context, self.legs[count]
-        track = escape_track(
-            position,
-            now,
-            _ASIDE,
-            self._clearances,
-            context.chart,
-            context.area.seabed,
-            context.speed,
-            *context.box,
-            context.path_config.samples,
-            stay=2.0 * _ASIDE,
-            share=_BRISK,
-        )
+        how = {"stay": 2.0 * _ASIDE, "share": _BRISK}
+        track = self._context.escape(position, now, _ASIDE, self._clearances, **how)
         if track is None:
             return None
-        ends = np.stack([position, track[-1]])
+        leg, ends = self.legs[count], np.stack([position, track[-1]])
         times, names = [now, now + _ASIDE], self.run.names
         return PlannedLeg.of(count + 1, leg.start, leg.goal, ends, times, names=names, hold=_WAIT)
 

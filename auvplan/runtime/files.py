@@ -57,9 +57,9 @@ _MAX_SUMMARY_BYTES = 50_000_000
 
 #: Attributes by which NetCDF 4 lies in HDF5, and the name there of a dimension without a variable.
 _OF_NETCDF = {
-    *("NAME", "CLASS", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS", "_Netcdf4Coordinates"),
-    *("_Netcdf4Dimid", "_NCProperties", "_nc3_strict"),
-}
+    "NAME", "CLASS", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS",
+    "_Netcdf4Coordinates", "_Netcdf4Dimid", "_NCProperties", "_nc3_strict",
+}  # fmt: skip
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 
 #: Bytes of a file that are looked through for heaps.

@@ -216,8 +216,12 @@ def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again():
     assert place.round(1).tolist() in np.round(vehicle.tasks, 1).tolist()
 
 
-def test_a_vehicle_that_is_held_gives_way():
+@pytest.mark.parametrize("failures", [0, 1])
+def test_a_vehicle_that_is_held_gives_way(failures):
+    """Also where it does not take the way aside at once, which is then no plan of the mission's."""
     plan, vehicle = made()
+    failing = Failing(Lost("no answer"), {"upload": failures})
+    vehicle.fails = lambda what: failing(what) if vehicle.now > 0.0 else None
     plan.from_position = lambda *_: None  # it has no plan from there
     radius = 40.0
 
@@ -229,8 +233,12 @@ def test_a_vehicle_that_is_held_gives_way():
         return ObstacleNotice(KnownObstacle("drifter", (north, east), radius, velocity=tuple(-ahead)))
 
     record = executed(plan, vehicle, notices=Tell(vehicle, (60.0, passing)))
-    assert record.count("give way") >= 1
+    times = [event.time for event in record.events if event.kind == "give way"]
+    assert len(times) > failures
+    assert not failures or times[1] - times[0] < 45.0, "it is asked for again at the next look"
     assert record.safe == "at the surface"
+    assert record.count("failed") == failures
+    assert not record.tasks
     known = plan._context.area.obstacles[-1]
     rows = np.asarray([row for row in record.track if row[0] >= 60.0])
     assert known.distance(rows[:, 1:], rows[:, 0]).min() > 0.0
