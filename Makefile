@@ -11,7 +11,7 @@ mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
 
 paper: $(VENV)/.installed
-	$(BIN)/auvplan paper --out out/paper
+	$(BIN)/python -m benchmarks.paper --out out/paper
 
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest $(PYTEST) -m "not slow" auvplan tests

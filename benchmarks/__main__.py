@@ -4,8 +4,8 @@ from dataclasses import asdict
 from typing import Any
 
 from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
-from benchmarks.machine import arguments, screen, show, write
-from benchmarks.path_problems import PathProblem, path_problems
+from benchmarks.harness import grouped, launch, screen, show
+from benchmarks.path_problems import path_problems
 
 
 def against_references(quick: bool) -> list[dict[str, Any]]:
@@ -13,9 +13,7 @@ def against_references(quick: bool) -> list[dict[str, Any]]:
 
     Quick: two problems of each family with one seed, and the default alone.
     """
-    families: dict[str, list[PathProblem]] = {}
-    for problem in path_problems():
-        families.setdefault(problem.family, []).append(problem)
+    families = grouped(path_problems(), lambda problem: [problem.family])
     chosen = [problem for members in families.values() for problem in (members[:2] if quick else members)]
     random = [problem for problem in chosen if problem.family != "literature"]
     asked = [("gap to the reference", chosen, ["default", "paper"], 1 if quick else 5)]
@@ -28,11 +26,7 @@ def against_references(quick: bool) -> list[dict[str, Any]]:
     return found
 
 
-def main() -> None:
-    parser = arguments("All path benchmarks.", prog="python -m benchmarks")
-    parser.add_argument("--quick", action="store_true", help="few rounds and seeds")
-    options = parser.parse_args()
-    quick = options.quick
+def main(quick: bool) -> dict[str, Any]:
     scored = scoring.rows(5 if quick else scoring.ROUNDS)
     show(scoring.TITLE, scored, scoring.COLUMNS, names=2)
     planned = plans.rows(2 if quick else plans.SEEDS)
@@ -45,8 +39,8 @@ def main() -> None:
     walked = path_walks.walks(200 if quick else path_walks.COUNT)
     screen.print(path_walks.said(walked))
     parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans, "arrivals": arrivals}
-    write(options.out, {"quick": quick, **parts, "walks": asdict(walked)})
+    return {"quick": quick, **parts, "walks": asdict(walked)}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, quick=(False, "few rounds and seeds"))

@@ -5,8 +5,7 @@ then with one of them changed. `--sheared` simulates missions in three seas whos
 with ways in depth and with ways that are sought in the plan view alone. Studies on disk are not run again.
 """
 
-import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,8 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import SHARED, screen, show
+from benchmarks.harness import launch, screen, show
+from benchmarks.machine import SHARED
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -37,6 +37,11 @@ STUDIES: dict[str, dict[str, Any]] = {
     "paths anew at every window, fresh population": {"window_change": 0.0, "replan_from": "fresh"},
     "paper's planners, ten control points": {"preset": "paper", "control_points": 10, "task_time": "whole"},
 }
+
+_FIGURES = {
+    "planned": "{name}", "total priority": "{priority}", "use of time, %": "{use}", "on time": "{success}",
+    "collisions": "{collisions}", "planning, s": "{seconds:.2f}",
+}  # fmt: skip
 
 #: Both of these ask whether paths are sought in depth.
 _ASKED = "auvplan.path.stages.is_searched_in_depth", "auvplan.mission.travel_times.is_searched_in_depth"
@@ -104,7 +109,7 @@ def of_model(folder: Path, name: str) -> Path:
     return path
 
 
-def sheared(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+def in_sheared_seas(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     """Yield each sea and its rows, one for each way of planning: studies of `count` missions."""
     seas = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
     seas |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
@@ -130,18 +135,14 @@ def study(folder: Path, design: Design, workers: int | None = None) -> xr.Datase
     return run_study(design, folder, workers=workers, resume=(folder / "study.json").is_file())
 
 
-def difference(dataset: xr.Dataset, base: xr.Dataset, of: Callable[[xr.Dataset], Any]) -> str:
-    mean, low, _ = mean_interval(np.asarray(of(dataset), float) - np.asarray(of(base), float))
-    return f"{mean:+.2f} ± {mean - low:.2f}"
-
-
 def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
     base = next(iter(found.values()))
     for name, dataset in found.items():
         row = {"name": name}
         for key, of in (("priority", lambda one: one["total_priority"].values), ("use", use_of_time)):
-            own = f"{np.mean(of(dataset)):.2f}"
-            row[key] = own if dataset is base else f"{own} ({difference(dataset, base, of)})"
+            mean, low, _ = mean_interval(np.asarray(of(dataset), float) - np.asarray(of(base), float))
+            row[key] = f"{np.mean(of(dataset)):.2f}"
+            row[key] += "" if dataset is base else f" ({mean:+.2f} ± {mean - low:.2f})"
         seconds = sum(dataset[layer].values for layer in ("path_cpu", "mission_cpu", "travel_time_cpu"))
         yield row | {
             "success": int((dataset["success"].values == 1).sum()),
@@ -153,35 +154,26 @@ def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
         }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Ablations of whole missions.")
-    parser.add_argument("-n", type=int, default=100, help="missions of each study")
-    parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")
-    parser.add_argument("--sheared", action="store_true", help="ways in depth, in currents sheared in depth")
-    options = parser.parse_args()
-    title = f"{options.n} paired missions; differences to the first row, 95 % intervals"
-    if options.sheared:
-        columns = {
-            "planned": "{name}", "total priority": "{priority}", "use of time, %": "{use}",
-            "on time": "{success}", "collisions": "{collisions}", "arrivals off by > 5 %": "{off:.1%}",
-            "planning, s": "{seconds:.2f}",
-        }  # fmt: skip
-        for sea, found in sheared(options.out / "sheared", options.n):
-            show(f"{sea}: {title}", found, columns)
+def main(out: Path, n: int, sheared: bool) -> None:
+    title = f"{n} paired missions; differences to the first row, 95 % intervals"
+    if sheared:
+        for sea, found in in_sheared_seas(out / "sheared", n):
+            show(f"{sea}: {title}", found, _FIGURES | {"arrivals off by > 5 %": "{off:.1%}"})
         return
     studies = {}
     for name, changes in STUDIES.items():
         folder = name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
         plain = ap.load_scenario("whitsunday").model_dump(mode="json")
         plain["planning"] |= changes
-        studies[name] = study(options.out / folder, Design(validate_scenario(plain), options.n))
-    columns = {
-        "study": "{name}", "total priority": "{priority}", "use of time, %": "{use}", "on time": "{success}",
-        "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
-        "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
-    }  # fmt: skip
-    show(title, rows(studies), columns)
+        studies[name] = study(out / folder, Design(validate_scenario(plain), n))
+    more = {"|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}", "routes": "{routes:.1f}"}
+    show(title, rows(studies), _FIGURES | more)
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path("out/ablations"), "folder of the studies"),
+        n=(100, "missions of each study"),
+        sheared=(False, "ways in depth, in currents sheared in depth"),
+    )

@@ -7,7 +7,6 @@ an original has a fault or an alteration is not found.
 
 import copy
 import json
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,7 @@ import xarray as xr
 
 from auvplan.check.run import check_dataset
 from auvplan.runtime.files import read_mission, read_summary
-from benchmarks.machine import arguments, screen, show, track, write
+from benchmarks.harness import grouped, launch, screen, show, track
 
 Rng = np.random.Generator
 Summary = dict[str, Any]
@@ -203,39 +202,39 @@ def possible(kind: str, dataset: xr.Dataset) -> bool:
     return needs.get(name, True)
 
 
-def main() -> int:
-    parser = arguments(__doc__)
-    parser.add_argument("runs", nargs="+", type=Path, metavar="DIR")
-    parser.add_argument("-n", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    rng, rows, clean = np.random.default_rng(options.seed), [], 0
-    runs = []
-    for folder in track(options.runs, "originals"):
-        runs.append((folder, read_summary(folder), read_mission(folder)))
-        report = check_dataset(*runs[-1][1:])
+def main(runs: list[Path], n: int, seed: int) -> tuple[dict[str, Any], bool]:
+    rng, rows, clean, originals = np.random.default_rng(seed), [], 0, []
+    for folder in track(runs, "originals"):
+        originals.append((folder, read_summary(folder), read_mission(folder)))
+        report = check_dataset(*originals[-1][1:])
         clean += report.ok
         if not report.ok:
             screen.print(f"{folder}: {report.faults[0]}")
-    for _ in track(range(options.n), "alterations"):
-        folder, summary, dataset = runs[rng.integers(len(runs))]
+    for _ in track(range(n), "alterations"):
+        folder, summary, dataset = originals[rng.integers(len(originals))]
         kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
         report = check_dataset(*altered(kind, summary, dataset, rng))
         rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
-    found = sum(bool(row["faults"]) for row in rows)
-    kinds, shown = {}, []
-    for kind in [kind for kind in KINDS if any(row["kind"] == kind for row in rows)]:
-        own = [row["faults"] for row in rows if row["kind"] == kind]
-        kinds[kind] = sum(map(bool, own)), len(own)
-        row = {"kind": kind, "found": kinds[kind][0], "of": len(own)}
-        shown.append(row | {"first": (max(own, key=len) or [""])[0]})
+    found, kinds, shown = sum(bool(row["faults"]) for row in rows), {}, []
+    groups = grouped(rows, lambda row: [row["kind"]])
+    for kind in filter(groups.get, KINDS):
+        faults = [row["faults"] for row in groups[kind]]
+        kinds[kind] = sum(map(bool, faults)), len(faults)
+        row = dict(zip(("found", "of"), kinds[kind], strict=True))
+        shown.append(row | {"kind": kind, "first": (max(faults, key=len) or [""])[0]})
     columns = {"alteration": "{kind}", "first fault": "{first}", "found": "{found}", "of": "{of}"}
     show("altered runs", shown, columns, names=2)
-    said = f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
-    screen.print(said)
-    write(options.out, {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}})
-    return int(clean < len(runs) or found < len(rows))
+    screen.print(
+        f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
+    )
+    content = {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}}
+    return content, clean < len(runs) or found < len(rows)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    launch(
+        main,
+        runs={"nargs": "+", "type": Path, "metavar": "DIR", "help": "folders of saved runs"},
+        n=(40, "alterations"),
+        seed=(0, "that they are drawn by"),
+    )

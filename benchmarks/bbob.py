@@ -4,13 +4,10 @@ The functions are evosax's, shifted and rotated by seed, but for the peaks of 21
 1,000 evaluations a dimension in 64-bit numbers. The measure is log10(best cost - optimum), not below -8.
 """
 
-import argparse
-import json
-import time
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
-from pathlib import Path
+from functools import lru_cache, partial
+from itertools import product
 from typing import Any
 
 import jax
@@ -18,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan import bbo
-from benchmarks.machine import machine, markdown
+from benchmarks.harness import clock, launch, markdown
 
 GROUPS = {
     "separable (1-5)": slice(0, 5),
@@ -193,29 +190,20 @@ def table(results: dict[str, dict[int, np.ndarray]]) -> str:
     return "\n".join(markdown(["group", "D", *results], rows))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bbob", description=__doc__)
-    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
-    parser.add_argument("--dims", type=int, nargs="+", default=DIMENSIONS)
-    parser.add_argument("--only", nargs="+", default=[*SEARCHES, "pycma"], help="names of searches")
-    parser.add_argument("--out", type=Path, help="JSON file of all medians")
-    options = parser.parse_args()
+def main(seeds: list[int], dims: list[int], only: list[str]) -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
-    results: dict[str, dict[int, np.ndarray]] = {}
-    for name in options.only:
-        results[name] = {}
-        for dim in options.dims:
-            begin = time.perf_counter()
-            results[name][dim] = measured(name, dim, tuple(options.seeds))
-            print(f"<!-- {name}, {dim}-D: {time.perf_counter() - begin:.0f} s -->", flush=True)
+    results: dict[str, dict[int, np.ndarray]] = {name: {} for name in only}
+    for name, dim in product(only, dims):
+        seconds, results[name][dim] = clock(partial(measured, name, dim, tuple(seeds)))
+        print(f"<!-- {name}, {dim}-D: {seconds:.0f} s -->", flush=True)
     print(table(results))
-    about = machine()
-    versions = ", ".join(f"{k} {about['versions'].get(k)}" for k in ("jax", "evosax", "cma"))
-    print(f"\n{about['processor']}, {versions}, seeds {options.seeds[0]}-{options.seeds[-1]}.")
-    if options.out:
-        content = {n: {d: a.tolist() for d, a in by.items()} for n, by in results.items()}
-        options.out.write_text(json.dumps(content))
+    return {name: {dim: found.tolist() for dim, found in by.items()} for name, by in results.items()}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        seeds=(SEEDS, "of the instances"),
+        dims=(DIMENSIONS, "numbers of dimensions"),
+        only=((*SEARCHES, "pycma"), "names of searches"),
+    )

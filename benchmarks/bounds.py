@@ -14,7 +14,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.path.bound import lower_bound
 from benchmarks.depth_problems import DEPTH_FAMILIES, have_levels
-from benchmarks.machine import arguments, clock, machine, screen, seed_range, show, write
+from benchmarks.harness import clock, figures, grouped, launch, screen, show
 from benchmarks.path_problems import PRESETS
 from benchmarks.path_ruler import evaluate
 from benchmarks.references import STORED, STORED_DEEP, load, stored_reference
@@ -23,6 +23,12 @@ from benchmarks.waters import posed
 
 #: Share of its time by which a path may beat a bound unnoticed: rounding of the ruler.
 _ROUNDING = 1e-6
+
+COLUMNS = {
+    "family": "{family}", "median": "{median:.2%}", "mean": "{mean:.2%}", "90 %": "{p90:.2%}",
+    "worst": "{worst:.2%}", "violations": "{violations}", "certified": "{certified:.0%}",
+    "s a bound": "{seconds:.2f}", "problems": "{count}",
+}  # fmt: skip
 
 
 def bounds(
@@ -68,46 +74,35 @@ def bounds(
 
 
 def summed(family: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    gaps = np.array([run["gap"] for run in runs])
-    return {
-        "family": family, "median": np.median(gaps), "mean": gaps.mean(),
-        "high": np.percentile(gaps, 90), "worst": gaps.max(), "count": len(runs),
-        "violations": sum(run["violated"] for run in runs),
+    return figures([run["gap"] for run in runs]) | {
+        "family": family, "count": len(runs), "violations": sum(run["violated"] for run in runs),
         "certified": np.mean([run["kind"] == "certified" for run in runs]),
         "seconds": np.median([run["seconds"] for run in runs]),
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments(__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
-    parser.add_argument("--families", nargs="+", choices=[*FAMILIES, *DEPTH_FAMILIES], default=list(FAMILIES))
-    parser.add_argument("--preset", choices=list(PRESETS), default="default")
-    parser.add_argument("--references", action="store_true", help="bound the references instead of plans")
-    parser.add_argument("--known", type=float, default=1.0, help="times the path's time, taken to be known")
-    parser.add_argument("--fineness", type=float, default=1.0, help="factor on the cells along each axis")
-    options = parser.parse_args()
-    screen.print(f"processor: {machine()['processor']}")
-    families = [name for name in options.families if name != "file" or have_levels()]
-    preset = None if options.references else options.preset
+def main(
+    seeds: range, families: list[str], preset: str, references: bool, known: float, fineness: float
+) -> dict[str, Any]:
+    chosen = [name for name in families if name != "file" or have_levels()]
     runs = []
-    for run in bounds(families, options.seeds, preset, options.known, options.fineness):
+    for run in bounds(chosen, seeds, None if references else preset, known, fineness):
         runs.append(run)
         mark = " VIOLATED" if run["violated"] else ""
         screen.print("{problem}: {travel_time:.1f} s, bound {bound:.1f} s, {gap:.2%}".format(**run) + mark)
-    if runs:
-        found = [
-            summed(family, [run for run in runs if family in (run["family"], "all")])
-            for family in (*sorted({run["family"] for run in runs}), "all")
-        ]
-        columns = {
-            "family": "{family}", "median": "{median:.2%}", "mean": "{mean:.2%}", "90 %": "{high:.2%}",
-            "worst": "{worst:.2%}", "violations": "{violations}", "certified": "{certified:.0%}",
-            "s a bound": "{seconds:.2f}", "problems": "{count}",
-        }  # fmt: skip
-        show("Travel time above its lower bound", found, columns)
-        write(options.out, {"runs": runs})
+    groups = sorted(grouped(runs, lambda run: [run["family"]]).items())
+    found = [summed(*group) for group in (*groups, ("all", runs))] if runs else []
+    show("Travel time above its lower bound", found, COLUMNS)
+    return {"runs": runs}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        seeds=(range(4), "FIRST:END, the end left out"),
+        families=(FAMILIES, "of waters", [*FAMILIES, *DEPTH_FAMILIES]),
+        preset=("default", "whose plans are bounded", PRESETS),
+        references=(False, "bound the references instead of plans"),
+        known=(1.0, "times the path's time, taken to be known"),
+        fineness=(1.0, "factor on the cells along each axis"),
+    )

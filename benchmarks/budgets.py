@@ -7,10 +7,9 @@ a budget.
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -20,11 +19,17 @@ import numpy as np
 import auvplan as ap
 from auvplan.mission import random_graph
 from auvplan.runtime import cores
-from benchmarks.machine import arguments, show, write
+from benchmarks.harness import clock, figures, launch, show
 from benchmarks.path_problems import path_problems
 
 #: s.
 BUDGETS = (0.05, 0.1, 0.2, 0.5, 1.0)
+
+COLUMNS = {
+    "call": "{call}", "machine": "{machine}", "budget, s": "{budget:g}",
+    "overrun: median": "{median:+.1%}", "95 %": "{p95:+.1%}", "worst": "{worst:+.1%}",
+    "beyond a tenth": "{beyond a tenth} of {calls}", "worse by": "{worse by:+.2%}",
+}  # fmt: skip
 
 Call = Callable[[int, float | None], Any]
 
@@ -91,44 +96,29 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
     """Overruns of calls with a budget, as shares of it, and how much worse they are than without one."""
     over, worse = [], []
     for number in range(count):
-        begin = time.perf_counter()
-        found = worth(call(number, budget))
-        over.append((time.perf_counter() - begin) / budget - 1.0)
-        best = worth(call(number, None))
+        seconds, found = clock(partial(call, number, budget))
+        over.append(seconds / budget - 1.0)
+        found, best = worth(found), worth(call(number, None))
         worse.append((found - best) / abs(best))
-    return {
-        "median": float(np.median(over)),
-        "p95": float(np.quantile(over, 0.95)),
-        "worst": max(over),
-        "beyond a tenth": int(np.sum(np.array(over) > 0.1)),
-        "calls": count,
+    return figures(over) | {
+        "beyond a tenth": int(np.sum(np.array(over) > 0.1)), "calls": count,
         "worse by": float(np.median(worse)),
-    }
+    }  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments("Planning calls within budgets of time.")
-    parser.add_argument("-n", type=int, default=40, help="calls of each kind")
-    parser.add_argument("--quick", action="store_true", help="two budgets alone")
-    options = parser.parse_args()
-    rows, budgets = [], BUDGETS[1:4:2] if options.quick else BUDGETS
+def main(n: int, quick: bool) -> dict[str, Any]:
+    rows, budgets = [], BUDGETS[1:4:2] if quick else BUDGETS
     for name, (call, worth) in calls().items():
-        for number in range(options.n):  # compiles what each problem needs, and learns how long things take
+        for number in range(n):  # compiles what each problem needs, and learns how long things take
             for budget in (None, 30.0, 0.1) if number < 4 else (None, 0.1):
                 call(number, budget)
         for machine, budget in product(("as it is", "busy"), budgets):
             with busy() if machine == "busy" else nullcontext():
-                row = timed(call, worth, budget, options.n)
+                row = timed(call, worth, budget, n)
             rows.append({"call": name, "machine": machine, "budget": budget} | row)
-    columns = {
-        "call": "{call}", "machine": "{machine}", "budget, s": "{budget:g}",
-        "overrun: median": "{median:+.1%}", "95 %": "{p95:+.1%}", "worst": "{worst:+.1%}",
-        "beyond a tenth": "{beyond a tenth} of {calls}", "worse by": "{worse by:+.2%}",
-    }  # fmt: skip
-    title = "wall-clock time of planning calls against their budgets"
-    show(title, rows, columns, names=2)
-    write(options.out, {"budgets": rows})
+    show("wall-clock time of planning calls against their budgets", rows, COLUMNS, names=2)
+    return {"budgets": rows}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, n=(40, "calls of each kind"), quick=(False, "two budgets alone"))

@@ -6,7 +6,6 @@ begun. Forecasts are exact and nothing is in the way. Two seas are files of ../s
 harmonic tide (M2, S2, K1) made here.
 """
 
-import argparse
 import tempfile
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +17,9 @@ import xarray as xr
 import auvplan as ap
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
-from benchmarks.machine import SHARED, machine, markdown, track
+from auvplan.study.statistics import mean_interval
+from benchmarks.harness import launch, show, track
+from benchmarks.machine import SHARED
 
 DATA = SHARED / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
@@ -110,42 +111,43 @@ def arrivals(run: MissionRun) -> list[float]:
     return found
 
 
-def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> list[str]:
-    runs = {}
-    for departures in (1, 24):
-        seeds = range(first, first + missions)
-        runs[departures] = ap.run_missions(scenario(name, sections, departures), seeds=seeds)
-    gain = np.array([b.total_priority - a.total_priority for a, b in zip(runs[1], runs[24], strict=True)])
-    half = 1.96 * gain.std(ddof=1) / np.sqrt(missions)
-    cells = [name, f"{gain.mean():+.2f} ± {half:.2f}"]
-    for each in runs.values():
-        off = np.array([error for run in each for error in arrivals(run)])
-        priority = np.mean([run.total_priority for run in each])
-        routes = np.mean([len(run.routes) - 1 for run in each])
-        cells += [f"{priority:.1f}", f"{off.mean():.1%}", f"{(off > OFF).mean():.0%}", f"{routes:.1f}"]
-        cells.append(f"{sum(run.success for run in each)}")
-    return cells
+COLUMNS = {
+    "sea": "{sea}", "routes": "{way}", "priority": "{priority:.1f}", "gain": "{gain}",
+    "arrivals off": "{off:.1%}",
+    f"by more than {OFF:.0%}": "{late:.0%}", "re-plans": "{replans:.1f}", "on time": "{on_time}",
+}  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--missions", type=int, default=100)
-    parser.add_argument("--first", type=int, default=5000, help="first seed")
-    parser.add_argument("--only", default="", help="seas whose name holds this")
-    parser.add_argument("--out", type=Path, help="file of Markdown to write")
-    chosen = parser.parse_args()
-    heads = ["priority", "arrivals off", f"off by more than {100 * OFF:.0f} %", "re-plans", "on time"]
-    columns = [f"{head}, {how}" for how in ("snapshot", "clock") for head in heads]
+def compared(name: str, sections: dict[str, Any], seeds: range) -> list[dict[str, Any]]:
+    """Rows of the same missions by the sea as it is when a route is made, and by the clock."""
+    rows, before = [], np.zeros(len(seeds))
+    for way, departures in (("snapshot", 1), ("clock", 24)):
+        runs = ap.run_missions(scenario(name, sections, departures), seeds=seeds)
+        priority = np.array([run.total_priority for run in runs])
+        mean, low, _ = mean_interval(priority - before)
+        off, before = np.array([error for run in runs for error in arrivals(run)]), priority
+        rows.append({
+            "sea": name, "way": way, "priority": float(priority.mean()), "off": float(off.mean()),
+            "gain": f"{mean:+.2f} ± {mean - low:.2f}" if rows else "", "late": float((off > OFF).mean()),
+            "replans": float(np.mean([len(run.routes) - 1 for run in runs])),
+            "on_time": sum(run.success for run in runs),
+        })  # fmt: skip
+    return rows
+
+
+def main(missions: int, first: int, only: str) -> dict[str, Any]:
+    seeds = range(first, first + missions)
     with tempfile.TemporaryDirectory() as folder:
-        found = {name: sections for name, sections in seas(Path(folder)).items() if chosen.only in name}
-        rows = [compared(*sea, chosen.missions, chosen.first) for sea in track(found.items(), "seas")]
-    last = chosen.first + chosen.missions - 1
-    head = f"Seeds {chosen.first} to {last}; {machine()['processor']}.\n"
-    text = "\n".join([head, *markdown(["sea", "gain in priority", *columns], rows)]) + "\n"
-    print(text)
-    if chosen.out:
-        chosen.out.write_text(text, encoding="utf-8")
+        found = {name: sections for name, sections in seas(Path(folder)).items() if only in name}
+        rows = [row for sea in track(found.items(), "seas") for row in compared(*sea, seeds)]
+    show(f"Seeds {first} to {seeds[-1]}", rows, COLUMNS, names=2)
+    return {"clock": rows}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        missions=(100, "of each sea"),
+        first=(5000, "first seed"),
+        only=("", "seas whose name holds this"),
+    )

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
-from benchmarks.machine import arguments, clock, machine, markdown, screen, show, write
+from benchmarks.harness import clock, figures, launch, screen, show
+from benchmarks.mission_peers import prize_collecting
 from benchmarks.mission_sets import timed_graph
 
 #: Prizes count so many times as much as a second of the way.
@@ -66,43 +67,32 @@ def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
 
 
 def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
-    from pyvrp import Model
-    from pyvrp.stop import MaxRuntime
-
-    places, prizes, service, ready, due = problem
-    model = Model()
-    locations = [model.add_location(*place) for place in places.tolist()]
-    depot = model.add_depot(locations[0])
-    for k, location in enumerate(locations[1:], 1):
-        model.add_client(
-            location, service_duration=int(service[k]), tw_early=int(ready[k]), tw_late=int(due[k]),
-            prize=PRIZE * int(prizes[k]), required=False,
-        )  # fmt: skip
-    model.add_vehicle_type(1, start_depot=depot, end_depot=depot, tw_early=0, tw_late=int(due[0]))
-    travel = np.round(cdist(places, places)).astype(int)
-    for i, one in enumerate(locations):
-        for j, other in enumerate(locations):
-            if i != j:
-                model.add_edge(one, other, distance=int(travel[i, j]), duration=int(travel[i, j]))
-    found = model.solve(MaxRuntime(seconds), seed=seed, display=False)
-    return found.best.prizes() / PRIZE if found.is_feasible() else 0.0
+    """Total prize of PyVRP's route, whose prizes count before the way."""
+    places, prizes, *windows = problem
+    travel, last = np.round(cdist(places, places)), {"tw_early": 0, "tw_late": int(windows[-1][0])}
+    route = prize_collecting(places, travel, PRIZE * prizes, (0, 0), seed, seconds, tuple(windows), **last)
+    return float(prizes[route[1:-1]].sum())
 
 
-def compare(sizes: list[int], cases: int, seconds: float, first: int) -> None:
-    head = markdown(("customers", "kind", "cases", "ours", "PyVRP", "mean gap", "worst gap"), [])
-    print(*head, sep="\n")
-    gaps = []
+def compared(sizes: list[int], cases: int, seconds: float, first: int) -> list[dict[str, Any]]:
+    """Rows of our prizes beside PyVRP's by size and kind."""
+    rows, seeds = [], range(first, first + cases)
     for count, kind in product(sizes, ("R", "C", "RC")):
-        rows = []
-        for seed in range(first, first + cases):
-            problem = customers(seed, count, kind)
-            rows.append((ours(problem, seed), peers(problem, seconds, seed)))
-        found, best = np.array(rows).T
-        gap = 1.0 - found / best
-        gaps += gap.tolist()
-        means = f"{found.mean():.1f} | {best.mean():.1f}"
-        print(f"| {count} | {kind} | {cases} | {means} | {gap.mean():.2%} | {gap.max():.2%} |", flush=True)
-    print(f"all: mean gap {np.mean(gaps):.2%}, worst {np.max(gaps):.2%}, {len(gaps)} cases")
+        problems = {seed: customers(seed, count, kind) for seed in seeds}
+        found, best = np.array(
+            [(ours(one, seed), peers(one, seconds, seed)) for seed, one in problems.items()]
+        ).T
+        gaps = (1.0 - found / best).tolist()
+        row = {"customers": count, "kind": kind, "cases": cases, "gaps": gaps} | figures(gaps)
+        rows.append(row | {"ours": float(found.mean()), "theirs": float(best.mean())})
+    gaps = figures([gap for row in rows for gap in row["gaps"]])
+    columns = {
+        "customers": "{customers}", "kind": "{kind}", "cases": "{cases}", "ours": "{ours:.1f}",
+        "PyVRP": "{theirs:.1f}", "mean gap": "{mean:.2%}", "worst gap": "{worst:.2%}",
+    }  # fmt: skip
+    show("prizes against PyVRP", rows, columns, names=2)
+    screen.print("all: mean gap {mean:.2%}, worst {worst:.2%}".format(**gaps))
+    return rows
 
 
 def tidal(seed: int) -> tuple[MissionGraph, float]:
@@ -230,24 +220,24 @@ def published(seeds: int, limit: float) -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> None:
-    parser = arguments("Routes by the clock against peers, published optima and a referee.")
-    parser.add_argument("--sizes", type=int, nargs="*", default=[100, 200])
-    parser.add_argument("--cases", type=int, default=3, help="of each size and kind")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of PyVRP for each")
-    parser.add_argument("--routes", type=int, default=100, help="of the referee")
-    parser.add_argument("--first", type=int, default=95_000, help="first seed")
-    parser.add_argument("--seeds", type=int, default=5, help="plans of each of Solomon's sets; 0 for none")
-    parser.add_argument("--limit", type=float, default=120.0, help="s for each proof; 0 for none")
-    chosen = parser.parse_args()
-    screen.print(f"{machine()['processor']}, seeds from {chosen.first}")
-    if chosen.routes:
-        referee(chosen.routes, chosen.first)
-    solomon = published(chosen.seeds, chosen.limit) if chosen.seeds else []
-    if chosen.sizes and chosen.cases:
-        compare(chosen.sizes, chosen.cases, chosen.seconds, chosen.first)
-    write(chosen.out, {"solomon": solomon})
+def main(
+    sizes: list[int], cases: int, seconds: float, routes: int, first: int, seeds: int, limit: float
+) -> dict[str, Any]:
+    if routes:
+        referee(routes, first)
+    solomon = published(seeds, limit) if seeds else []
+    peers = compared(sizes, cases, seconds, first) if sizes and cases else []
+    return {"solomon": solomon, "pyvrp": peers}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        sizes=((100, 200), "customers of the problems against PyVRP"),
+        cases=(3, "of each size and kind"),
+        seconds=(10.0, "of PyVRP for each"),
+        routes=(100, "of the referee"),
+        first=(95_000, "first seed"),
+        seeds=(5, "plans of each of Solomon's sets; 0 for none"),
+        limit=(120.0, "s for each proof; 0 for none"),
+    )

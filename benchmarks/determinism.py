@@ -1,25 +1,32 @@
-"""Does the same seed give the same summary, byte for byte, whatever else differs?
+"""Does the same seed give the same result to the last bit, whatever else differs?
 
 `python -m benchmarks.determinism` runs one mission again and again in processes of their own: on one core
-and on two, with and without XLA's threads, beside other missions in its batch, in studies here, on Dask
-workers, and killed and resumed. Compared are the bytes of `summary.json` but for clock times.
+and on two, with and without XLA's threads, beside other missions in its batch. Studies of it are run
+unbroken, killed by SIGKILL at random moments and resumed, and on two Dask workers of which one is killed.
+Compared are the bytes of `summary.json`, and the datasets of the studies, but for clock times.
 """
 
 import hashlib
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from auvplan.runtime.files import SUMMARY
-from auvplan.study.store import PIECES, RUNS
+from auvplan.study import load_study, without_clocks
+from auvplan.study.store import DATASET, DESIGN, PIECES, RUNS
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, screen, show, write
-from benchmarks.resilience import clockless, two_workers
+from benchmarks.crashes import clockless
+from benchmarks.harness import clock, launch, screen, show
+from benchmarks.machine import AUVPLAN
 
 RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
 STUDY = [*AUVPLAN, "montecarlo", "--quiet", "--save-runs"]
@@ -31,6 +38,9 @@ runs = ap.run_missions(ap.load_scenario(name), seeds=range(seed, seed + beside +
 ap.save_run(runs[0], out)
 """
 ONE_THREAD = {"XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false"}
+
+#: Shortest and longest life of a study that is killed, as shares of what the unbroken one took.
+LIFE = (0.4, 1.0)
 
 
 def digest(folder: Path) -> str:
@@ -49,16 +59,49 @@ def _call(command: list[str], cores: int | None = None, **environment: str) -> N
         raise RuntimeError(f"status {code.returncode}: {' '.join(command)}")
 
 
-def killed_and_resumed(command: list[str], folder: Path) -> None:
-    process = subprocess.Popen([*command, "--out", str(folder)], stderr=subprocess.DEVNULL)
-    while process.poll() is None and not any((folder / PIECES).glob("[0-9]*.npz")):
-        time.sleep(0.05)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    _call([*command, "--out", str(folder), "--resume"])
+def killed_and_resumed(command: list[str], kills: int, seconds: float, folder: Path) -> list[Path]:
+    """Run a study, killing it so many times in all; one that ends is followed by a new one.
+
+    Args:
+        seconds: that the unbroken study took.
+
+    Returns:
+        The folders of the studies, all of them finished.
+    """
+    chance, deaths, studies = random.Random(0), [], [folder / "0"]
+    while len(deaths) < kills or not (studies[-1] / DATASET).is_file():
+        if (studies[-1] / DATASET).is_file():
+            studies.append(folder / str(len(studies)))
+        resumed = ["--resume"] * (studies[-1] / DESIGN).is_file()
+        process = subprocess.Popen([*command, "--out", str(studies[-1]), *resumed], stderr=subprocess.DEVNULL)
+        if len(deaths) < kills:
+            time.sleep(seconds * chance.uniform(*LIFE))
+            if process.poll() is None:
+                process.send_signal(signal.SIGKILL)
+                deaths.append(len(list((studies[-1] / PIECES).glob("[0-9]*.npz"))))
+        process.wait()
+    screen.print(f"{len(studies)} studies killed {len(deaths)} times, missions on disk then {deaths}")
+    return studies
 
 
-def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, str]]:
+def on_two_workers(command: list[str], seconds: float, folder: Path) -> None:
+    """Run a study on two Dask workers, a process each, one of which is killed in the middle."""
+    from distributed import Client, LocalCluster
+
+    def kill(process: int) -> None:
+        # A short study may be over, and its workers gone, before it is due.
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+    alone = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with LocalCluster(n_workers=2, **alone) as cluster:
+        with Client(cluster) as client:
+            workers = list(client.run(os.getpid).values())
+        threading.Timer(0.5 * seconds, kill, (workers[0],)).start()
+        _call([*command, "--out", str(folder), "--dask", cluster.scheduler_address])
+
+
+def compared(name: str, seed: int, count: int, kills: int, folder: Path) -> list[dict[str, str]]:
     """Digests of one mission's summary by how it came about; a study is of `count` missions."""
     found: list[dict[str, str]] = []
 
@@ -79,36 +122,42 @@ def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, s
         at = folder / f"beside-{beside}"
         _call([sys.executable, "-c", BESIDE, name, str(seed), str(beside), str(at)])
         note(f"{beside} beside it in the batch", at)
-    study = [*STUDY, name, "-n", str(count), "--seed", str(seed)]
-    _call([*study, "--out", str(folder / "local")])
-    with two_workers() as cluster:
-        _call([*study, "--out", str(folder / "dask"), "--dask", cluster.scheduler_address])
-    killed_and_resumed(study, folder / "killed")
-    for how in ("local", "dask", "killed"):
-        runs = sorted((folder / how / RUNS).iterdir())
-        note({"killed": "study, killed and resumed"}.get(how, f"study, {how}"), runs[0])
+    study, first = [*STUDY, name, "-n", str(count), "--seed", str(seed)], folder / "local"
+    seconds, _ = clock(lambda: _call([*study, "--out", str(first)]))
+    on_two_workers(study, seconds, folder / "dask")
+    broken = killed_and_resumed(study, kills, seconds, folder / "killed")
+    unbroken = without_clocks(load_study(first))
+    ways = {
+        "local": [first],
+        "one of two Dask workers killed": [folder / "dask"],
+        "killed and resumed": broken,
+    }
+    for how, folders in ways.items():
+        for at in folders:
+            note(f"study, {how}", min((at / RUNS).iterdir()))
+            if not without_clocks(load_study(at)).identical(unbroken):
+                found[-1]["digest"] = "another dataset"
     return found
 
 
-def main() -> None:
-    parser = arguments("The same seed, the same summary.")
-    parser.add_argument("--scenario", default="whitsunday", help="shipped one, a file, or 'small'")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("-n", type=int, default=4, help="missions of a study")
-    options = parser.parse_args()
+def main(scenario: str, seed: int, n: int, kills: int) -> tuple[dict[str, Any], bool]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        chosen = str(small_sea.write(folder)) if options.scenario == "small" else options.scenario
-        found = compared(chosen, options.seed, options.n, folder)
+        chosen = str(small_sea.write(folder)) if scenario == "small" else scenario
+        found = compared(chosen, seed, n, kills, folder)
     for row in found:
         row["same"] = "the same" if row["digest"] == found[0]["digest"] else "DIFFERENT"
     same = sum(row["same"] == "the same" for row in found)
-    title = f"{options.scenario}, seed {options.seed}"
-    show(title, found, {"how": "{how}", "summary": "{same}"}, names=2)
-    screen.print(f"{same} of {len(found)} summaries are the same to the byte, clock times left out")
-    write(options.out, {"determinism": found})
-    sys.exit(same < len(found))
+    show(f"{scenario}, seed {seed}", found, {"how": "{how}", "result": "{same}"}, names=2)
+    screen.print(f"{same} of {len(found)} results are the same to the byte, clock times left out")
+    return {"determinism": found}, same < len(found)
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        scenario=("whitsunday", "shipped one, a file, or 'small'"),
+        seed=(0, "of the mission"),
+        n=(30, "missions of a study"),
+        kills=(10, "of studies, by SIGKILL"),
+    )

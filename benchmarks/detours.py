@@ -6,7 +6,6 @@ corners of the areas, widened by the clearance (shapely), timed along the tide i
 of jobs by dynamic programming.
 """
 
-import argparse
 import csv
 import json
 import tempfile
@@ -39,7 +38,7 @@ from auvplan.records import MissionRun
 from auvplan.report.run import run_data
 from auvplan.site import Site
 from auvplan.view.sheet import sheet_of
-from benchmarks.machine import machine
+from benchmarks.harness import launch
 
 #: Off Hobart, in Storm Bay.
 SITE = Site(147.55, -43.12)
@@ -351,7 +350,7 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
 class Row:
     """How a plan fared; priority and time [s] beside the most, and the least for that, that can be had.
 
-    Faults are what `auvplan check` finds, and figures that do not agree.
+    Faults are what    Faults are what `auvplan check` finds, and figures that do not agree.
     """
 
     seed: int | None
@@ -377,25 +376,24 @@ def planned(case: Case, seed: int | None, folder: Path) -> Row:
     return Row(seed, run.total_priority, best, run.t_mission, least, tuple(map(str, faults)))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=30)
-    parser.add_argument("--first", type=int, default=7000, help="first seed")
-    parser.add_argument("--out", type=Path, help="folder to keep the cases in")
-    chosen = parser.parse_args()
+def main(out: Path | None, cases: int, first: int) -> None:
     with tempfile.TemporaryDirectory() as scratch:
-        home, rows = chosen.out or Path(scratch), []
-        for seed in (None, *range(chosen.first, chosen.first + chosen.cases)):
+        home, rows = out or Path(scratch), []
+        for seed in (None, *range(first, first + cases)):
             case = hobart() if seed is None else drawn(seed)
             rows.append(planned(case, seed, home / f"case-{'hobart' if seed is None else seed}"))
             print(rows[-1], flush=True)
-    own = rows[1:]
-    equal = sum(row.priority >= row.best for row in own)
-    first, sound = rows[0], sum(not row.faults for row in own)
-    print(f"Hobart: {first.priority:g} of {first.best:g}, {first.time / first.least - 1.0:+.1%} in time")
+    hobart_, *own = rows
+    equal, sound = sum(row.priority >= row.best for row in own), sum(not row.faults for row in own)
+    apart = hobart_.time / hobart_.least - 1.0
+    print(f"Hobart: {hobart_.priority:g} of {hobart_.best:g}, {apart:+.1%} in time")
     print(f"{equal} of {len(own)} have the priority of the optimum, {sound} are without faults")
-    print(machine()["processor"])
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path, "folder to keep the cases in"),
+        cases=(30, "drawn ones"),
+        first=(7000, "first seed"),
+    )

@@ -7,10 +7,9 @@ missions, and more with what can strike a vehicle on a link, are executed as on 
 mission ended without a reason.
 """
 
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +34,7 @@ from auvplan.simulation.faults import (
     TakenOver,
     WrongForecast,
 )
-from benchmarks.machine import arguments, screen, show, track, write
+from benchmarks.harness import grouped, launch, screen, show, track
 
 Draw = Callable[[np.random.Generator, float], Fault]
 
@@ -119,58 +118,56 @@ def draw(kind: str, kinds: dict[str, Draw], rng: np.random.Generator, time_avail
     return [kinds[str(name)](rng, float(at)) for name, at in zip(names, times, strict=True)]
 
 
-def simulate(
-    scenario: ap.Scenario, faults: list[list[Fault]]
-) -> Iterator[tuple[int, bool, str, list[Collision]]]:
-    """Simulate missions of seeds 0, 1, ...: seed, whether on time, reason and collisions of each."""
-    for number, run in execute_missions(scenario, seeds=range(len(faults)), faults=faults):
-        yield run.seed, run.success, run.reason, collisions(run, faults[number])
-
-
-def execute_on_a_link(
-    scenario: ap.Scenario, faults: list[list[Fault]]
-) -> Iterator[tuple[int, bool, str, list[Collision]]]:
-    """As `simulate`, by what executes missions on vehicles at sea."""
-    for seed, given in enumerate(faults):
-        plan, vehicle = Planner(scenario, seed), SimulatedVehicle(scenario, seed, faults=given)
-        plan.strike(given, vehicle)
+def outcomes(
+    scenario: ap.Scenario, kinds: list[str], faults: list[list[Fault]], link: bool
+) -> Iterator[Outcome]:
+    """Simulate missions of seeds 0, 1, ..., or execute them as on vehicles at sea."""
+    if not link:
+        for number, run in execute_missions(scenario, seeds=range(len(faults)), faults=faults):
+            struck = faults[number]
+            yield Outcome(kinds[number], struck, run.seed, run.success, run.reason, collisions(run, struck))
+        return
+    for seed, struck in enumerate(faults):
+        plan, vehicle = Planner(scenario, seed), SimulatedVehicle(scenario, seed, faults=struck)
+        plan.strike(struck, vehicle)
         record = execute(plan, vehicle, notices=vehicle)
-        yield seed, record.success, record.reason, collisions(vehicle.record(), given)
+        hits = collisions(vehicle.record(), struck)
+        yield Outcome(kinds[seed], struck, seed, record.success, record.reason, hits)
 
 
-def _cause(reason: str) -> str:
-    """What missions that fail alike have in common: the reason without its places and figures."""
-    causes = (
-        "no route", "beat the vehicle", "time ran out", "too late", "cannot be executed", "overdue",
-        "no longer on its plan", "in a state of fault", "no way made", "off its track", "is in the way",
-        "no plan from here",
-    )  # fmt: skip
-    return next((words for words in causes if words in reason), reason or "NO REASON")
+#: What missions that fail alike have in common: the reason without its places and figures.
+_CAUSES = (
+    "no route", "beat the vehicle", "time ran out", "too late", "cannot be executed", "overdue",
+    "no longer on its plan", "in a state of fault", "no way made", "off its track", "is in the way",
+    "no plan from here",
+)  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments("Missions with injected faults.")
-    parser.add_argument("-n", type=int, default=200, help="missions")
-    parser.add_argument("--link", action="store_true", help="as on a vehicle at sea")
-    options = parser.parse_args()
-    scenario, rows, wrong = ap.load_scenario("whitsunday"), [], []
-    kinds = KINDS | OF_A_LINK if options.link else KINDS
+def summed(name: str, found: list[Outcome]) -> dict[str, Any]:
+    """A row of the missions with one kind of fault."""
+    failed = Counter(
+        next((words for words in _CAUSES if words in row.reason), row.reason or "NO REASON")
+        for row in found
+        if not row.success
+    )
+    hits = [hit.avoidable for row in found for hit in row.hits]
+    return {
+        "fault": name, "missions": len(found), "on time": sum(row.success for row in found),
+        "failed": dict(failed), "avoidable": sum(hits), "unavoidable": len(hits) - sum(hits),
+        "causes": ", ".join(f"{words} {times}" for words, times in failed.most_common()),
+    }  # fmt: skip
+
+
+def main(n: int, link: bool) -> tuple[dict[str, Any], bool]:
+    scenario, kinds, wrong = ap.load_scenario("whitsunday"), KINDS | OF_A_LINK if link else KINDS, []
     names, available = [*kinds, MIXED], scenario.mission.time_available
-    struck = [names[seed % len(names)] for seed in range(options.n)]
+    struck = [names[seed % len(names)] for seed in range(n)]
     faults = [
         draw(kind, kinds, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(struck)
     ]
-    ends = (execute_on_a_link if options.link else simulate)(scenario, faults)
-    found = [Outcome(struck[row[0]], faults[row[0]], *row) for row in track(ends, "missions", options.n)]
-    for name in [*names, "all"]:
-        chosen = [row for row in found if name in (row.kind, "all")]
-        failed = Counter(_cause(row.reason) for row in chosen if not row.success)
-        hits = [hit.avoidable for row in chosen for hit in row.hits]
-        rows.append({
-            "fault": name, "missions": len(chosen), "on time": sum(row.success for row in chosen),
-            "failed": dict(failed), "avoidable": sum(hits), "unavoidable": len(hits) - sum(hits),
-            "causes": ", ".join(f"{words} {times}" for words, times in failed.most_common()),
-        })  # fmt: skip
+    found = list(track(outcomes(scenario, struck, faults, link), "missions", n))
+    groups = grouped(found, lambda row: [row.kind, "all"])
+    rows = [summed(name, groups.get(name, [])) for name in [*names, "all"]]
     for row in sorted(found, key=lambda row: row.seed):
         wrong += [f"seed {row.seed}: {hit}; {row.faults}" for hit in row.hits if hit.avoidable]
         wrong += [] if row.reason else [f"seed {row.seed}: ended without a reason; {row.faults}"]
@@ -178,9 +175,8 @@ def main() -> None:
     show("injected faults", rows, {"fault": "{fault}"} | counts | {"failed": "{causes}"})
     for line in wrong:
         screen.print(line, soft_wrap=True)
-    write(options.out, {"link_faults" if options.link else "faults": rows, "wrong": wrong})
-    sys.exit(1 if wrong else 0)
+    return {"link_faults" if link else "faults": rows, "wrong": wrong}, bool(wrong)
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, n=(200, "missions"), link=(False, "as on a vehicle at sea"))

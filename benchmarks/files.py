@@ -6,7 +6,6 @@ Real files lie in ``../shared/data``. The second table is that of ``python -m be
 --json FILE``.
 """
 
-import argparse
 import json
 import tempfile
 import warnings
@@ -24,7 +23,8 @@ from auvplan.site import Site
 from benchmarks.file_cases import CUTS, REAL, Currents, made
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
-from benchmarks.machine import machine, markdown
+from benchmarks.harness import launch, markdown
+from benchmarks.machine import machine
 
 COUNT = 200
 #: m/s, above which a row says why.
@@ -310,25 +310,23 @@ def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any])
     return "\n\n".join(texts).replace("|  |", "| |").replace("|  |", "| |") + "\n"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
-    parser.add_argument("--out", type=Path, help="Markdown file to write")
-    parser.add_argument("--only", default="", help="part of the names of files")
-    parser.add_argument("--mutated", type=Path, help="JSON file of benchmarks.mutated_files")
-    options = parser.parse_args()
+def main(out: Path | None, only: str, mutated: Path | None) -> None:
     rows: dict[Callable[..., list[str]], list[list[str]]] = {compared: [], raster: []}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         folder = Path(name)
         for row_of, cases in ((compared, [*REAL, *CUTS, *made(folder)]), (raster, RASTERS)):
-            for case in cases:
-                if options.only in case.name:
-                    rows[row_of].append(row_of(case, folder))
-                    print(f"| {' | '.join(rows[row_of][-1])} |", flush=True)
-    counts = json.loads(options.mutated.read_text()) if options.mutated else {}
-    if options.out:
-        options.out.write_text(page(*rows.values(), counts))
+            for case in [case for case in cases if only in case.name]:
+                rows[row_of].append(row_of(case, folder))
+                print(f"| {' | '.join(rows[row_of][-1])} |", flush=True)
+    if out:
+        out.write_text(page(*rows.values(), json.loads(mutated.read_text()) if mutated else {}))
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path, "Markdown file to write"),
+        only=("", "part of the names of files"),
+        mutated=(Path, "JSON file of benchmarks.mutated_files"),
+    )

@@ -37,7 +37,7 @@ from auvplan.errors import AuvplanError
 from benchmarks.apart import Late, run_apart, within
 from benchmarks.fuzz_changes import change
 from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
-from benchmarks.machine import arguments, screen, show, track, write
+from benchmarks.harness import launch, screen, show, track
 
 #: Processor time of a case, s; wall-clock time after which its process is ended.
 SECONDS, PATIENCE = 10, 90.0
@@ -304,39 +304,38 @@ def fuzz(cases: Cases, minutes: float, most: int, keep: Path, first: int = 0) ->
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments("Changed files for every reader.")
-    parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
-    parser.add_argument("--cases", type=int, default=10**9, help="of each reader, at most")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--only", help="part of the names of readers")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--keep", type=Path, help="folder for failures; a temporary one if absent")
-    options = parser.parse_args()
-    keep = options.keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
-    chosen = [name for name in READERS if (options.only or "") in name]
+def main(
+    minutes: float, cases: int, first: int, only: str, seed: int, keep: Path | None
+) -> tuple[dict[str, Any], bool]:
+    keep = keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         outside = write_outside(folder)
         write_sources(folder / "sources")
-        for reader in track(chosen, "readers"):
+        for reader in track([name for name in READERS if only in name], "readers"):
             place = folder / "readers" / f"{len(rows)}"
             seeds = tuple(READERS[reader].write(place, folder / "sources"))
-            cases = Cases(reader, seeds, place, outside, options.seed)
-            rows.append(fuzz(cases, options.minutes, options.cases, keep, options.first))
+            rows.append(fuzz(Cases(reader, seeds, place, outside, seed), minutes, cases, keep, first))
             for failure in {one["found"][:60]: one for one in rows[-1]["failed"][::-1]}.values():
                 line = "{case}, {change}: {found}".format(**failure)
                 screen.print(f"{reader}, case {line}", markup=False, highlight=False)
     columns = {name: f"{{{name}}}" for name in ("reader", "cases", "read", "refused", "failures")}
     show("changed files", rows, columns | {"most memory, MiB": "{memory}"})
-    failed = sum(row["failures"] for row in rows)
+    failed = any(row["failures"] for row in rows)
     screen.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
     if failed:
         screen.print(f"failures are kept in {keep}", markup=False)
-    write(options.out, {"fuzz": rows})
-    sys.exit(1 if failed else 0)
+    return {"fuzz": rows}, failed
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        minutes=(10.0, "for each reader"),
+        cases=(10**9, "of each reader, at most"),
+        first=(0, "number of the first case"),
+        only=("", "part of the names of readers"),
+        seed=(0, "of the cases"),
+        keep=(Path, "folder for failures; a temporary one if absent"),
+    )

@@ -16,7 +16,7 @@ import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.machine import arguments, show, take_turns, write
+from benchmarks.harness import launch, show, take_turns
 from benchmarks.path_problems import PRESETS
 
 ROUNDS = 15
@@ -78,20 +78,19 @@ def rows(presets: list[str], rounds: int) -> list[dict[str, Any]]:
             for layers, other in (("one_layer", ONE_LAYER), ("three_layers", THREE_LAYERS)):
                 row[f"to_{layers}"] = row["seconds"] / turns[other]["seconds"]
                 row[f"least_to_{layers}"] = row["least_seconds"] / turns[other]["least_seconds"]
-            row |= {"milliseconds": 1e3 * row["seconds"], "least": 1e3 * row["least_seconds"]}
             found.append({"preset": preset, "current": name} | row)
     return found
 
 
-def main() -> None:
-    parser = arguments("Plans in gridded currents against plans in vortices.")
-    parser.add_argument("--preset", choices=PRESETS, action="append", help="this one alone; may be repeated")
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every current takes")
-    options = parser.parse_args()
-    found = rows(options.preset or list(PRESETS), options.rounds)
+def main(preset: list[str], rounds: int) -> dict[str, Any]:
+    found = rows(preset, rounds)
     show(TITLE, found, COLUMNS, names=2, no_wrap=True)
-    write(options.out, {"rounds": options.rounds, "rows": found})
+    return {"rounds": rounds, "rows": found}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        preset=(tuple(PRESETS), "these alone", PRESETS),
+        rounds=(ROUNDS, "turns that every current takes"),
+    )

@@ -9,7 +9,6 @@ running vehicle, one after another; `--current` gives them the current that the 
 north and east.
 """
 
-import argparse
 import json
 import os
 import random
@@ -28,6 +27,7 @@ from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
+from benchmarks.harness import launch
 from tests.link.held import held_as_planned
 from tests.link.joining import body_at, joined
 from tests.link.proxy import Faults
@@ -225,54 +225,55 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-n", type=int, default=20, help="missions a kind")
-    parser.add_argument("--kind", choices=["mavlink", "imc"], action="append")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--scale", type=float, default=50.0, help="s of mission in one of wall-clock time")
-    parser.add_argument("--loss", type=float, default=0.05)
-    parser.add_argument("--random", action="store_true", help="things happen at random moments")
-    parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
-    parser.add_argument("--verbose", action="store_true")
-    parser.add_argument("--link", help="a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT")
-    parser.add_argument("--current", type=float, nargs=2, default=[0.0, 0.0], help="m/s, with --link")
-    given = parser.parse_args()
-
+def main(
+    out: Path | None, n: int, kind: list[str], first: int, scale: float, loss: float, random: bool,
+    verbose: bool, link: str | None, current: list[float],
+) -> None:  # fmt: skip
     def tell(event) -> None:
-        if given.verbose:
+        if verbose:
             print(f"  {event.time:8.1f} {event.kind}: {event.text}", flush=True)
 
-    if given.link:
-        for seed in range(given.first, given.first + given.n):
-            found = mission_nearby(given.link, seed, given.scale, given.current, tell)
-            print(json.dumps(found), flush=True)
+    def note(row: dict) -> dict:
+        print(json.dumps(row), flush=True)
+        if out:
+            with out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+        return row
+
+    seeds = range(first, first + n)
+    if link:
+        for seed in seeds:
+            note(mission_nearby(link, seed, scale, current, tell))
         return
-    rows = []
-    for kind in given.kind or ["mavlink", "imc"]:
-        for seed in range(given.first, given.first + given.n):
-            row = mission(kind, seed, given.scale, Faults(lost=given.loss), tell, given.random)
-            rows.append(row)
-            print(json.dumps(row), flush=True)
-            if given.out:
-                with given.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-        _print_totals(kind, [row for row in rows if row["kind"] == kind])
+    for each in kind:
+        totals(each, [note(mission(each, seed, scale, Faults(lost=loss), tell, random)) for seed in seeds])
     sys.stdout.flush()
     os._exit(0)  # MAVSDK's threads outlive its objects
 
 
-def _print_totals(kind: str, rows: list[dict]) -> None:
+def totals(kind: str, rows: list[dict]) -> None:
     names = ("success", "uploads", "as_planned", "tasks", "lost", "doubled")
     total = {name: sum(row[name] for row in rows) for name in names}
     packets = {name: sum(row["packets"][name] for row in rows) for name in rows[0]["packets"]}
-    verdicts = sum(bool(row["reason"]) for row in rows)
-    print(
-        f"{kind}: {len(rows)} missions, {verdicts} verdicts, {total['success']} at the destination in time; "
-        f"{total['as_planned']} of {total['uploads']} uploads as planned; "
-        f"{total['tasks']} tasks, {total['lost']} lost, {total['doubled']} doubled; packets {packets}"
+    words = (
+        f"{kind}: {len(rows)} missions, {sum(bool(row['reason']) for row in rows)} verdicts, "
+        "{success} at the destination in time; {as_planned} of {uploads} uploads as planned; "
+        "{tasks} tasks, {lost} lost, {doubled} doubled; packets "
     )
+    print(words.format(**total) + str(packets))
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path, "file of JSON lines"),
+        n=(20, "missions a kind"),
+        kind=(("mavlink", "imc"), "of link", ("mavlink", "imc")),
+        first=(0, "first seed"),
+        scale=(50.0, "s of mission in one of wall-clock time"),
+        loss=(0.05, "share of the packets that are lost"),
+        random=(False, "things happen at random moments"),
+        verbose=(False, "print every event"),
+        link=(str, "a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT"),
+        current=((0.0, 0.0), "m/s, with --link"),
+    )

@@ -7,10 +7,8 @@ kept.
 """
 
 import gc
-import json
 import logging
 import os
-import sys
 import tempfile
 from pathlib import Path
 
@@ -21,7 +19,7 @@ import auvplan as ap
 from auvplan.executive import execute_missions
 from auvplan.runtime.compiled import compilations
 from benchmarks import clock, small_sea
-from benchmarks.machine import arguments, screen, show, write
+from benchmarks.harness import earlier, launch, screen, show, write
 
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
@@ -81,14 +79,10 @@ def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
     return rows
 
 
-def main() -> None:
-    parser = arguments("Very many missions in one process.")
-    parser.add_argument("-n", type=int, default=2000)
-    parser.add_argument("--sea", choices=SEAS, default="vortices")
-    options = parser.parse_args()
+def main(out: Path | None, n: int, sea: str) -> tuple[None, bool]:
     compiled = Compiled()
-    rows = watched(options.sea, options.n, compiled)
-    later = [row for row in rows if row["missions"] >= options.n / 10]
+    rows = watched(sea, n, compiled)
+    later = [row for row in rows if row["missions"] >= n / 10]
     warm, last = later[0], rows[-1]
     words = {
         "missions": "missions", "memory": "memory, MiB", "programs": "programs compiled",
@@ -96,17 +90,21 @@ def main() -> None:
     }  # fmt: skip
     shown = [{"what": words[name], "warm": warm[name], "last": last[name]} for name in words]
     columns = {"": "{what}", "after warm-up": "{warm:.0f}", "at the end": "{last:.0f}"}
-    show(f"{last['missions']} missions, {SEAS[options.sea]}", shown, columns)
+    show(f"{last['missions']} missions, {SEAS[sea]}", shown, columns)
     slope = np.polyfit([row["missions"] for row in later], [row["memory"] for row in later], 1)[0]
     screen.print(f"memory grows by {1000.0 * slope:.1f} MiB per 1,000 missions after warm-up")
     for text in compiled.again:
         screen.print(f"twice: {text[:200]}", markup=False)
     last["twice"] = len(compiled.again)
-    kept = json.loads(options.out.read_text())["long_run"] if options.out and options.out.exists() else {}
-    write(options.out, {"long_run": kept | {SEAS[options.sea]: rows}})
+    write(out, {"long_run": earlier(out, "long_run") | {SEAS[sea]: rows}})
     grew = last["memory"] > 1.1 * warm["memory"]
-    sys.exit(1 if grew or compiled.again or last["files"] > warm["files"] else 0)
+    return None, bool(grew or compiled.again or last["files"] > warm["files"])
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path, "JSON file to write; the figures of other seas there are kept"),
+        n=(2000, "missions"),
+        sea=("vortices", "that they are in", SEAS),
+    )

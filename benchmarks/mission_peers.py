@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import jax.numpy as jnp
@@ -68,33 +68,47 @@ def cp_sat_eq15(case: Case, phi1: float, phi2: float, time_limit: float) -> tupl
 
 
 def pyvrp(case: Case, seed: int, time_limit: float) -> list[int]:
-    """PyVRP's prize collecting: one vehicle, optional clients. It knows prizes of waypoints only."""
+    """PyVRP's prize collecting; it knows prizes of waypoints only."""
+    assert case.prizes is not None
+    scale, unit = 1e5 / case.time_available, common_step(case.prizes) or 1.0
+    budget = int(np.ceil(case.time_available * scale)) - 1
+    prizes = np.round(case.prizes / unit) * (budget + 1)
+    travel, places = np.ceil(case.leg_times * scale), 1000.0 * case.graph.positions[:, :2]
+    ends = case.start, case.goal
+    return prize_collecting(places, travel, prizes, ends, seed, time_limit, max_distance=budget)
+
+
+def prize_collecting(
+    places: np.ndarray, travel: np.ndarray, prizes: np.ndarray, ends: tuple[int, int], seed: int,
+    seconds: float, windows: tuple[np.ndarray, ...] = (), **vehicle: int,
+) -> list[int]:  # fmt: skip
+    """Return PyVRP's route of one vehicle past optional clients, all in whole units; empty without one.
+
+    Args:
+        places: [N, 2].
+        travel: [N, N], between different places.
+        windows: [N] of service, ready and due times; none if empty.
+        vehicle: limits of it.
+    """
     import pyvrp
     from pyvrp.stop import MaxRuntime
 
-    assert case.prizes is not None
-    size, times = case.graph.size, case.leg_times
-    clients = [k for k in range(size) if k not in (case.start, case.goal)]
-    scale = 1e5 / case.time_available
-    budget = int(np.ceil(case.time_available * scale)) - 1
-    model, place = pyvrp.Model(), {}
-    for k, (x, y, _) in enumerate(case.graph.positions):
-        place[k] = model.add_location(x=int(1000 * x), y=int(1000 * y))
-    depots = [model.add_depot(place[k]) for k in (case.start, case.goal)]
-    unit = common_step(case.prizes) or 1.0
+    model = pyvrp.Model()
+    locations = [model.add_location(x=int(x), y=int(y)) for x, y in places]
+    depots = [model.add_depot(locations[k]) for k in dict.fromkeys(ends)]
+    clients = [k for k in range(len(places)) if k not in ends]
+    names = "service_duration", "tw_early", "tw_late"
     for k in clients:
-        prize = round(float(case.prizes[k]) / unit) * (budget + 1)
-        model.add_client(place[k], prize=prize, required=False)
-    model.add_vehicle_type(1, start_depot=depots[0], end_depot=depots[1], max_distance=budget)
-    for i in range(size):
-        for j in range(size):
-            distance = 0 if i == j else int(np.ceil(times[i, j] * scale))
-            model.add_edge(place[i], place[j], distance=distance)
-    result = model.solve(MaxRuntime(time_limit), seed=seed, display=False, collect_stats=False)
-    if not result.best.is_feasible():
+        times = {name: int(each[k]) for name, each in zip(names, windows, strict=bool(windows))}
+        model.add_client(locations[k], prize=int(prizes[k]), required=False, **times)
+    model.add_vehicle_type(1, start_depot=depots[0], end_depot=depots[-1], **vehicle)
+    for i, j in permutations(range(len(places)), 2):
+        model.add_edge(locations[i], locations[j], distance=int(travel[i, j]), duration=int(travel[i, j]))
+    best = model.solve(MaxRuntime(seconds), seed=seed, display=False, collect_stats=False).best
+    if not best.is_feasible():
         return []
-    visits = [clients[stop.idx] for route in result.best.routes() for stop in route if stop.is_client()]
-    return [case.start, *visits, case.goal]
+    visits = [clients[stop.idx] for route in best.routes() for stop in route if stop.is_client()]
+    return [ends[0], *visits, ends[1]]
 
 
 def mealpy_bbo(case: Case, seed: int, population: int = 150, iterations: int = 200) -> list[int]:

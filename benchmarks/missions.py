@@ -19,7 +19,8 @@ import auvplan as ap
 from auvplan.mission import MissionGraph, check_route, plan_mission, plan_missions, time_to_go
 from auvplan.mission.bound import upper_bound
 from benchmarks import mission_peers as peers
-from benchmarks.machine import SHARED, arguments, available, clock, installed, screen, show, track, write
+from benchmarks.harness import available, clock, launch, screen, show, track
+from benchmarks.machine import SHARED, installed
 from benchmarks.mission_sets import Case, generated_cases, shared_cases
 
 BATCH, LARGEST_BATCHED, LARGEST_MEALPY, PEER_SEEDS = 32, 100, 64, 2
@@ -247,19 +248,10 @@ class Bench:
         })  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments("Missions against proven optima and other solvers.")
-    parser.add_argument("--seeds", type=int, default=10, help="plans of each case")
-    parser.add_argument("--quick", action="store_true", help="two cases of each set, two seeds, short limits")
-    parser.add_argument("--peers", action="store_true", help="other solvers too")
-    parser.add_argument("--variants", action="store_true", help="what each part of the default is worth")
-    parser.add_argument("--only", nargs="+", help="families to run, such as knn40")
-    options = parser.parse_args()
-    seeds, limit = (min(options.seeds, 2), 10.0) if options.quick else (options.seeds, 60.0)
-    sets = dict(families(options.quick))
-    sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
-    bench = Bench(seeds, limit)
-    chosen = solvers(options.variants, options.peers, limit)
+def main(seeds: int, quick: bool, peers: bool, variants: bool, only: list[str]) -> dict[str, Any]:
+    seeds, limit = (min(seeds, 2), 10.0) if quick else (seeds, 60.0)
+    sets = {name: cases for name, cases in families(quick) if not only or name in only}
+    bench, chosen = Bench(seeds, limit), solvers(variants, peers, limit)
     for family, cases in sets.items():
         bench.compare_with_optima(cases)
         bench.run_bound(family, cases)
@@ -267,17 +259,23 @@ def main() -> None:
             if all(solver.fits(case) for case in cases):
                 bench.run(family, cases, solver)
         if cases[0].graph.size <= LARGEST_BATCHED:
-            bench.run_batched(family, cases, repeats=1 if options.quick else 3)
+            bench.run_batched(family, cases, repeats=1 if quick else 3)
         if family == "knn40":
             bench.run_replanning(family, cases)
     if "knn40" in sets and installed("ortools"):
         bench.run_eq15("knn40", sets["knn40"])
     else:
         screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
-    title = "Missions: gap to the proven optimum (* to a bound)"
-    show(title, bench.rows, COLUMNS, names=2)
-    write(options.out, {"seeds": seeds, "rows": bench.rows})
+    show("Missions: gap to the proven optimum (* to a bound)", bench.rows, COLUMNS, names=2)
+    return {"seeds": seeds, "rows": bench.rows}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        seeds=(10, "plans of each case"),
+        quick=(False, "two cases of each set, two seeds, short limits"),
+        peers=(False, "other solvers too"),
+        variants=(False, "what each part of the default is worth"),
+        only=((), "families to run, such as knn40"),
+    )

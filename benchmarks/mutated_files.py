@@ -1,4 +1,4 @@
-"""Damaged and altered copies of the real files: ``python -m benchmarks.mutated_files --json FILE``.
+"""Damaged and altered copies of the real files: ``python -m benchmarks.mutated_files --out FILE``.
 
 Each copy must be refused by one line, within 30 s of processor time and 4 GB, or be read right: as the
 original where the change bears on nothing that is read or on bytes, else as the other libraries of
@@ -6,7 +6,6 @@ original where the change bears on nothing that is read or on bytes, else as the
 listed.
 """
 
-import argparse
 import json
 import re
 import resource
@@ -15,7 +14,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
 from benchmarks.files import largest, places
 from benchmarks.fuzz_changes import damage
+from benchmarks.harness import launch
 
 COPIES, POINTS = 500, 40
 SECONDS, BYTES = 30, 4 << 30
@@ -407,34 +407,31 @@ BED_VARIABLES = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutated_files", description=__doc__)
-    parser.add_argument("--copies", type=int, default=COPIES, help="of each file")
-    parser.add_argument("--only", help="part of the names of files")
-    parser.add_argument("--kind", choices=["currents", "rasters"], help="only these")
-    parser.add_argument("--json", type=Path, help="file for the counts; those of other files there are kept")
-    parser.add_argument("--all", action="store_true", help="print what became of every copy")
-    options = parser.parse_args()
-    counts: dict[str, dict[str, Any]] = {}
-    if options.json and options.json.exists():
-        counts = json.loads(options.json.read_text())
+def main(out: Path | None, copies: int, only: str, kind: str | None, all: bool) -> None:
+    counts = json.loads(out.read_text()) if out and out.exists() else {}
     rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
-    kinds = {"currents": REAL, "rasters": rasters}
-    for case in [case for kind in kinds if options.kind in (None, kind) for case in kinds[kind]]:
-        if options.only and options.only not in case.name:
-            continue
+    kinds: dict[str, Sequence[Currents | Rasters]] = {"currents": REAL, "rasters": rasters}
+    chosen = [case for each in kinds if kind in (None, each) for case in kinds[each] if only in case.name]
+    for case in chosen:
         begin, found, failures = time.perf_counter(), Counter(), []
-        for number, change, became in run_apart(copies_of, (case,), range(options.copies), "fork"):
+        for number, change, became in run_apart(copies_of, (case,), range(copies), "fork"):
             fault = not became.startswith(("refused", "right"))
             found["failed" if fault else became.split(":")[0]] += 1
             failures += [f"{change}: {became}"] * fault
-            if fault or options.all:
+            if fault or all:
                 print(f"  {number}: {change}: {re.sub(r'/tmp/[^ :]*/', '', became)}", flush=True)
         counts[case.name] = dict(found) | {"copies": found.total(), "failures": failures}
         print(f"{case.name}: {dict(found)}, {time.perf_counter() - begin:.0f} s", flush=True)
-        if options.json:
-            options.json.write_text(json.dumps(counts, indent=1) + "\n")
+        if out:
+            out.write_text(json.dumps(counts, indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        out=(Path, "JSON file for the counts; those of other files there are kept"),
+        copies=(COPIES, "of each file"),
+        only=("", "part of the names of files"),
+        kind=(str, "only these", ("currents", "rasters")),
+        all=(False, "print what became of every copy"),
+    )

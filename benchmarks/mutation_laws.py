@@ -5,7 +5,6 @@ on generated graphs of 40 waypoints, and plain biogeography-based optimisation w
 function, under three laws of mutation by rank.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig, minimize, rates
-from benchmarks.machine import show
+from benchmarks.harness import launch, show
 from benchmarks.mission_sets import generated_cases
 
 #: SIVs of the small function, each within +-5.12.
@@ -63,24 +62,20 @@ def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDAr
     return np.asarray([route.cost for route in routes]), np.asarray([route.priority for route in routes])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Laws of mutation.")
-    parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
-    options = parser.parse_args()
+def main(seeds: int) -> None:
     small, rows = ap.MissionConfig.paper().bbo, []
     for name, law in LAWS.items():
-        cost, priority = mission_costs(law(small), options.seeds)
-        found = search_costs(law(small).replace(mutation_max=0.1), options.seeds)
-        values = {"cost": cost, "priority": priority, "found": found}
+        cost, priority = mission_costs(law(small), seeds)
+        values = {"cost": cost, "priority": priority}
+        values["found"] = search_costs(law(small).replace(mutation_max=0.1), seeds)
         cells = {key: f"{each.mean():.4g} ({each.std(ddof=1):.2g})" for key, each in values.items()}
         rows.append({"name": name} | cells)
-    title = f"Laws of mutation under constant migration rates, {options.seeds} seeds: mean (std)"
     columns = {
         "mutation by rank": "{name}", "Eq. 15, 3 graphs": "{cost}", "total priority": "{priority}",
         f"Rastrigin, {DIM} SIVs": "{found}",
     }  # fmt: skip
-    show(title, rows, columns)
+    show(f"Laws of mutation under constant migration rates, {seeds} seeds: mean (std)", rows, columns)
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, seeds=(10, "runs of each problem"))

@@ -16,7 +16,7 @@ import auvplan as ap
 from auvplan.ocean.currents import is_steady
 from auvplan.path import kinematics
 from auvplan.path.cost import Track, curves
-from benchmarks.machine import arguments, clock, show, timed, write
+from benchmarks.harness import clock, launch, show, timed
 from benchmarks.path_problems import PathProblem, literature
 from benchmarks.path_ruler import evaluate
 
@@ -73,17 +73,16 @@ def rows() -> list[dict[str, Any]]:
             call = partial(program(problem, config, sweeps), plan.population[:PATHS])
             first, ((_, times), _) = clock(call)
             row = timed(first, [clock(call)[0] for _ in range(ROUNDS)])
-            row |= {"problem": problem.name, "method": name, "error": float(times[0]) / truth - 1.0}
-            found.append(row | {"milliseconds": 1e3 * row["seconds"]})
+            error = float(times[0]) / truth - 1.0
+            found.append(row | {"problem": problem.name, "method": name, "error": error})
     return found
 
 
-def main() -> None:
-    options = arguments("Arrival times in changing currents.").parse_args()
+def main() -> dict[str, Any]:
     found = rows()
     show(TITLE, found, COLUMNS, names=2)
-    write(options.out, {"rows": found})
+    return {"rows": found}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main)

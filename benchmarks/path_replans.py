@@ -17,7 +17,7 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from benchmarks.machine import arguments, clock, show, track, write
+from benchmarks.harness import clock, launch, show, track
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
@@ -137,14 +137,11 @@ def rows(count: int) -> list[dict[str, Any]]:
     return [{"name": name, **dict(zip(names, map(float, row), strict=True))} for name, *row in found]
 
 
-def main() -> None:
-    parser = arguments("Warm re-plans against cold plans.")
-    parser.add_argument("--situations", type=int, default=SITUATIONS)
-    options = parser.parse_args()
-    found = rows(options.situations)
+def main(situations: int) -> dict[str, Any]:
+    found = rows(situations)
     show(TITLE, found, COLUMNS)
-    write(options.out, {"rows": found})
+    return {"rows": found}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, situations=(SITUATIONS, "in which plans are made anew"))

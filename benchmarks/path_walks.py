@@ -4,8 +4,8 @@
 the planner's kernel holds free of any violation with no margin at all.
 """
 
-import argparse
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import auvplan as ap
 from auvplan.check.track import Coast, Walk
 from auvplan.path.cost import Trajectory, curves, evaluate, violations
-from benchmarks.machine import screen
+from benchmarks.harness import launch, screen
 from benchmarks.scoring import Problem, problem
 
 COUNT = 10_000
@@ -98,12 +98,11 @@ def said(found: Walked) -> str:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Paths that the planner calls clear, walked.")
-    parser.add_argument("--count", type=int, default=COUNT, help="paths to walk")
-    options = parser.parse_args()
-    screen.print(said(walks(options.count)))
+def main(count: int) -> dict[str, Any]:
+    found = walks(count)
+    screen.print(said(found))
+    return asdict(found)
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, count=(COUNT, "paths to walk"))

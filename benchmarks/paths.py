@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from benchmarks.machine import arguments, clock, screen, show, track, write
+from benchmarks.harness import clock, figures, grouped, launch, screen, show, track
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, path_problems
 from benchmarks.path_ruler import World, evaluate
 from benchmarks.references import stored_times
@@ -72,14 +72,10 @@ def beside(run: Run, reference: float | None) -> Run:
 
 def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
     """Sum up runs of one preset; the feasible share is of the problems that have a reference."""
-    gaps = [run["gap"] for run in runs if run["gap"] is not None]
     known = [run["feasible"] for run in runs if run["reference"] is not None]
-    mean, median, worst = (figure(of, gaps) for of in (np.mean, np.median, np.max))
-    high, highest = (figure(partial(np.percentile, q=q), gaps) for q in (95, 99))
     wrong, unknown = sum(run["claimed"] and not run["feasible"] for run in runs), len(runs) - len(known)
-    return {
-        "name": name, "preset": runs[0]["preset"], "mean": mean, "median": median, "high": high,
-        "highest": highest, "worst": worst, "feasible": figure(np.mean, known),
+    return figures([run["gap"] for run in runs if run["gap"] is not None]) | {
+        "name": name, "preset": runs[0]["preset"], "feasible": figures(known)["mean"],
         "false_claims": wrong, "wrong": f" ({wrong} wrong)" if wrong else "",
         "milliseconds": 1e3 * float(np.median([run["seconds"] for run in runs])),
         "compile_seconds": sum({run["problem"]: run["compile_seconds"] for run in runs}.values()),
@@ -87,15 +83,9 @@ def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def figure(of: Callable[..., Any], values: Sequence[float]) -> float | None:
-    return float(of(values)) if values else None
-
-
 def rows(runs: Iterable[Run], by: str) -> list[dict[str, Any]]:
     """A row for each family or problem, as `by` says, and preset."""
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for run in runs:
-        groups.setdefault((run[by], run["preset"]), []).append(run)
+    groups = grouped(runs, lambda run: [(run[by], run["preset"])])
     return [summed(name, members) for (name, _), members in groups.items()]
 
 
@@ -103,7 +93,7 @@ def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
     """Print sums, with more columns."""
     columns = {
         "set": "{name}", "preset": "{preset}", "mean gap": "{mean:.2%}", "median": "{median:.2%}",
-        "95 %": "{high:.2%}", "99 %": "{highest:.2%}", "worst": "{worst:.2%}",
+        "95 %": "{p95:.2%}", "99 %": "{p99:.2%}", "worst": "{worst:.2%}",
         "feasible": "{feasible:.1%}{wrong}", "ms a plan": "{milliseconds:.0f}",
     }  # fmt: skip
     show(title, found, columns | more | {"plans": "{plans}{unknown}"}, names=2)
@@ -119,26 +109,23 @@ def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int
     return runs
 
 
-def main() -> None:
-    parser = arguments("Paths against global references.")
-    parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
-    parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
-    presets = [*PRESETS, *VARIANTS]
-    parser.add_argument("--preset", nargs="+", choices=presets, default=["default", "paper"])
-    parser.add_argument("--each", action="store_true", help="a row for each problem too")
-    options = parser.parse_args()
+def main(seeds: int, only: list[str], preset: list[str], each: bool) -> dict[str, Any]:
     if not have_charts():
         screen.print("problems on real coast: left out, the shared maps were not found")
-    only = set(options.only or ())
-    chosen = [one for one in path_problems() if not only or {one.family, one.name} & only]
-    runs = plan_all(chosen, options.preset, options.seeds)
+    chosen = [one for one in path_problems() if not only or {one.family, one.name} & set(only)]
+    runs = plan_all(chosen, preset, seeds)
     families, problems = rows(runs, "family"), rows(runs, "problem")
-    if options.each:
+    if each:
         show_gaps("Each problem: gap to the reference", problems, **COMPILING)
     show_gaps("Paths: gap to the reference", families, **COMPILING)
-    content = {"seeds": options.seeds, "families": families, "problems": problems, "runs": runs}
-    write(options.out, content)
+    return {"seeds": seeds, "families": families, "problems": problems, "runs": runs}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        seeds=(5, "plans of each problem"),
+        only=((), "families or problems, such as coast or open-03"),
+        preset=(("default", "paper"), "to plan with", [*PRESETS, *VARIANTS]),
+        each=(False, "a row for each problem too"),
+    )

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from benchmarks.machine import arguments, clock, screen, write
+from benchmarks.harness import clock, launch, screen
 
 #: m; between the obstacles, which lie around the straight line from one to the other.
 START, GOAL = np.array([200.0, 300.0, 10.0]), np.array([3200.0, 3000.0, 50.0])
@@ -43,17 +43,14 @@ def row(preset: str, config: ap.PathConfig, count: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = arguments("Many starts in one call of plan_paths.")
-    parser.add_argument("--starts", type=int, default=1000, help="number of starts")
-    options = parser.parse_args()
+def main(starts: int) -> dict[str, Any]:
     rows = []
     for preset, config in (("default", ap.PathConfig()), ("quick", ap.PathConfig.quick())):
-        rows.append(row(preset, config, options.starts))
+        rows.append(row(preset, config, starts))
         took = "{preset}: {seconds:.1f} s, {first:.1f} s with compilation; {feasible:.1%} feasible"
-        screen.print(f"{options.starts:,} starts, {took.format(**rows[-1])}")
-    write(options.out, {"starts": options.starts, "rows": rows})
+        screen.print(f"{starts:,} starts, {took.format(**rows[-1])}")
+    return {"starts": starts, "rows": rows}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, starts=(1000, "number of starts"))

@@ -18,7 +18,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.path import habitats
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, available, show, take_turns, write
+from benchmarks.harness import available, launch, show, take_turns
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -187,19 +187,16 @@ def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
         row = {"name": name, "plans": len(cost), "feasible": float((violation == 0.0).mean())} | turns[name]
         costs = ("cost", np.mean), ("median_cost", np.median), ("best_cost", np.min)
         row |= {key: float(figure(cost)) for key, figure in costs}
-        row["seconds"] /= plans
-        found.append(row | {"milliseconds": 1e3 * row["seconds"]})
+        row |= {name: row[name] / plans for name in ("seconds", "milliseconds")}
+        found.append(row)
     return found
 
 
-def main() -> None:
-    parser = arguments("Whole path plans against other searches.")
-    parser.add_argument("--seeds", type=int, default=SEEDS, help="plans of each contender")
-    options = parser.parse_args()
-    found = rows(options.seeds)
+def main(seeds: int) -> dict[str, Any]:
+    found = rows(seeds)
     show(TITLE, found, COLUMNS)
-    write(options.out, {"seeds": options.seeds, "rows": found})
+    return {"seeds": seeds, "rows": found}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, seeds=(SEEDS, "plans of each contender"))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import arguments, screen, show
+from benchmarks.harness import launch, screen, show
 from benchmarks.path_grid import Grid, passages, ways
 from benchmarks.path_polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
@@ -227,18 +227,14 @@ def store(problem: PathProblem, reference: Reference, path: Path) -> None:
     partial.replace(path)
 
 
-def main() -> None:
-    parser = arguments("References of the path problems.")
-    parser.set_defaults(out=STORED_PATHS)
-    parser.add_argument("--only", nargs="+", help="names of problems")
-    options = parser.parse_args()
+def main(out: Path, only: list[str]) -> None:
     rows = []
     if not have_charts():
         screen.print("problems on real coast: left out, the shared maps were not found")
     for problem in path_problems():
-        if not options.only or problem.name in options.only:
+        if not only or problem.name in only:
             found, known = path_reference(problem), problem.best_known
-            store(problem, found, options.out)
+            store(problem, found, out)
             apart = found.travel_time / known - 1.0 if known and found.travel_time else None
             row = {"problem": problem.name, "found": found.travel_time, "seconds": found.seconds}
             rows.append(row | {"known": known, "apart": apart})
@@ -251,4 +247,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, out=(STORED_PATHS, "JSON file of references to add to"), only=((), "names of problems"))

@@ -23,7 +23,7 @@ from auvplan.path.cost import score
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, available, clock, screen, show, timed, track, write
+from benchmarks.harness import available, clock, launch, screen, show, timed, track
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -210,19 +210,15 @@ def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
             row = {"paths": count, "name": name, "difference": float(apart[name].max())} | rate
             row["to_c"] = None if in_c is None else rate["seconds"] / in_c
             row["to_value"] = rate["seconds"] / rates["JAX"]["seconds"]
-            milliseconds, least = 1e3 * rate["seconds"], 1e3 * rate["least_seconds"]
-            result.append(row | {"milliseconds": milliseconds, "least": least})
+            result.append(row)
     return result
 
 
-def main() -> None:
-    parser = arguments("Scoring paths: JAX against C and Numba.")
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every contender takes")
-    options = parser.parse_args()
-    found = rows(options.rounds)
+def main(rounds: int) -> dict[str, Any]:
+    found = rows(rounds)
     show(TITLE, found, COLUMNS, names=2)
-    write(options.out, {"rows": found})
+    return {"rows": found}
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, rounds=(ROUNDS, "turns that every contender takes"))

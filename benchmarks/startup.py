@@ -15,7 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import AUVPLAN, arguments, clock, machine, screen, show, write
+from benchmarks.harness import clock, launch, screen, show
+from benchmarks.machine import AUVPLAN
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -137,21 +138,19 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> None:
-    parser = arguments("How long a person waits for a command.")
-    parser.add_argument("--runs", type=int, default=3, help="later runs of each command; 0 for no commands")
-    parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
-    parser.add_argument("--functions", type=int, default=100, help="currents as functions; 0 for none")
-    options = parser.parse_args()
+def main(runs: int, study: int, functions: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
-        own = own_currents(options.functions, Path(name)) if options.functions else []
-        rows = measured(options.runs, options.study, Path(name)) if options.runs else []
-    stated = machine()
-    title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
+        own = own_currents(functions, Path(name)) if functions else []
+        rows = measured(runs, study, Path(name)) if runs else []
     times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
-    show(title, rows, {"command": "{what}"} | times)
-    write(options.out, {"startup": [*own, *rows]})
+    show("wall-clock seconds of whole commands", rows, {"command": "{what}"} | times)
+    return {"startup": [*own, *rows]}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        runs=(3, "later runs of each command; 0 for no commands"),
+        study=(100, "missions of a study; 0 for none"),
+        functions=(100, "currents as functions; 0 for none"),
+    )

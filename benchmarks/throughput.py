@@ -4,7 +4,6 @@
 prints seconds a mission, compilation apart, and the most memory that the study's processes held together.
 """
 
-import argparse
 import json
 import os
 import tempfile
@@ -12,12 +11,10 @@ import threading
 import time
 from pathlib import Path
 
-import jax
-
 import auvplan as ap
 from auvplan.executive import seed_keys
 from auvplan.study import Design, run_study
-from benchmarks.machine import screen, show
+from benchmarks.harness import clock, launch, screen, show
 
 #: Missions that are executed one after the other, and seconds between two looks at the memory.
 SINGLES, PERIOD = 20, 3.0
@@ -55,35 +52,34 @@ class Watch(threading.Thread):
             self.most = max(self.most, memory(os.getpid()))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Missions one by one and as a study.")
-    parser.add_argument("-n", type=int, default=100, help="missions of the study")
-    options = parser.parse_args()
+def main(n: int) -> None:
     watch = Watch()
     watch.start()
     with tempfile.TemporaryDirectory() as folder:
-        begin = time.perf_counter()
-        design = Design(ap.load_scenario("whitsunday"), options.n)
-        run_study(design, folder)
-        whole = time.perf_counter() - begin
-        clock = json.loads((Path(folder) / "summary.json").read_text())["clock"]
+        whole, _ = clock(lambda: run_study(Design(ap.load_scenario("whitsunday"), n), folder))
+        spent = json.loads((Path(folder) / "summary.json").read_text())["clock"]
     watch.over.set()
     single, compiled = one_after_the_other(SINGLES)
-    study = whole - clock["compile_s"]
-    each, workers = study / options.n, clock["workers"]
+    study = whole - spent["compile_s"]
     ways = (
-        ("one after the other", SINGLES, compiled, single * SINGLES, single, "1"),
-        (f"a study, {workers} processes", options.n, clock["compile_s"], study, each, f"{single / each:.2f}"),
+        ("one after the other", SINGLES, compiled, single * SINGLES, single, 1.0),
+        (
+            f"a study, {spent['workers']} processes",
+            n,
+            spent["compile_s"],
+            study,
+            study / n,
+            single * n / study,
+        ),
     )
     names = "how", "count", "compiled", "then", "each", "ratio"
     columns = {
         "how": "{how}", "missions": "{count}", "compilation": "{compiled:.0f} s", "then": "{then:.1f} s",
-        "a mission": "{each:.2f} s", "throughput": "{ratio}",
+        "a mission": "{each:.2f} s", "throughput": "{ratio:.2f}",
     }  # fmt: skip
-    title = f"{os.cpu_count()} cores, {jax.default_backend()}"
-    show(title, [dict(zip(names, way, strict=True)) for way in ways], columns)
+    show("Missions one by one and as a study", [dict(zip(names, way, strict=True)) for way in ways], columns)
     screen.print(f"most memory of the study's processes together {watch.most / 1e9:.2f} GB")
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, n=(100, "missions of the study"))

@@ -5,8 +5,8 @@ t_ij| / t_ij against the path planned at the leg's start and against the time ex
 task.
 """
 
-import argparse
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import jax
@@ -20,7 +20,7 @@ from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord
-from benchmarks.machine import clock
+from benchmarks.harness import clock, launch, show
 
 LEVELS = {
     "straight line, 32 samples": TravelTimeConfig(PathConfig(control_points=6, samples=32)),
@@ -31,6 +31,14 @@ LEVELS = {
     "16 gradient steps": TravelTimeConfig(steps=16),
     "10 control points, 128 samples, 60 steps": TravelTimeConfig(PathConfig(), steps=60),
 }
+
+
+COLUMNS = {
+    "times of edges": "{what}", "against T_path planned: median": "{planned_median:.4f}",
+    "mean": "{planned_mean:.4f}", "correlation": "{planned_r:.4f}",
+    "against the time executed: median": "{executed_median:.4f}", "mean ": "{executed_mean:.4f}",
+    "correlation ": "{executed_r:.4f}", "ms an edge": "{cost:.3f}",
+}  # fmt: skip
 
 
 class Planned(NamedTuple):
@@ -64,46 +72,40 @@ def executed_legs(count: int) -> list[Planned]:
     return [leg for leg in planned.values() if leg.record.arrived]
 
 
-def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarray, cost: float) -> None:
-    cells = []
-    for actual in (planned, executed):
+def row(what: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarray, cost: float) -> dict:
+    found: dict[str, Any] = {"what": what, "cost": cost}
+    for name, actual in (("planned", planned), ("executed", executed)):
         error = np.abs(actual - expected) / expected
-        cells += [np.median(error), error.mean(), np.corrcoef(expected, actual)[0, 1]]
-    figures = " ".join(f"{cell:8.4f}" for cell in cells)
-    print(f"{name:48} {figures} {cost:10.3f}", flush=True)
+        found |= {f"{name}_median": np.median(error), f"{name}_mean": error.mean()}
+        found[f"{name}_r"] = np.corrcoef(expected, actual)[0, 1]
+    return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Travel times of edges against paths.")
-    parser.add_argument("missions", nargs="?", type=int, default=16)
-    scenario, count = ap.load_scenario("whitsunday"), parser.parse_args().missions
-    legs = executed_legs(count)
+def main(missions: int) -> None:
+    scenario, legs = ap.load_scenario("whitsunday"), executed_legs(missions)
     records, starts, goals, departs, stated, t_plan = zip(*legs, strict=True)
     starts, goals, planned = np.stack(starts), np.stack(goals), np.asarray(t_plan)
-    executed, task, whole = (
-        np.asarray([getattr(record, name) for record in records])
-        for name in ("t_path", "t_task", "t_expected")
-    )
+    names = "t_path", "t_task", "t_expected"
+    executed, task, whole = (np.asarray([getattr(one, name) for one in records]) for name in names)
     area = scenario.area
     current = jax.tree.map(lambda *leaves: jnp.stack(leaves), *stated)
     env = ap.Environment(current, load_area(scenario).chart, None, area.lower, area.upper)
-    print(f"{len(legs)} legs of {count} missions; columns: median and mean error, correlation")
-    print(f"{'':48} {'against T_path planned':^26} {'against the time executed':^26} {'ms an edge':>10}")
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed
-    describe("d / |v| (Eq. 13)", distance, planned, executed, 0.0)
     allowance = scenario.planning.detour * scenario.simulation.obstacles.total
     asked = starts, goals, env, ap.Vehicle(), np.asarray(departs)
+    rows = [row("d / |v| (Eq. 13)", distance, planned, executed, 0.0)]
     for name, config in LEVELS.items():
-        runs = [
-            clock(lambda config=config: travel_times(*asked, config, np.arange(len(legs)))) for _ in range(4)
-        ]
+        runs = [clock(partial(travel_times, *asked, config, np.arange(len(legs)))) for _ in range(4)]
         cost, seconds = 1e3 * min(took for took, _ in runs) / len(legs), runs[-1][1][0]
-        describe(name, seconds, planned, executed, cost)
-        describe(f"  and {allowance:.0f} s for obstacles", seconds + allowance, planned, executed, cost)
-    describe("as used in the mission, without the task", whole - task, planned, executed, 0.0)
-    describe("as used in the mission, with the task", whole, planned + task, executed + task, 0.0)
-    describe("d / |v| with the task (Eq. 13)", distance + task, planned + task, executed + task, 0.0)
+        rows.append(row(name, seconds, planned, executed, cost))
+        what = f"  and {allowance:.0f} s for obstacles"
+        rows.append(row(what, seconds + allowance, planned, executed, cost))
+    both = planned + task, executed + task
+    rows.append(row("as used in the mission, without the task", whole - task, planned, executed, 0.0))
+    rows.append(row("as used in the mission, with the task", whole, *both, 0.0))
+    rows.append(row("d / |v| with the task (Eq. 13)", distance + task, *both, 0.0))
+    show(f"Errors of travel times: {len(legs)} legs of {missions} missions", rows, COLUMNS)
 
 
 if __name__ == "__main__":
-    main()
+    launch(main, missions=(16, "to simulate"))

@@ -5,7 +5,6 @@ Where a feasible plan is quicker than the reference, it takes its place for all 
 for development. References that are not stored are computed first.
 """
 
-import argparse
 import gc
 from collections.abc import Iterable, Sequence
 from itertools import product
@@ -17,10 +16,10 @@ import numpy as np
 from auvplan.runtime.compiled import drop_programs
 from benchmarks import references
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
-from benchmarks.machine import arguments, machine, screen, seed_range, show, track, write
+from benchmarks.harness import figures, grouped, launch, screen, show, track
 from benchmarks.path_problems import PRESETS, PathProblem, have_charts, literature
 from benchmarks.path_ruler import World, evaluate
-from benchmarks.paths import Run, beside, figure, plan_one, show_gaps, summed
+from benchmarks.paths import Run, beside, plan_one, show_gaps, summed
 from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
 
 #: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
@@ -94,21 +93,21 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
 def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
     """Return a row for each family and preset, for limited pitch and any pitch, and for all together."""
     together = {None: (), True: ("pitch limited",), False: ("any pitch",)}
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for run in runs:
-        for name in (run["family"], *together[run["pitched"]], "all"):
-            groups.setdefault((name, run["preset"]), []).append(run)
+    groups = grouped(
+        runs,
+        lambda run: [(name, run["preset"]) for name in (run["family"], *together[run["pitched"]], "all")],
+    )
     found = []
     for (family, _), members in groups.items():
-        errors = [run["error"] for run in members if run["error"] is not None]
-        own = {"error": figure(np.mean, errors), "worst_error": figure(np.max, errors)}
+        errors = figures([run["error"] for run in members if run["error"] is not None])
+        own = {"error": errors["mean"], "worst_error": errors["worst"]}
         own["replaced"] = len(replaced & {run["problem"] for run in members})
         found.append(summed(family, members) | own)
     last = ["", *(name for names in together.values() for name in names), "all"]
     return sorted(found, key=lambda row: (last.index(row["name"]) if row["name"] in last else 0, row["name"]))
 
 
-def scales(presets: Sequence[str]) -> dict[str, Any]:
+def at_all_sides(presets: Sequence[str]) -> dict[str, Any]:
     """Plan problems posed at all `SIDES`; print travel times per unit of length next to the first's."""
     problems = [*literature(), *(water_problem(family, 0) for family in SCALED_FAMILIES)]
     found, shown = [], []
@@ -131,14 +130,15 @@ def scales(presets: Sequence[str]) -> dict[str, Any]:
     return {"scales": found}
 
 
-def gaps(options: argparse.Namespace) -> dict[str, Any] | None:
+def gaps(
+    seeds: Sequence[int], families: Sequence[str], presets: Sequence[str], most: int | None, plans: bool
+) -> dict[str, Any] | None:
     """Compute references, and plan and print the gaps unless they alone are wanted."""
-    families = options.families
     if "file" in families and not have_levels():
         screen.print("file: left out, the shared currents with levels were not found")
         families = [name for name in families if name != "file"]
     open_, shut = ([name for name in families if (name in WITH_WAY) is way] for way in (True, False))
-    cases = referenced(open_, options.seeds, options.most)
+    cases = referenced(open_, seeds, most)
     known = [reference for _, reference in cases if reference is not None]
     unknown, spent = sum(one.travel_time is None for one in known), sum(one.seconds for one in known)
     screen.print(f"{len(cases)} references, {unknown} without a path, {spent:.0f} s to compute")
@@ -148,37 +148,37 @@ def gaps(options: argparse.Namespace) -> dict[str, Any] | None:
             f"{len(apart)} of them found in the vertical plane as well: {np.mean(apart):+.3%} in the mean, "
             f"{max(apart):+.3%} at most"
         )
-    if options.references:
+    if not plans:
         return None
-    runs, replaced = plan_all(cases, options.preset)
+    runs, replaced = plan_all(cases, presets)
     found = rows(runs, replaced)
     if found:
         errors = {"error, mean": "{error:.3%}", "error, worst": "{worst_error:.2%}"}
         show_gaps("Random waters: gap to the reference", found, **errors)
         screen.print(f"references that a feasible plan was quicker than, and replaced: {len(replaced)}")
-    closed, _ = plan_all(referenced(shut, options.seeds), options.preset)
-    for preset in options.preset if closed else ():
+    closed, _ = plan_all(referenced(shut, seeds), presets)
+    for preset in presets if closed else ():
         statuses = [run["status"] for run in closed if run["preset"] == preset and not run["claimed"]]
-        plans = f"{len(statuses)} of {len(closed) // len(options.preset)} plans reported infeasible"
-        screen.print(f"{preset}: no way: {plans} ({', '.join(sorted(set(statuses))) or 'none'})")
+        words = f"{len(statuses)} of {len(closed) // len(presets)} plans reported infeasible"
+        screen.print(f"{preset}: no way: {words} ({', '.join(sorted(set(statuses))) or 'none'})")
     return {"rows": found, "replaced": sorted(replaced), "runs": [*runs, *closed]}
 
 
-def main() -> None:
-    parser = arguments("Paths in random waters against references.")
-    parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
-    parser.add_argument("--families", nargs="+", choices=[*KINDS, *DEPTH_FAMILIES], default=list(KINDS))
-    parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=["default", "quick"])
-    parser.add_argument("--most", type=int, help="problems that have a way, the first of the seeds in order")
-    parser.add_argument("--references", action="store_true", help="compute references and end")
-    parser.add_argument("--scales", action="store_true", help="pose problems in units of all sizes instead")
-    options = parser.parse_args()
-    screen.print(f"processor: {machine()['processor']}")
+def main(
+    seeds: range, families: list[str], preset: list[str], most: int | None, references: bool, scales: bool
+) -> dict[str, Any] | None:
     if not have_charts():
         screen.print("real coast: the shipped chart stands in, the shared maps were not found")
-    if content := scales(options.preset) if options.scales else gaps(options):
-        write(options.out, content)
+    return at_all_sides(preset) if scales else gaps(seeds, families, preset, most, plans=not references)
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        seeds=(range(4), "FIRST:END, the end left out"),
+        families=((*KINDS, *DEPTH_FAMILIES), "of waters", [*KINDS, *DEPTH_FAMILIES]),
+        preset=(("default", "quick"), "to plan with", PRESETS),
+        most=(int, "problems that have a way, the first of the seeds in order"),
+        references=(False, "compute references and end"),
+        scales=(False, "pose problems in units of all sizes instead"),
+    )

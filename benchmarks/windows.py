@@ -2,9 +2,9 @@
 
 Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours, with a task at
 each waypoint in one window or one of two. Travel times and durations are whole seconds, windows close and
-the time ends half a second after one, so that the planner, in single precision, and OR-Tools CP-SAT have the
-same routes to choose from. CP-SAT and the labels of `benchmarks.labels` begin at the best route planned. The
-gap of a plan is 1 - priority / bound; one that was not found counts as priority zero.
+the time ends half a second after one, so that the planner, in single precision, and the labels of
+`benchmarks.labels`, which begin at the best route planned, have the same routes to choose from. The gap of a
+plan is 1 - priority / bound; one that was not found counts as priority zero.
 """
 
 import os
@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import jax
@@ -22,19 +21,16 @@ from scipy.spatial.distance import cdist
 
 import auvplan as ap
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_mission, random_graph
-from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
+from benchmarks.harness import grouped, launch, screen, show, track
 from benchmarks.labels import Windows, most_priority
-from benchmarks.machine import arguments, installed, machine, screen, show, track, write
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
 #: s; half a second more, as windows.
 AVAILABLE = 16_000, 22_001
 HALF_SECOND = 0.5
-#: s, and threads, of CP-SAT.
-TIME_LIMIT, WORKERS = 20.0, 2
 
 #: Share of a mission's tasks whose windows are tight, by graph in turn.
 TIGHT_SHARES = (0.25, 0.5, 0.75)
@@ -63,25 +59,11 @@ class Case:
     family: str = ""
 
 
-@dataclass(frozen=True)
-class Proof:
-    """What CP-SAT says of a case: most total priority that it found, its bound, and s that it took."""
-
-    priority: float
-    bound: float
-    proved: bool
-    seconds: float
-
-
 #: Plans of one configuration on one kind of graph, what proved it, and timings.
 GAPS = {
     "graphs": "{family} ({graphs})", "planner": "{planner}", "proved": "{proved:.0%}", "tasks": "{tasks:.1f}",
     "mean gap": "{mean_gap:.2%}", "worst gap": "{worst_gap:.2%}", "optimal": "{optimal:.0%}",
     "feasible": "{feasible:.0%}", "wall": "{wall_ms:.0f} ms", "user": "{user_ms:.0f} ms",
-}  # fmt: skip
-PROOFS = {
-    "graphs": "{family} ({graphs})", "search": "{search}", "proved": "{proved}",
-    "better than planned": "{better}", "above labels": "{above}", "median time": "{seconds:.1f} s",
 }  # fmt: skip
 TIMINGS = {
     "what": "{what}", "asked": "{asked:.2f} s", "first call": "{first_seconds:.2f} s",
@@ -125,68 +107,13 @@ def _tasks(
     return MissionGraph(positions, adjacency, priority, duration), opens, closes
 
 
-def prove(case: Case, route: Any, time_limit: float, workers: int) -> Proof:
-    """Search for the route of most total priority in whole seconds, from a known one on.
-
-    Args:
-        case: of whole seconds.
-        route: waypoints to begin the search at; [start] for none.
-        time_limit: s.
-    """
-    cp = load_cp_model()
-    table, duration, goal = case.graph.timetable, case.graph.duration[0].astype(int), SIZE - 1
-    assert table is not None
-    model, end = cp.CpModel(), int(case.time_available)
-    begins = []
-    for node in range(SIZE):
-        pairs = zip(table.opens[0, node], table.closes[0, node], strict=True)
-        open_ = [
-            [int(max(opens, 0.0)), int(min(closes, end))]
-            for opens, closes in pairs
-            if closes >= max(opens, 0.0) and opens <= end
-        ]
-        domain = cp.Domain.from_intervals([[0, 0]] if node == 0 else open_ or [[0, end]])
-        begins.append(model.new_int_var_from_domain(domain, f"begins {node}"))
-    legs, visited = set(pairwise(route)), set(route)
-    arcs, skipped = [(goal, 0, True)], {}
-    for i, j in np.argwhere(np.isfinite(table.travel_time[0])).tolist():
-        if i == goal or j == 0:
-            continue
-        lasts = int(duration[i] + table.travel_time[0, i, j])
-        if min(begins[i].proto.domain) + lasts > max(begins[j].proto.domain):
-            continue
-        taken = model.new_bool_var("")
-        model.add(begins[j] >= begins[i] + lasts).only_enforce_if(taken)
-        model.add_hint(taken, (i, j) in legs)
-        arcs.append((i, j, taken))
-    for node in range(1, goal):
-        skipped[node] = model.new_bool_var("")
-        model.add_hint(skipped[node], node not in visited)
-        arcs.append((node, node, skipped[node]))
-    model.add_circuit(arcs)
-    times = case.graph.itinerary(route, SPEED).begins
-    for node, begin in zip(route[1:], times, strict=True):
-        model.add_hint(begins[node], int(begin))
-    model.maximize(sum(int(case.graph.priority[0, node]) * (1 - skip) for node, skip in skipped.items()))
-    solver = cp.CpSolver()
-    solver.parameters.max_time_in_seconds = time_limit
-    solver.parameters.num_workers = workers
-    solver.parameters.random_seed = 0
-    solver.parameters.linearization_level = 2
-    status = solver.status_name(solver.solve(model))
-    found = status in ("OPTIMAL", "FEASIBLE")
-    best, bound = solver.objective_value if found else 0.0, np.floor(solver.best_objective_bound + 1e-6)
-    return Proof(best, float(bound), status in ("OPTIMAL", "INFEASIBLE"), solver.wall_time)
-
-
-def exact(case: Case, route: Any) -> Proof:
-    """Most total priority by labels; `route` is a known one."""
+def most(case: Case, route: list[int]) -> tuple[float, float]:
+    """Most total priority by labels, and a bound on it; `route` is a known one."""
     table, known = case.graph.timetable, float(case.graph.priority[0, route[1:]].sum())
     assert table is not None
     lasts, end = case.graph.duration[0][:, None] + table.travel_time[0], int(case.time_available)
     windows = Windows.of(lasts, table.opens[0], table.closes[0], case.graph.priority[0], end)
-    seconds, _, (priority, bound) = clock(lambda: most_priority(windows, known))
-    return Proof(float(priority), float(bound), bool(priority == bound), seconds)
+    return most_priority(windows, known)
 
 
 #: The configurations that are compared.
@@ -205,56 +132,46 @@ def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
     return time.perf_counter() - wall, os.times().user - user, result
 
 
-def compare(count: int, first: int, limit: float) -> tuple[list[dict], list[dict[str, Any]]]:
-    """Rows of all planners, and what the exact searches found of each graph from a seed on."""
+def compared(count: int, first: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of all planners, and what plans and labels found of each graph from a seed on."""
     cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
         for config in PLANNERS.values():
             plan(one, config, PLANS)
-    plans, found, rows = {}, [], []
+    made, found = [], []
     for one in track(cases, "graphs"):
-        for name, config in PLANNERS.items():
-            plans[one.seed, name] = [clock(partial(plan, one, config, key)) for key in range(PLANS)]
-        routes = [route for name in PLANNERS for *_, route in plans[one.seed, name]]
+        plans = [
+            {"planner": name, "wall": wall, "user": user, "route": route}
+            for name, config in PLANNERS.items()
+            for wall, user, route in (clock(partial(plan, one, config, key)) for key in range(PLANS))
+        ]
+        routes = [each["route"] for each in plans]
         best = max(routes, key=lambda route: route.priority if route.feasible else -1.0)
-        nodes = best.nodes.tolist() if best.feasible else [0]
-        peer = prove(one, nodes, limit, WORKERS) if limit and installed("ortools") else None
-        proofs = {"seed": one.seed, "family": one.family, "labels": exact(one, nodes), "cp_sat": peer}
-        priorities = {n: [route.priority for *_, route in plans[one.seed, n]] for n in PLANNERS}
-        found.append(proofs | priorities)
-    for family in (*FAMILIES, "all"):
-        members = [each for each in found if family in (each["family"], "all")]
-        for name in PLANNERS if members else ():
-            made = [(each, *run) for each in members for run in plans[each["seed"], name]]
-            priority = [route.priority if route.feasible else 0.0 for *_, route in made]
-            gaps = 1.0 - np.array(priority) / [each["labels"].bound for each, *_ in made]
-            wall, user = (1e3 * statistics.median(run[k] for run in made) for k in (1, 2))
-            rows.append({
-                "family": family, "planner": name, "graphs": len(members),
-                "proved": float(np.mean([each["labels"].proved for each in members])),
-                "tasks": float(np.mean([route.tasks for *_, route in made])),
-                "feasible": float(np.mean([route.feasible for *_, route in made])),
-                "mean_gap": float(gaps.mean()), "worst_gap": float(gaps.max()),
-                "optimal": float((gaps < 1e-9).mean()), "wall_ms": wall, "user_ms": user,
-            })  # fmt: skip
-    return rows, found
+        began = time.perf_counter()
+        priority, bound = most(one, best.nodes.tolist() if best.feasible else [0])
+        proof = {"seed": one.seed, "family": one.family, "priority": priority, "bound": bound}
+        found.append(proof | {"seconds": time.perf_counter() - began})
+        made += [each | proof for each in plans]
+    groups = grouped(made, lambda run: [(family, run["planner"]) for family in (run["family"], "all")])
+    order = [(family, name) for family in (*FAMILIES, "all") for name in PLANNERS]
+    return [summed(*key, groups[key]) for key in order if key in groups], found
 
 
-def proof_rows(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    rows = []
-    for family in FAMILIES:
-        members = [each for each in found if each["family"] == family]
-        for name, search in (("labels", "labels"), ("CP-SAT", "cp_sat")):
-            proofs = [(each[search], each) for each in members if each[search]]
-            if proofs:
-                rows.append({
-                    "family": family, "graphs": len(members), "search": name,
-                    "proved": sum(proof.proved for proof, _ in proofs),
-                    "better": sum(p.priority > max(max(each[n]) for n in PLANNERS) for p, each in proofs),
-                    "above": sum(proof.priority > each["labels"].bound for proof, each in proofs),
-                    "seconds": statistics.median(proof.seconds for proof, _ in proofs),
-                })  # fmt: skip
-    return rows
+def summed(family: str, planner: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """A row of one planner's plans; one that was not found counts as priority zero."""
+    routes = [run["route"] for run in runs]
+    priority = np.array([route.priority if route.feasible else 0.0 for route in routes])
+    gaps = 1.0 - priority / [run["bound"] for run in runs]
+    return {
+        "family": family, "planner": planner, "graphs": len({run["seed"] for run in runs}),
+        "proved": float(np.mean([run["priority"] == run["bound"] for run in runs])),
+        "tasks": float(np.mean([route.tasks for route in routes])),
+        "feasible": float(np.mean([route.feasible for route in routes])),
+        "mean_gap": float(gaps.mean()), "worst_gap": float(gaps.max()),
+        "optimal": float((gaps < 1e-9).mean()),
+        "wall_ms": 1e3 * statistics.median(run["wall"] for run in runs),
+        "user_ms": 1e3 * statistics.median(run["user"] for run in runs),
+    }  # fmt: skip
 
 
 def timings(repeats: int) -> list[dict[str, Any]]:
@@ -296,29 +213,23 @@ def timings(repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> None:
-    parser = arguments("Routes by the clock against proven optima.")
-    parser.add_argument("--graphs", type=int, default=CASES, help="how many; 0 for the timings alone")
-    parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first graph")
-    parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
-    parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
-    options = parser.parse_args()
-    asked = options.graphs, options.first, options.limit
-    rows, found = compare(*asked) if options.graphs else ([], [])
-    timed = timings(options.repeats) if options.repeats else []
-    facts, load = machine(), os.getloadavg()[0]
-    screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
-    titled = (
-        ("Routes by the clock: gap to the best", rows, GAPS, 2),
-        ("What proved it", proof_rows(found), PROOFS, 2),
-        ("Timings", timed, TIMINGS, 1),
-    )
-    for title, shown, columns, names in titled:
-        if shown:
-            show(title, shown, columns, names)
-    content = {"limit": options.limit, "load": load, "graphs": found}
-    write(options.out, content | {"rows": rows, "timings": timed})
+def main(graphs: int, first: int, repeats: int) -> dict[str, Any]:
+    rows, found = compared(graphs, first) if graphs else ([], [])
+    timed, load = timings(repeats) if repeats else [], os.getloadavg()[0]
+    if rows:
+        show("Routes by the clock: gap to the best", rows, GAPS, names=2)
+        seconds = statistics.median(each["seconds"] for each in found)
+        screen.print(f"proofs by labels: {seconds:.1f} s, median of {len(found)} graphs")
+    if timed:
+        show("Timings", timed, TIMINGS)
+    screen.print(f"load {load:.1f}")
+    return {"load": load, "graphs": found, "rows": rows, "timings": timed}
 
 
 if __name__ == "__main__":
-    main()
+    launch(
+        main,
+        graphs=(CASES, "how many; 0 for the timings alone"),
+        first=(FIRST_SEED, "seed of the first graph"),
+        repeats=(5, "timed calls; 0 for no timings"),
+    )

@@ -252,7 +252,7 @@ def test_help_names_every_command():
         "check",
     ):
         assert command in out
-    for command in ("init", "validate", "schema", "scenarios", "paper"):
+    for command in ("init", "validate", "schema", "scenarios"):
         assert command in out
 
 

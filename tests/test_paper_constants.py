@@ -9,9 +9,9 @@ from auvplan.executive import mission_configs, path_config
 from auvplan.mission.decoder import HIGHEST, LOWEST
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.whitsunday import EXTENT, PIXELS, whitsunday_chart
-from auvplan.paper import Effort
-from auvplan.paper.legs import SCENARIOS, changed
 from auvplan.simulation.world import make_vehicle
+from benchmarks.paper.legs import SCENARIOS, changed
+from benchmarks.paper.reproduce import Effort
 
 
 @pytest.fixture(scope="module")

@@ -30,5 +30,5 @@ def test_every_equation_and_figure_has_a_row():
 
 def _found(name: str) -> Path:
     """A file of the package or of its tests."""
-    places = (ROOT / "tests" / name, ROOT / "auvplan" / name)
+    places = (ROOT / folder / name for folder in ("tests", "auvplan", "."))
     return next(path for path in places if path.is_file())

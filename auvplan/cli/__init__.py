@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, execute, export, mission, paper, pictures, plan, scenario, study, tools
+from auvplan.cli import departures, execute, export, mission, pictures, plan, scenario, study, tools
 from auvplan.cli.shared import complain, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -53,7 +53,6 @@ for command in (
     pictures.plot,
     pictures.animate,
     pictures.report,
-    paper.paper,
     tools.chart,
     tools.currents,
     tools.check,
@@ -64,6 +63,8 @@ for command in (
 ):
     app.command()(stoppable(command))
 app.command("cache")(stoppable(tools.kept))
+_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
+app.command(hidden=True, context_settings=_ANYTHING)(tools.paper)
 
 
 def _say_version(asked: bool) -> None:

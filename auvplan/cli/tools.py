@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from auvplan.cli import shared
-from auvplan.errors import ScenarioError
+from auvplan.errors import AuvplanError, ScenarioError
 from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
@@ -317,3 +317,11 @@ def kept(clear: Annotated[bool, typer.Option("--clear", help="Remove all of it."
 
 def _megabytes(entries: list) -> str:
     return f"{sum(entry.size for entry in entries) / 1e6:.1f} MB"
+
+
+def paper() -> None:
+    """Say where the paper's figures and claims are reproduced: not by what is installed."""
+    raise AuvplanError(
+        "the paper's figures and claims are reproduced in a copy of the repository, by `make paper` or "
+        "`python -m benchmarks.paper`: see docs/paper.md"
+    )

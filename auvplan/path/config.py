@@ -143,12 +143,12 @@ class PathConfig:
         that a habitat mutates in one of its SIVs, by a Gaussian step of 5 % of its range, and control points
         keep within 35 % of the distance from the straight line. Read as a probability of every SIV, or with
         values drawn again within the bounds, mutation keeps the mean violation of the population above 1e-3
-        (`python -m benchmarks.paper_scenarios`).
+        (`python -m benchmarks.paper.readings --paths`).
 
         Args:
             control_points: free ones; the paper gives no number. From random habitats 100 iterations leave
                 paths of ten points so winding that they take a third longer than the straight line
-                (`python -m benchmarks.paper_missions`).
+                (`python -m benchmarks.paper.readings`).
             width: half-width of their bounds, as a share of the straight distance.
         """
         return cls(

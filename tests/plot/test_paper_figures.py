@@ -12,8 +12,8 @@ from auvplan.plot.paths import plot_currents, plot_windows
 from auvplan.plot.space import plot_layers
 from auvplan.plot.study import plot_call_times
 from auvplan.plot.timeline import plot_timeline
+from tests.benchmarks import paper_evidence as evidence
 from tests.io.sample_run import make_run, refused_leg
-from tests.paper import evidence
 from tests.plot.sample_study import make_study
 
 SENSORS = {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}

@@ -68,23 +68,19 @@ def execute_legs(
         done: called with what comes next, once for each of the ten runs.
     """
 
-    def run(scenario: Scenario, seeds: Sequence[int], words: str) -> list[MissionRun]:
+    def run(words: str, seeds: Sequence[int], name: str, **sections: dict[str, Any]) -> list[MissionRun]:
         done(words)
-        return run_missions(scenario, keys=seed_keys(seeds), seeds=seeds)
+        return run_missions(changed(name, preset, **sections), keys=seed_keys(seeds), seeds=seeds)
 
-    found: dict[str, dict[str, list[MissionRun]]] = {}
-    for source in ("kept", "fresh"):
-        found[source] = {
-            name: run(changed(name, preset, planning={"replan_from": source}), seeds, f"{name}, {source}")
-            for name in SCENARIOS
-        }
+    kept, fresh = (
+        {name: run(f"{name}, {source}", seeds, name, planning={"replan_from": source}) for name in SCENARIOS}
+        for source in ("kept", "fresh")
+    )
     rates = {
-        rate: run(
-            changed("scenario-1", preset, current={"update_rate": rate}), rate_seeds, f"update rate {rate:g}"
-        )
+        rate: run(f"update rate {rate:g}", rate_seeds, "scenario-1", current={"update_rate": rate})
         for rate in RATES
     }
-    return Legs(found["kept"], found["fresh"], rates)
+    return Legs(kept, fresh, rates)
 
 
 def legs_dataset(legs: Legs) -> xr.Dataset:
@@ -102,9 +98,7 @@ def legs_dataset(legs: Legs) -> xr.Dataset:
         "feasible": lambda run: leg_of(run).plans[0].feasible,
     }
     kept, fresh = list(legs.scenarios.values()), list(legs.fresh.values())
-    each = {
-        name: np.asarray([[of(run) for run in runs] for runs in kept], float) for name, of in by_run.items()
-    }
+    each = {name: [[of(run) for run in runs] for runs in kept] for name, of in by_run.items()}
     pairs = [
         [warm_start(leg_of(a), leg_of(b)) for a, b in zip(*both, strict=True)]
         for both in zip(kept, fresh, strict=True)
@@ -115,21 +109,21 @@ def legs_dataset(legs: Legs) -> xr.Dataset:
         name: _histories([[leg_of(run).plans[0].history[key] for run in runs] for runs in kept])
         for name, key in _HISTORY.items()
     }
-    by_rate = {
-        "rate_cost": [[fitness(leg_of(run)) for run in runs] for runs in legs.rates.values()],
-        "rate_success": [[run.success for run in runs] for runs in legs.rates.values()],
-        "rate_time": [[leg_of(run).t_path for run in runs] for runs in legs.rates.values()],
+    of_rate: dict[str, Callable[[MissionRun], float]] = {
+        "rate_cost": lambda run: fitness(leg_of(run)),
+        "rate_success": lambda run: run.success,
+        "rate_time": lambda run: leg_of(run).t_path,
     }
+    rates = {
+        name: [[of(run) for run in runs] for runs in legs.rates.values()] for name, of in of_rate.items()
+    }
+    sizes = ("scenario", "seed"), ("scenario", "seed", "iteration"), ("rate", "rate_seed")
+    found = zip(sizes, (each, history, rates), strict=True)
+    seeds = ([run.seed for run in next(iter(runs.values()))] for runs in (legs.scenarios, legs.rates))
+    labels = dict(zip(("seed", "rate_seed"), seeds, strict=True))
     return xr.Dataset(
-        {name: (("scenario", "seed"), values) for name, values in each.items()}
-        | {name: (("scenario", "seed", "iteration"), values) for name, values in history.items()}
-        | {name: (("rate", "rate_seed"), np.asarray(values, float)) for name, values in by_rate.items()},
-        {
-            "scenario": list(legs.scenarios),
-            "seed": [run.seed for run in next(iter(legs.scenarios.values()))],
-            "rate": list(legs.rates),
-            "rate_seed": [run.seed for run in next(iter(legs.rates.values()))],
-        },
+        {name: (dims, np.asarray(values, float)) for dims, part in found for name, values in part.items()},
+        labels | {"scenario": list(legs.scenarios), "rate": list(legs.rates)},
     )
 
 
@@ -138,15 +132,10 @@ def leg_of(run: MissionRun) -> LegRecord:
     return run.legs[0]
 
 
-def _histories(rows: list[list[Array]]) -> Array:
-    """[scenarios, seeds, iterations]; searches of fewer iterations end in NaN."""
+def _histories(rows: list[list[Array]]) -> list[list[Array]]:
+    """[scenarios][seeds] histories of one length; searches of fewer iterations end in NaN."""
     longest = max(len(history) for row in rows for history in row)
-    return np.asarray(
-        [
-            [np.pad(history, (0, longest - len(history)), constant_values=np.nan) for history in row]
-            for row in rows
-        ]
-    )
+    return [[np.pad(one, (0, longest - len(one)), constant_values=np.nan) for one in row] for row in rows]
 
 
 def _straight(run: MissionRun) -> float:
@@ -154,12 +143,7 @@ def _straight(run: MissionRun) -> float:
     plan = leg_of(run).plans[0]
     share = np.linspace(0.0, 1.0, len(plan.positions))[:, None]
     line = plan.positions[0] + share * (plan.positions[-1] - plan.positions[0])
-    return time_along(line, plan.current, speed_of(run))
-
-
-def speed_of(run: MissionRun) -> float:
-    """|v| of the run's vehicle, m/s."""
-    return float(np.asarray(run.vehicle.speed))
+    return time_along(line, plan.current, float(run.vehicle.speed))
 
 
 def time_along(positions: Array, current: Current, speed: float) -> float:
@@ -195,7 +179,7 @@ def replan_gain(run: MissionRun) -> float:
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """
-    plans, speed, gains = leg_of(run).followed_plans, speed_of(run), []
+    plans, speed, gains = leg_of(run).followed_plans, float(run.vehicle.speed), []
     for old, new in pairwise(plans):
         before = time_along(rest_of(old, new.positions[0]), new.current, speed)
         gains.append(1.0 - time_along(new.positions, new.current, speed) / before)
@@ -204,19 +188,17 @@ def replan_gain(run: MissionRun) -> float:
 
 def displacement(leg: LegRecord) -> float:
     """Return how far the re-plans lead the path aside from what was planned before, m; the largest one."""
-    plans, found = leg.followed_plans, [0.0]
-    for old, new in pairwise(plans):
-        found.append(float(_away(new.positions, old.positions).max()))
-    return max(found)
+    pairs = pairwise(leg.followed_plans)
+    return max((_away(new.positions, old.positions) for old, new in pairs), default=0.0)
 
 
-def _away(places: Array, line: Array) -> Array:
-    """Return distance of places [n, 3] m to a line through points [S, 3] m, [n] m."""
+def _away(places: Array, line: Array) -> float:
+    """Largest distance of places [n, 3] m to a line through points [S, 3] m, m."""
     begin, step = line[:-1], np.diff(line, axis=0)
     square = np.maximum((step**2).sum(axis=1), 1e-12)
     share = np.clip(((places[:, None] - begin) * step).sum(axis=2) / square, 0.0, 1.0)
     nearest = begin + share[..., None] * step
-    return np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1)
+    return float(np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1).max())
 
 
 def fitness(leg: LegRecord) -> float:

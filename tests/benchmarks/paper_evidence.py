@@ -5,7 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from auvplan.paper import Evidence
+from benchmarks.paper.claims import Evidence
 
 SCENARIOS, SEEDS, ITERATIONS = ["scenario-1", "scenario-2", "scenario-3"], 4, 11
 RATES = [0.0, 1.0, 4.0, 16.0]

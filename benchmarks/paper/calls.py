@@ -2,39 +2,38 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from multiprocessing import get_context
 from typing import Any
 
+import jax
 import numpy as np
 import xarray as xr
 
+from auvplan.executive import seed_keys
+from auvplan.executive.legs import begin_legs
+from auvplan.executive.loop import make_context, start_mission
+from auvplan.executive.path_calls import plan_legs
+from auvplan.records import LegRecord
 from auvplan.scenario import Scenario
+from auvplan.scenario.file import validate_scenario
 from auvplan.study.runner import JAX_SETTINGS
 
 #: Calls of which the median counts.
 _REPEATS = 3
 
 
-@contextmanager
-def process_apart() -> Iterator[Callable[..., Future[Any]]]:
-    """Give a function that calls another one in a process of its own, with this one's settings of JAX."""
-    import jax
-
+def process_apart() -> ProcessPoolExecutor:
+    """Return a process beside this one, with the same settings of JAX."""
     settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        yield partial(pool.submit, _with_settings, settings)
+    return ProcessPoolExecutor(1, get_context("spawn"), _set, (settings,))
 
 
-def _with_settings(settings: dict[str, Any], function: Callable[..., Any], *given: Any) -> Any:
-    import jax
-
+def _set(settings: dict[str, Any]) -> None:
     for name, value in settings.items():
         jax.config.update(name, value)
-    return function(*given)
 
 
 def call_times(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> list[xr.Dataset]:
@@ -53,34 +52,26 @@ def call_times(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> list[xr.D
     """
     with ExitStack() as stack:
         calls = [
-            stack.enter_context(process_apart())(
-                _measure, scenario.model_dump(mode="json"), list(seeds), core
-            )
-            for core, scenario in enumerate(scenarios)
+            stack.enter_context(process_apart()).submit(_measure, one.model_dump(mode="json"), seeds, core)
+            for core, one in enumerate(scenarios)
         ]
         found = [call.result() for call in calls]
-    attributes = {"units": "s", "comment": "CPU time of a process on one core, host work included"}
+    about = {"units": "s", "comment": "CPU time of a process on one core, host work included"}
+    names = "first_cpu", "window_cpu"
     return [
         xr.Dataset(
-            {"first_cpu": ("mission", first, attributes), "window_cpu": ("mission", window, attributes)},
+            {name: ("mission", values, about) for name, values in zip(names, times, strict=True)},
             {"seed": ("mission", list(seeds))},
         )
-        for first, window in found
+        for times in found
     ]
 
 
-def _measure(plain: dict[str, Any], seeds: list[int], core: int) -> list[list[float]]:
+def _measure(plain: dict[str, Any], seeds: Sequence[int], core: int) -> list[list[float]]:
     """CPU seconds of first and of window calls, [2][missions]."""
     if hasattr(os, "sched_setaffinity"):
         ours = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {ours[core % len(ours)]})
-    from auvplan.executive import seed_keys
-    from auvplan.executive.legs import begin_legs
-    from auvplan.executive.loop import make_context, start_mission
-    from auvplan.executive.path_calls import plan_legs
-    from auvplan.records import LegRecord
-    from auvplan.scenario.file import validate_scenario
-
     context = make_context(validate_scenario(plain, "calls"), ".")
     times: list[list[float]] = [[], []]
     for key, seed in zip(seed_keys(seeds), seeds, strict=True):

@@ -9,10 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.executive import run_mission, seed_keys
 from auvplan.ocean.whitsunday import render, whitsunday_chart
-from auvplan.paper.claims import NO_VIOLATION, Evidence, no_violation
-from auvplan.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
 from auvplan.plot import style
 from auvplan.plot.chart import plot_clusters
 from auvplan.plot.convergence import plot_populations
@@ -20,20 +17,24 @@ from auvplan.plot.paths import plot_currents, plot_windows
 from auvplan.plot.space import plot_layers
 from auvplan.plot.study import plot_call_times, plot_expected_times, plot_replans, plot_time_use
 from auvplan.plot.timeline import plot_timeline
+from auvplan.records import MissionRun
 from auvplan.runtime.files import output_folder
-from auvplan.scenario.scenario import Scenario
+from benchmarks.paper.claims import NO_VIOLATION, Evidence, no_violation
+from benchmarks.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
 
 #: Re-plans of the paper's example of a mission.
 _REPLANS = 3
 
 
-def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path) -> list[Path]:
+def draw_paper(
+    legs: Legs, evidence: Evidence, run_again: Callable[[int], MissionRun], folder: Path
+) -> list[Path]:
     """Write Figs 1 and 8 to 15 under the names that the paper counts them by.
 
     Args:
         legs: runs of the three scenarios.
         evidence: of them and of the missions.
-        scenario: of the missions, one of which is run again for Fig. 15.
+        run_again: the mission of a seed, which is drawn as Fig. 15.
         folder: created if needed.
     """
     missions, crop = evidence.missions, changed("scenario-3", "paper").chart.window
@@ -48,7 +49,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
         "fig12_time_use.png": lambda: plot_time_use(missions),
         "fig13_expected_times.png": lambda: plot_expected_times(missions),
         "fig14_planning_time.png": lambda: plot_call_times(missions, evidence.calls, evidence.interval),
-        "fig15_routes.png": lambda: plot_timeline(run_mission(scenario, key=seed_keys([seed])[0], seed=seed)),
+        "fig15_routes.png": lambda: plot_timeline(run_again(seed)),
         "fig15_maps.png": lambda: plot_replans(missions, seed),
     }
     target = output_folder(folder)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auvplan.ocean.vortices import LambVortices
-from auvplan.paper import legs
 from auvplan.records import LegRecord
 from auvplan.view.scene import boundaries, until_next
+from benchmarks.paper import legs
 from tests.io.sample_run import SPEED, make_plan, make_run
 
 START, GOAL = np.array([300.0, 300.0, 20.0]), np.array([1500.0, 700.0, 20.0])

@@ -1,0 +1,200 @@
+"""The harness of the benchmarks: options, progress, turns, figures, tables, and JSON with the machine.
+
+A benchmark is a module whose `main` takes its options as keywords, prints tables, and returns what `--out`
+keeps::
+
+    if __name__ == "__main__":
+        launch(main, seeds=(5, "plans of each problem"))
+"""
+
+import argparse
+import inspect
+import json
+import sys
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from auvplan.errors import AuvplanError
+from benchmarks.machine import installed, machine
+
+T = TypeVar("T")
+
+#: Where tables and lines are printed, wide enough where that is a file.
+screen = Console()
+if not screen.is_terminal:
+    screen = Console(width=120)
+
+
+def launch(main: Callable[..., Any], **options: tuple[Any, ...] | dict[str, Any]) -> NoReturn:
+    """Call a benchmark with the options of the command line, and write what it returns where `--out` says.
+
+    Args:
+        main: returns what is written as JSON, or that and whether the benchmark failed, status 1.
+        options: ``name=(default, help)``, then choices where there are some. False is a switch, a range
+            reads FIRST:END, a tuple takes several values, a type has no default; "out" replaces the usual
+            one and is given to `main`. A dictionary is a positional argument, as argparse has it.
+    """
+    stated = sys.modules["__main__"].__spec__
+    name = stated.name.removesuffix(".__main__") if stated else None
+    text = inspect.getmodule(main).__doc__
+    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=text.partition("\n")[0])
+    writes = "out" not in options
+    for option, how in (options | ({"out": (Path, "JSON file to write")} if writes else {})).items():
+        if isinstance(how, dict):
+            parser.add_argument(option, **how)
+        else:
+            parser.add_argument(f"{'-' if len(option) == 1 else '--'}{option}", **_option(*how))
+    given = vars(parser.parse_args())
+    out = given.pop("out") if writes else None
+    facts = machine()
+    screen.print(f"{facts['processor']}, {facts['cores']} cores, jax {facts['versions']['jax']}")
+    try:
+        found = main(**given)
+    except AuvplanError as error:
+        parser.exit(2, f"{error}\n")
+    content, failed = found if isinstance(found, tuple) else (found, False)
+    write(out, content)
+    sys.exit(failed)
+
+
+def _option(default: Any, words: str, choices: Iterable[Any] | None = None) -> dict[str, Any]:
+    if default is False:
+        return {"action": "store_true", "help": words}
+    more = {"help": words, "choices": None if choices is None else list(choices)}
+    if isinstance(default, type):
+        return more | {"type": default}
+    if isinstance(default, tuple | list):
+        return more | {"nargs": "*", "default": list(default), "type": type(default[0]) if default else str}
+    return more | {"type": seed_range if isinstance(default, range) else type(default), "default": default}
+
+
+def seed_range(text: str) -> range:
+    """Read the seeds FIRST:END, the end left out, or one seed."""
+    first, _, end = text.partition(":")
+    return range(int(first), int(end) if end else int(first) + 1)
+
+
+def write(path: Path | None, content: dict[str, Any] | None) -> None:
+    """Write figures and rows (dataclasses) as JSON, with the machine; nothing where no file is asked for."""
+    if path is not None and content is not None:
+        path.write_text(json.dumps({"machine": machine(), **content}, indent=1, default=asdict) + "\n")
+
+
+def earlier(path: Path | None, name: str) -> dict[str, Any]:
+    """Return what an earlier run wrote under a name, for a run that goes on from it; empty without one."""
+    return json.loads(path.read_text()).get(name, {}) if path is not None and path.exists() else {}
+
+
+def available(name: str, packages: Iterable[str]) -> bool:
+    """Whether a contender can take part; a line where one of its packages is missing."""
+    missing = " and ".join(package for package in packages if not installed(package))
+    if missing:
+        screen.print(f"{name}: left out, {missing} not installed: pip install 'auvplan[bench]'")
+    return not missing
+
+
+def track(items: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
+    """Yield items beside a bar that vanishes when all are done."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=screen, transient=True) as progress:
+        yield from progress.track(items, total, description=description)
+
+
+def clock(call: Callable[[], Any]) -> tuple[float, Any]:
+    """``(s, what the call returned)``."""
+    begin = time.perf_counter()
+    result = jax.block_until_ready(call())
+    return time.perf_counter() - begin, result
+
+
+def take_turns(
+    calls: Mapping[str, Callable[[int], Any]], rounds: Mapping[str, int], first: int
+) -> dict[str, dict[str, Any]]:
+    """Time calls of seeds 0, 1, ... in turns, so that all see the same machine.
+
+    Args:
+        calls: by name.
+        rounds: for each of them.
+        first: seed of the calls that compile.
+
+    Returns:
+        By name: median and least time of a call, how much longer the first one took, s, and all results.
+    """
+    times, results = {name: [] for name in calls}, {name: [] for name in calls}
+    compiling = {name: clock(partial(call, first))[0] for name, call in track(calls.items(), "compiling")}
+    for turn in track(range(max(rounds.values())), "turns"):
+        for name, call in calls.items():
+            if turn < rounds[name]:
+                # The first call of a turn finds the caches as another contender left them.
+                jax.block_until_ready(call(turn))
+                seconds, result = clock(partial(call, turn))
+                times[name].append(seconds)
+                results[name].append(result)
+    return {name: timed(compiling[name], times[name]) | {"results": results[name]} for name in calls}
+
+
+def timed(first: float, seconds: Sequence[float]) -> dict[str, Any]:
+    """Return median and least of times of a call, and how much longer the first one took, s, and in ms."""
+    median, least = float(np.median(seconds)), float(min(seconds))
+    found = {"seconds": median, "least_seconds": least, "compile_seconds": max(0.0, first - median)}
+    return found | {"milliseconds": 1e3 * median, "least": 1e3 * least}
+
+
+def figures(values: Sequence[float]) -> dict[str, float | None]:
+    """Return mean, median, least, percentiles and the greatest of some values; None of no value."""
+    of = {"mean": np.mean, "median": np.median, "least": np.min, "worst": np.max}
+    of |= {f"p{q}": partial(np.percentile, q=q) for q in (90, 95, 99)}
+    return {name: float(call(values)) if len(values) else None for name, call in of.items()}
+
+
+def grouped(rows: Iterable[T], keys: Callable[[T], Iterable[Hashable]]) -> dict[Any, list[T]]:
+    """Return the rows of each key, in the order in which keys are met; a row may have several."""
+    groups: dict[Any, list[T]] = {}
+    for row in rows:
+        for key in keys(row):
+            groups.setdefault(key, []).append(row)
+    return groups
+
+
+def show(
+    title: str, rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], names: int = 1, **options: Any
+) -> None:
+    """Print a table of rows.
+
+    Args:
+        title: above it.
+        columns: heading to a format of a row's entries, such as "{gap:.2%}"; "-" where an entry is None.
+        names: number of first columns that are names, to the left; repeats in the first are left blank.
+        options: of all columns, as rich has them.
+    """
+
+    def cell(form: str, row: Mapping[str, Any]) -> str:
+        try:
+            return form.format_map(row)
+        except TypeError:  # None has no format
+            return "-"
+
+    made, last = Table(title=title), None
+    for number, heading in enumerate(columns):
+        made.add_column(heading, justify="left" if number < names else "right", **options)
+    for row in rows:
+        first, *others = (cell(form, row) for form in columns.values())
+        made.add_row("" if first == last else first, *others)
+        last = first
+    screen.print(made)
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> list[str]:
+    """Return the lines of a table in Markdown."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in (heads, *rows)]
+    return [lines[0], "|" + "---|" * len(heads), *lines[1:]]
