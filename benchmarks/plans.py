@@ -17,9 +17,8 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.path import habitats
-from benchmarks import path_twins as twins
 from benchmarks.harness import available, launch, show, take_turns
-from benchmarks.scoring import Problem, problem
+from benchmarks.scoring import Array, Problem, in_c, problem
 
 POPULATION, ITERATIONS = 100, 100
 BATCH = 32
@@ -57,19 +56,21 @@ def straight(problem: Problem) -> jax.Array:
 
 
 def mealpy_bbo(problem: Problem, population: int, iterations: int) -> Search:
-    """`OriginalBBO` as mealpy runs it: one path at a time, here with the cost compiled by Numba."""
+    """`OriginalBBO` as mealpy runs it: one path at a time, here with the cost in C."""
     from mealpy import BBO, FloatVar
 
-    score = twins.in_numba(problem.numbers())
+    score = in_c(problem.numbers())
+    if score is None:
+        raise RuntimeError("mealpy needs a C compiler, for its cost")
     paths = problem.paths(100)
     costs = np.asarray(problem.cost(paths)[0])
     if np.median(np.abs(score(np.asarray(paths))[0] / costs - 1.0)) > 1e-4:
-        raise RuntimeError("the Numba twin and the package's kernel disagree on the costs")
+        raise RuntimeError("the kernel in C and the package's kernel disagree on the costs")
     low, high = (np.asarray(bound, float) for bound in problem.bounds())
     bounds = FloatVar(lb=low.tolist(), ub=high.tolist())
 
-    def cost(habitat: twins.Array) -> float:
-        return float(score(habitat[None].astype(np.float32))[0][0])
+    def cost(habitat: Array) -> float:
+        return float(score(np.ascontiguousarray(habitat[None], np.float32))[0][0])
 
     def search(seed: int) -> Any:
         task = {"obj_func": cost, "bounds": bounds, "minmax": "min", "log_to": None}
@@ -133,7 +134,7 @@ def pycma(problem: Problem, population: int, iterations: int) -> Search:
 
 #: Name, packages needed and maker of every peer.
 PEERS: tuple[tuple[str, tuple[str, ...], Callable[[Problem, int, int], Search]], ...] = (
-    ("mealpy OriginalBBO", ("mealpy", "numba"), mealpy_bbo),
+    ("mealpy OriginalBBO", ("mealpy",), mealpy_bbo),
     ("evosax DE", ("evosax",), partial(evosax, name="DifferentialEvolution")),
     ("evosax CMA-ES", ("evosax",), partial(evosax, name="CMA_ES")),
     ("cma CMA-ES", ("cma",), pycma),

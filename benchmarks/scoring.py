@@ -1,13 +1,19 @@
-"""Scoring a population of paths: the package's kernel against C and Numba, and the price of gradients.
+"""Scoring a population of paths: the package's kernel against one in C, and the price of gradients.
 
 `python -m benchmarks.scoring` times 100 and 10,000 paths of 128 samples with 16 free control points. The
-contenders take turns; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all
-must agree, cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4.
+contenders take turns; C runs on one thread, JAX on as many as it likes. Before anything is timed all must
+agree, cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4. `score.c` takes what the problem
+here has: one layer of vortices, spheres in linear motion, a chart, a steady current, the "track" reading of
+the speed and, in the vertical, a limit on pitch.
 """
 
+import ctypes
+import subprocess
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -22,8 +28,8 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import score
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
-from benchmarks import path_twins as twins
-from benchmarks.harness import available, clock, launch, screen, show, timed, track
+from benchmarks.harness import clock, launch, screen, show, timed, track
+from benchmarks.machine import compiler
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -33,6 +39,37 @@ TURN = 0.1
 #: difference of any path. A cusp's segments are centimetres long: of 10,000 paths a few lose digits there.
 AGREEMENT, AGREEING, APART = 1e-5, 0.999, 1e-4
 SIDE, PIXEL = 3500.0, 10.0
+
+Array = np.ndarray[Any, Any]
+Scores = tuple[Array, Array]
+
+SOURCE = Path(__file__).with_name("score.c")
+#: Sums in the order they are written in: as quick, and turn rates lose fewer digits.
+FLAGS = ("-O3", "-ffast-math", "-fno-associative-math", "-shared", "-fPIC")
+#: The first of these that the compiler takes.
+TARGETS = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ("-mcpu=native",), ())
+
+
+#: Limits that the twins know, in the order of score.c.
+LIMITS = "surge", "sway", "turn_rate", "coast", "obstacle", "current", "pitch"
+
+#: Members of `Packed`, in the order of score.c.
+INTEGERS = "samples controls order vortices obstacles north east"
+REALS = (
+    "depart speed surge_max sway_max turn_rate_max pitch_speed coast_margin obstacle_margin uncertain_price "
+    "chart_error origin_north origin_east pixel_size straight"
+)
+ARRAYS = "first basis first_step step ends vortex obstacle chart"
+
+
+class Packed(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int32) for name in INTEGERS.split()),
+        *((name, ctypes.c_float) for name in REALS.split()),
+        ("uniform", ctypes.c_float * 3),
+        ("weights", ctypes.c_float * len(LIMITS)),
+        *((name, ctypes.c_void_p) for name in ARRAYS.split()),
+    )
 
 
 @dataclass(frozen=True)
@@ -117,7 +154,7 @@ class Problem:
             "pixel_size": pixel,
             "straight": float(np.linalg.norm(ends[1] - ends[0])) / float(speed),
             "uniform": np.asarray(current.uniform, np.float32),
-            "weights": np.array([getattr(config.penalties, name) for name in twins.LIMITS], np.float32),
+            "weights": np.array([getattr(config.penalties, name) for name in LIMITS], np.float32),
         }
 
 
@@ -141,6 +178,51 @@ def problem(seed: int = 0) -> Problem:
     return Problem(jnp.asarray(start, float), jnp.asarray(goal, float), env, Vehicle(), ap.PathConfig())
 
 
+@cache
+def library() -> ctypes.CDLL | None:
+    """The compiled C source; None where no compiler is found or none succeeds."""
+    path = compiler()
+    if path is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "score.so"
+        for machine in TARGETS:
+            command = [path, *FLAGS, *machine, "-o", str(target), str(SOURCE), "-lm"]
+            if subprocess.run(command, capture_output=True).returncode == 0:
+                found = ctypes.CDLL(str(target))
+                pointer = ctypes.c_void_p
+                found.score.argtypes = [ctypes.POINTER(Packed), pointer, ctypes.c_int, pointer, pointer]
+                return found
+    return None
+
+
+def in_c(values: dict[str, Any]) -> Callable[[Array], Scores] | None:
+    """``score(habitats [P, 3 n] m) -> (cost [P] s, violation [P])`` in C; None without a compiler.
+
+    Args:
+        values: of the problem, as `Problem.numbers` has them.
+    """
+    compiled = library()
+    if compiled is None:
+        return None
+    packed = Packed()
+    for name in (*INTEGERS.split(), *REALS.split()):
+        setattr(packed, name, values[name])
+    for name in ARRAYS.split():
+        setattr(packed, name, values[name].ctypes.data)
+    packed.uniform[:] = values["uniform"].tolist()
+    packed.weights[:] = values["weights"].tolist()
+
+    def call(paths: Array, keep: dict[str, Any] = values) -> Scores:
+        cost, violation = np.empty((2, len(paths)), np.float32)
+        given = ctypes.byref(packed), paths.ctypes.data, len(paths), cost.ctypes.data, violation.ctypes.data
+        if compiled.score(*given):
+            raise MemoryError("score.c: out of memory")
+        return cost, violation
+
+    return call
+
+
 #: A row for each way to score a population: times over those of C and of the package's kernel, and the
 #: largest relative difference to that one's costs.
 TITLE = "Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart"
@@ -150,7 +232,7 @@ COLUMNS = {
     "difference of costs": "{difference:.1e}",
 }  # fmt: skip
 
-Contender = Callable[[jax.Array, twins.Array], Any]
+Contender = Callable[[jax.Array, Array], Any]
 
 
 def contenders(problem: Problem) -> dict[str, tuple[Contender, float]]:
@@ -170,14 +252,11 @@ def contenders(problem: Problem) -> dict[str, tuple[Contender, float]]:
         "JAX": (lambda device, _: value(device), 0.0),
         "JAX, cost and gradient": (lambda device, _: gradient(device)[0][1:], 0.0),
     }
-    seconds, in_c = clock(lambda: twins.in_c(problem.numbers()))
-    if in_c is None:
+    seconds, native = clock(lambda: in_c(problem.numbers()))
+    if native is None:
         screen.print("C: left out, no C compiler that works was found")
     else:
-        found["C, 1 thread"] = (lambda _, host: in_c(host), seconds)
-    if available("Numba", ["numba"]):
-        with_numba = twins.in_numba(problem.numbers())
-        found["Numba, 1 thread"] = (lambda _, host: with_numba(host), 0.0)
+        found["C, 1 thread"] = (lambda _, host: native(host), seconds)
     return found
 
 
@@ -205,10 +284,10 @@ def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
                 for _ in range(max(1, int(TURN / warm))):
                     then[name].append(clock(partial(call, device, host))[0])
         rates = {name: timed(first[name], times) for name, times in then.items()}
-        in_c = rates.get("C, 1 thread", {"seconds": None})["seconds"]
+        native = rates.get("C, 1 thread", {"seconds": None})["seconds"]
         for name, rate in rates.items():
             row = {"paths": count, "name": name, "difference": float(apart[name].max())} | rate
-            row["to_c"] = None if in_c is None else rate["seconds"] / in_c
+            row["to_c"] = None if native is None else rate["seconds"] / native
             row["to_value"] = rate["seconds"] / rates["JAX"]["seconds"]
             result.append(row)
     return result
