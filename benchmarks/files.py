@@ -3,7 +3,7 @@
 Currents are compared with netCDF4, cftime and NumPy alone (`benchmarks.file_references`) or, of made
 files, with the closed form that they stand for; sea beds and charts with rasterio, netCDF4 and shapely.
 Real files lie in ``../shared/data``. The second table is that of ``python -m benchmarks.mutated_files
---json FILE``.
+--out FILE``.
 """
 
 import json
@@ -87,7 +87,7 @@ opened, reversed, moved by a turn, features dropped or doubled.
 A copy must be refused by one line within 30 s of processor time and 4 GB, or be read right: as the
 original where the change bears on nothing that is read or on bytes alone, else as the other reading
 of the copy. A current is compared at 40 points, levels and times of the copy. By `python -m
-benchmarks.mutated_files --json FILE` and `python -m benchmarks.files --mutated FILE --out
+benchmarks.mutated_files --out FILE` and `python -m benchmarks.files --mutated FILE --out
 docs/files.md`."""
 
 

@@ -21,14 +21,20 @@ ROOT = Path(__file__).resolve().parent.parent
 TYPED = 95.0
 #: What a source distribution needs beside the package.
 SOURCES = (
-    "LICENSE",
-    "README.md",
-    "CHANGELOG.md",
-    "CITATION.cff",
-    "Makefile",
-    "constraints.txt",
-    "pyproject.toml",
-)
+    "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "Makefile", "constraints.txt", "pyproject.toml",
+)  # fmt: skip
+
+#: Prints what is installed, the largest first.
+SIZES = """
+from importlib.metadata import distributions
+rows = []
+for one in distributions():
+    paths = [file.locate() for file in one.files or () if not str(file).endswith(".pyc")]
+    rows.append((sum(path.stat().st_size for path in paths if path.is_file()) / 1e6, one.name))
+rows.sort(reverse=True)
+print(f"{len(rows)} distributions, {sum(size for size, _ in rows):.0f} MB:",
+      ", ".join(f"{name} {size:.0f}" for size, name in rows if size >= 5.0))
+"""
 
 
 def main() -> None:
@@ -59,17 +65,10 @@ def check_contents(home: Path) -> None:
     (wheel,), (sdist,) = home.glob("*.whl"), home.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as archive:
         lacking = tracked - set(archive.namelist())
-    tell(
-        not lacking,
-        f"{wheel.name}: {wheel.stat().st_size / 1e3:,.0f} kB, lacks {sorted(lacking) or 'nothing'}",
-    )
+    tell_lacking(wheel, lacking)
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    lacking = (tracked | set(SOURCES)) - names
-    tell(
-        not lacking,
-        f"{sdist.name}: {sdist.stat().st_size / 1e3:,.0f} kB, lacks {sorted(lacking) or 'nothing'}",
-    )
+    tell_lacking(sdist, (tracked | set(SOURCES)) - names)
 
 
 def check_installed(home: Path) -> None:
@@ -81,6 +80,8 @@ def check_installed(home: Path) -> None:
     constraints = str(ROOT / "constraints.txt")
     run(str(binaries / "pip"), "install", "--quiet", "-c", constraints, str(wheel), cwd=away)
     run(str(binaries / "pip"), "check", cwd=away)
+    sizes = subprocess.run([binaries / "python", "-c", SIZES], capture_output=True, text=True, cwd=away)
+    tell(not sizes.returncode, sizes.stdout.strip() or sizes.stderr)
     run(str(binaries / "auvplan"), "mission", "--pictures", "none", "--quiet", "--out", "out", cwd=away)
     summary = json.loads((away / "out" / "summary.json").read_text(encoding="utf-8"))
     tell(summary["success"], f"mission: {summary['reason']}, {summary['tasks']} tasks")
@@ -97,6 +98,13 @@ def run(*words: str, cwd: Path = ROOT) -> None:
     done = subprocess.run(words, capture_output=True, text=True, cwd=cwd, env=clean)
     named = " ".join([Path(words[0]).name, *words[1:]])
     tell(done.returncode == 0, named if done.returncode == 0 else f"{named}\n{done.stdout}{done.stderr}")
+
+
+def tell_lacking(file: Path, lacking: set[str]) -> None:
+    """Tell a distribution's size, and what is not in it."""
+    tell(
+        not lacking, f"{file.name}: {file.stat().st_size / 1e3:,.0f} kB, lacks {sorted(lacking) or 'nothing'}"
+    )
 
 
 def tell(right: bool, words: str) -> None:

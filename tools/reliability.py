@@ -11,7 +11,8 @@ import ast
 import json
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,201 +32,140 @@ KINDS = {
 }
 
 #: Files of tests by capability, of which those with drawn cases count as properties and the others as unit
-#: tests; then, for the other kinds, files of tests, single ones (file::test), or modules of benchmarks.
-CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
+#: tests; then, for the other kinds, files of tests, single ones (file::test), or benchmarks (@name).
+CAPABILITIES: dict[str, dict[str, str]] = {
     "Currents and their interpolation": {
-        "tests": (
-            "tests/ocean/test_currents.py",
-            "tests/ocean/test_gridded.py",
-            "tests/ocean/test_interpolation.py",
-        ),
-        "independent": ("tests/simulation/test_model_sea.py",),
-        "peer": ("benchmarks.gridded",),
+        "tests": "ocean/test_currents ocean/test_gridded ocean/test_interpolation",
+        "independent": "simulation/test_model_sea",
+        "peer": "@gridded",
     },
     "Coast and sea bed": {
-        "tests": ("tests/ocean/test_chart.py", "tests/ocean/test_seabed.py", "tests/path/test_seabed.py"),
-        "independent": ("tests/check/test_check_seabed.py", "benchmarks.water_land"),
-        "fault": ("tests/faults/test_machine.py",),
+        "tests": "ocean/test_chart ocean/test_seabed path/test_seabed",
+        "independent": "check/test_check_seabed @water_land",
+        "fault": "faults/test_machine",
     },
     "Obstacles and clearance": {
-        "tests": (
-            "tests/ocean/test_obstacles.py",
-            "tests/ocean/test_known.py",
-            "tests/path/test_clearance.py",
-        ),
-        "independent": ("benchmarks.path_walks", "tests/check/test_track.py"),
-        "fault": ("tests/faults/test_machine.py", "benchmarks.faults"),
+        "tests": "ocean/test_obstacles ocean/test_known path/test_clearance",
+        "independent": "@path_walks check/test_track",
+        "fault": "faults/test_machine @faults",
     },
     "Paths": {
         "tests": (
-            "tests/path/test_planner.py",
-            "tests/path/test_cost.py",
-            "tests/path/test_passages.py",
-            "tests/path/test_stages.py",
-            "tests/path/test_loops.py",
-            "tests/path/test_reasons.py",
+            "path/test_planner path/test_cost path/test_passages path/test_stages path/test_loops "
+            "path/test_reasons"
         ),
-        "independent": ("benchmarks.waters", "benchmarks.path_arrivals"),
-        "peer": ("benchmarks.plans", "benchmarks.paths"),
+        "independent": "@waters @path_arrivals",
+        "peer": "@plans @paths",
     },
     "Re-plans under way": {
-        "tests": ("tests/path/test_reuse.py", "tests/path/test_outlook.py"),
-        "independent": ("benchmarks.path_replans",),
-        "fault": ("tests/faults/test_machine.py", "benchmarks.faults"),
+        "tests": "path/test_reuse path/test_outlook",
+        "independent": "@path_replans",
+        "fault": "faults/test_machine @faults",
     },
     "Routes": {
         "tests": (
-            "tests/mission/test_decoder.py",
-            "tests/mission/test_beam.py",
-            "tests/mission/test_local_search.py",
-            "tests/mission/test_mission_planner.py",
-            "tests/mission/test_graph.py",
-            "tests/mission/test_feasibility.py",
-            "tests/mission/test_travel_times.py",
+            "mission/test_decoder mission/test_beam mission/test_local_search "
+            "mission/test_mission_planner mission/test_graph mission/test_feasibility "
+            "mission/test_travel_times"
         ),
-        "independent": ("tests/mission/test_exact.py", "tests/mission/test_bound.py"),
-        "peer": ("benchmarks.missions",),
+        "independent": "mission/test_exact mission/test_bound",
+        "peer": "@missions",
     },
     "Time-dependent routing": {
-        "tests": ("tests/mission/test_timetable.py", "tests/executive/test_clock.py"),
-        "independent": ("benchmarks.clock", "benchmarks.windows", "tests/check/test_windows.py"),
-        "peer": ("benchmarks.clock_peers",),
+        "tests": "mission/test_timetable executive/test_clock",
+        "independent": "@clock @windows check/test_windows",
+        "peer": "@clock_peers",
     },
     "The executive": {
         "tests": (
-            "tests/executive/test_executive.py",
-            "tests/executive/test_loop.py",
-            "tests/executive/test_route_calls.py",
-            "tests/executive/test_visits.py",
-            "tests/executive/test_whole_lines.py",
-            "tests/faults/test_rules.py",
+            "executive/test_executive executive/test_loop executive/test_route_calls "
+            "executive/test_visits executive/test_whole_lines faults/test_rules"
         ),
-        "independent": ("tests/executive/test_coasts.py",),
-        "fault": ("tests/faults/test_machine.py", "tests/faults/test_faults.py", "benchmarks.faults"),
+        "independent": "executive/test_coasts",
+        "fault": "faults/test_machine faults/test_faults @faults",
     },
     "Vehicles over a link": {
-        "tests": ("tests/link/test_execution.py", "tests/link/test_upload.py", "tests/link/test_notices.py"),
-        "peer": (
-            "tests/link/test_mavlink.py",
-            "tests/link/test_ardusub.py",
-            "tests/link/test_imc.py",
-            "benchmarks.links",
-        ),
-        "fault": (
-            "tests/link/test_execution.py",
-            "tests/link/test_simulated.py",
-            "benchmarks.links",
-            "benchmarks.faults",
-        ),
+        "tests": "link/test_execution link/test_upload link/test_notices",
+        "peer": "link/test_mavlink link/test_ardusub link/test_imc @links",
+        "fault": "link/test_execution link/test_simulated @links @faults",
     },
     "Simulation": {
-        "tests": ("tests/executive/test_truth_and_belief.py", "tests/simulation/test_model_sea.py"),
-        "fault": ("tests/faults/test_faults.py",),
+        "tests": "executive/test_truth_and_belief simulation/test_model_sea",
+        "fault": "faults/test_faults",
     },
     "Budgets of wall-clock time": {
-        "tests": ("tests/runtime/test_budget.py",),
-        "fault": ("benchmarks.budgets",),
+        "tests": "runtime/test_budget",
+        "fault": "@budgets",
     },
     "The same seed, the same result": {
         "tests": (
-            "tests/executive/test_executive.py::test_a_mission_does_not_depend_on_those_beside_it",
-            "tests/executive/test_executive.py::test_same_key_same_mission_and_later_ones_compile_nothing",
+            "executive/test_executive::test_a_mission_does_not_depend_on_those_beside_it "
+            "executive/test_executive::test_same_key_same_mission_and_later_ones_compile_nothing"
         ),
-        "fault": ("benchmarks.determinism",),
+        "fault": "@determinism",
     },
     "Studies": {
-        "tests": (
-            "tests/study/test_runner.py",
-            "tests/study/test_design.py",
-            "tests/study/test_statistics.py",
-        ),
-        "peer": ("tests/study/test_statistics.py",),
-        "fault": ("tests/study/test_resume.py", "tests/study/test_cluster.py", "benchmarks.resilience"),
+        "tests": "study/test_runner study/test_design study/test_statistics",
+        "peer": "study/test_statistics",
+        "fault": "study/test_resume study/test_cluster @determinism",
     },
     "Results on disk": {
-        "tests": ("tests/io/test_results.py", "tests/io/test_restore.py", "tests/io/test_whole_result.py"),
-        "peer": ("tests/export/test_schemas.py",),
-        "fault": (
-            "tests/faults/test_disk.py",
-            "benchmarks.crashes",
-            "benchmarks.resilience",
-            "benchmarks.fuzz",
-        ),
+        "tests": "io/test_results io/test_restore io/test_whole_result",
+        "peer": "export/test_schemas",
+        "fault": "faults/test_disk @crashes @determinism @fuzz",
     },
     "The checker": {
-        "tests": (
-            "tests/check/test_check.py",
-            "tests/check/test_check_limits.py",
-            "tests/check/test_track.py",
-            "tests/check/test_sources.py",
-        ),
-        "fault": ("benchmarks.alterations",),
+        "tests": "check/test_check check/test_check_limits check/test_track check/test_sources",
+        "fault": "@alterations",
     },
     "Readers of currents": {
-        "tests": ("tests/io/currents/test_reading.py", "tests/io/currents/test_formats.py"),
-        "independent": ("tests/io/currents/test_real_files.py",),
-        "peer": ("benchmarks.files",),
-        "fault": (
-            "tests/io/currents/test_malformed.py",
-            "tests/io/currents/test_altered.py",
-            "benchmarks.fuzz",
-        ),
+        "tests": "io/currents/test_reading io/currents/test_formats",
+        "independent": "io/currents/test_real_files",
+        "peer": "@files",
+        "fault": "io/currents/test_malformed io/currents/test_altered @fuzz",
     },
     "Charts, jobs, sea beds from files": {
-        "tests": (
-            "tests/io/geo/test_charts.py",
-            "tests/io/geo/test_s57.py",
-            "tests/io/geo/test_jobs.py",
-            "tests/io/geo/test_bathymetry.py",
-        ),
-        "peer": ("benchmarks.file_rasters",),
-        "fault": (
-            "tests/io/geo/test_damage.py",
-            "tests/io/geo/test_bathymetry_faults.py",
-            "benchmarks.fuzz",
-        ),
+        "tests": "io/geo/test_charts io/geo/test_s57 io/geo/test_jobs io/geo/test_bathymetry",
+        "peer": "@file_rasters",
+        "fault": "io/geo/test_damage io/geo/test_bathymetry_faults @fuzz",
     },
     "Scenarios": {
-        "tests": ("tests/io/test_scenario_file.py", "tests/io/test_examine.py"),
-        "fault": ("tests/io/test_bad_input.py", "benchmarks.fuzz"),
+        "tests": "io/test_scenario_file io/test_examine",
+        "fault": "io/test_bad_input @fuzz",
     },
     "Vehicle files": {
-        "tests": (
-            "tests/export/test_export.py",
-            "tests/export/test_qgroundcontrol.py",
-            "tests/export/test_imc.py",
-        ),
-        "peer": ("tests/export/test_formats.py", "tests/export/test_schemas.py"),
-        "fault": ("benchmarks.crashes",),
+        "tests": "export/test_export export/test_qgroundcontrol export/test_imc",
+        "peer": "export/test_formats export/test_schemas",
+        "fault": "@crashes",
     },
     "Pages and pictures": {
-        "tests": ("tests/report/test_pages.py", "tests/plot/test_figures.py"),
-        "independent": ("tests/report/test_browser.py",),
-        "fault": ("benchmarks.crashes",),
+        "tests": "report/test_pages plot/test_figures",
+        "independent": "report/test_browser",
+        "fault": "@crashes",
     },
     "The optimiser": {
-        "tests": ("tests/bbo/test_search.py", "tests/bbo/test_operators.py", "tests/bbo/test_rates.py"),
-        "peer": ("benchmarks.bbob",),
+        "tests": "bbo/test_search bbo/test_operators bbo/test_rates",
+        "peer": "@bbob",
     },
 }
 
 
-def functions(place: str) -> Iterator[ast.FunctionDef]:
-    """Tests of a file, or the one named after `::`.
+def functions(place: str) -> list[ast.FunctionDef]:
+    """Tests of a file below tests/, or the one named after `::`.
 
     Raises:
         SystemExit: there is none.
     """
     file, _, name = place.partition("::")
-    path = ROOT / file
+    path = ROOT / "tests" / f"{file}.py"
     if not path.is_file():
-        raise SystemExit(f"{file}: no such file")
+        raise SystemExit(f"{path}: no such file")
     nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
     found = [node for node in nodes if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")]
     chosen = [node for node in found if name in ("", node.name)]
     if not chosen:
         raise SystemExit(f"{place}: no such test")
-    yield from chosen
+    return chosen
 
 
 def drawn(test: ast.FunctionDef) -> bool:
@@ -235,31 +175,23 @@ def drawn(test: ast.FunctionDef) -> bool:
 
 def cell(capability: str, kind: str) -> str:
     """What the matrix says of a capability and a kind of check; empty where there is none."""
-    places = CAPABILITIES[capability]
-    if kind in ("unit", "property"):
-        count = sum(
-            drawn(test) == (kind == "property") for place in places["tests"] for test in functions(place)
-        )
-        return str(count) if count else ""
-    words = []
-    tests = [place for place in places.get(kind, ()) if place.startswith("tests/")]
-    if tests:
-        words.append(str(sum(len(list(functions(place))) for place in tests)))
-    for place in places.get(kind, ()):
-        if place.startswith("benchmarks."):
-            if not (ROOT / (place.replace(".", "/") + ".py")).is_file():
-                raise SystemExit(f"{place}: no such benchmark")
-            words.append(f"`{place.removeprefix('benchmarks.')}`")
-    return ", ".join(words)
+    of_tests = kind in ("unit", "property")
+    places = CAPABILITIES[capability].get("tests" if of_tests else kind, "").split()
+    tests = [test for place in places if place[0] != "@" for test in functions(place)]
+    if of_tests:
+        tests = [test for test in tests if drawn(test) == (kind == "property")]
+    benchmarks = [place[1:] for place in places if place[0] == "@"]
+    for name in benchmarks:
+        if not (ROOT / "benchmarks" / f"{name}.py").is_file():
+            raise SystemExit(f"{name}: no such benchmark")
+    return ", ".join([str(len(tests))] * bool(tests) + [f"`{name}`" for name in benchmarks])
 
 
 def matrix() -> list[str]:
     """Table of capabilities and kinds of checks."""
     rows = [[capability, *(cell(capability, kind) for kind in KINDS)] for capability in CAPABILITIES]
-    return [
-        row.replace("|  |", "| |").replace("|  |", "| |")
-        for row in _table(("capability", *KINDS.values()), rows)
-    ]
+    lines = _table(("capability", *KINDS.values()), rows)
+    return [line.replace("|  |", "| |").replace("|  |", "| |") for line in lines]
 
 
 def _table(headings: tuple[str, ...], rows: list[list[Any]]) -> list[str]:
@@ -267,28 +199,21 @@ def _table(headings: tuple[str, ...], rows: list[list[Any]]) -> list[str]:
     return lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows]
 
 
-def _said(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {times}" for name, times in counts.items())
+def tabled(columns: dict[str, str]) -> Callable[[list[dict[str, Any]]], list[str]]:
+    """Return what writes rows as a table of such columns: headings, and formats of a row's entries."""
 
+    def lines(found: list[dict[str, Any]]) -> list[str]:
+        rows = []
+        for row in found:
+            known: dict[str, Any] = defaultdict(int, row)
+            for name, counts in row.items():
+                if isinstance(counts, dict):
+                    known[name] = ", ".join(f"{each} {times}" for each, times in counts.items())
+                    known["total"] = sum(counts.values())
+            rows.append([form.format_map(known).replace("%", " %") for form in columns.values()])
+        return _table(tuple(columns), rows)
 
-def faults(found: list[dict[str, Any]]) -> list[str]:
-    """Missions with injected faults."""
-    names = ("fault", "missions", "on time", "failed", "avoidable", "unavoidable")
-    rows = [[_said(row[name]) if name == "failed" else row[name] for name in names] for row in found]
-    return _table((*names[:3], "failed: why", "avoidable collisions", names[-1]), rows)
-
-
-def budgets(found: list[dict[str, Any]]) -> list[str]:
-    """Overruns of budgets."""
-    rows = [
-        [row["call"], row["machine"], f"{row['budget']:g}"]
-        + [f"{100.0 * row[part]:+.1f} %" for part in ("median", "p95", "worst")]
-        + [f"{row['beyond a tenth']} of {row['calls']}", f"{100.0 * row['worse by']:+.2f} %"]
-        for row in found
-    ]
-    return _table(
-        ("call", "machine", "budget, s", "median", "95 %", "worst", "beyond a tenth", "worse by"), rows
-    )
+    return lines
 
 
 def determinism(found: list[dict[str, str]]) -> list[str]:
@@ -300,21 +225,12 @@ def determinism(found: list[dict[str, str]]) -> list[str]:
     return [line, "", f"Compared: {', '.join(row['how'] for row in found)}."]
 
 
-def crashes(found: list[dict[str, Any]]) -> list[str]:
-    """What kills and full disks leave."""
-    rows = [
-        [row["command"], row["kind"], sum(row["outcomes"].values()), _said(row["outcomes"])] for row in found
-    ]
-    return _table(("command", "what", "times", "outcomes"), rows)
-
-
 def fuzz(found: list[dict[str, Any]]) -> list[str]:
     """Changed files for every reader."""
-    columns = ("reader", "cases", "read", "refused", "failures")
-    rows = [[*(row[name] for name in columns), f"{row['memory']:.0f}"] for row in found]
-    lines = _table((*columns, "most memory, MiB"), rows)
+    columns = {name: f"{{{name}}}" for name in ("reader", "cases", "read", "refused", "failures")}
     failed = [f"- {row['reader']}: `{one['found']}`" for row in found for one in row["failed"]]
-    return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
+    more = ["", "Failures:", "", *dict.fromkeys(failed)] if failed else []
+    return tabled(columns | {"most memory, MiB": "{memory:.0f}"})(found) + more
 
 
 def alterations(found: dict[str, Any]) -> list[str]:
@@ -355,24 +271,31 @@ def mutants(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def versions(found: list[dict[str, Any]]) -> list[str]:
-    """The tests under the lowest and the newest versions."""
-    names = ("kind", "jax", "numpy", "passed", "failed", "error", "skipped")
-    return _table(("", *names[1:]), [[row.get(name, 0) for name in names] for row in found])
-
+_FAULTS = tabled({
+    "fault": "{fault}", "missions": "{missions}", "on time": "{on time}", "failed: why": "{failed}",
+    "avoidable collisions": "{avoidable}", "unavoidable": "{unavoidable}",
+})  # fmt: skip
+_BUDGETS = tabled({
+    "call": "{call}", "machine": "{machine}", "budget, s": "{budget:g}", "median": "{median:+.1%}",
+    "95 %": "{p95:+.1%}", "worst": "{worst:+.1%}", "beyond a tenth": "{beyond a tenth} of {calls}",
+    "worse by": "{worse by:+.2%}",
+})  # fmt: skip
+_CRASHES = tabled({"command": "{command}", "what": "{kind}", "times": "{total}", "outcomes": "{outcomes}"})
+_COUNTS = "jax", "numpy", "passed", "failed", "error", "skipped"
+_VERSIONS = tabled({"": "{kind}"} | {name: f"{{{name}}}" for name in _COUNTS})
 
 #: By name in the figures: heading, command, and what writes the lines below them.
 SECTIONS: dict[str, tuple[str, str, Callable[[Any], list[str]]]] = {
-    "faults": ("Faults on the way", "python -m benchmarks.faults", faults),
-    "link_faults": ("Faults on a vehicle over a link", "python -m benchmarks.faults --link", faults),
-    "budgets": ("Budgets of wall-clock time", "python -m benchmarks.budgets", budgets),
+    "faults": ("Faults on the way", "python -m benchmarks.faults", _FAULTS),
+    "link_faults": ("Faults on a vehicle over a link", "python -m benchmarks.faults --link", _FAULTS),
+    "budgets": ("Budgets of wall-clock time", "python -m benchmarks.budgets", _BUDGETS),
     "determinism": ("The same seed", "python -m benchmarks.determinism", determinism),
-    "crashes": ("Kills and full disks", "python -m benchmarks.crashes", crashes),
+    "crashes": ("Kills and full disks", "python -m benchmarks.crashes", _CRASHES),
     "fuzz": ("Changed files", "python -m benchmarks.fuzz", fuzz),
     "alterations": ("Altered results", "python -m benchmarks.alterations DIR ...", alterations),
     "long_run": ("Very many missions in one process", "python -m benchmarks.long_run", long_run),
     "mutants": ("Mutants", "python tools/mutants.py", mutants),
-    "versions": ("Versions", "python tools/versions.py", versions),
+    "versions": ("Versions", "python tools/versions.py", _VERSIONS),
 }
 
 HEAD = """# Reliability
