@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
+from benchmarks import path_replans, path_walks, paths, plans, scoring
 from benchmarks.harness import grouped, launch, screen, show
 from benchmarks.path_problems import path_problems
 
@@ -34,11 +34,9 @@ def main(quick: bool) -> dict[str, Any]:
     compared = against_references(quick)
     replans = path_replans.rows(4 if quick else path_replans.SITUATIONS)
     show(path_replans.TITLE, replans, path_replans.COLUMNS)
-    arrivals = path_arrivals.rows()
-    show(path_arrivals.TITLE, arrivals, path_arrivals.COLUMNS, names=2)
     walked = path_walks.walks(200 if quick else path_walks.COUNT)
     screen.print(path_walks.said(walked))
-    parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans, "arrivals": arrivals}
+    parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans}
     return {"quick": quick, **parts, "walks": asdict(walked)}
 
 

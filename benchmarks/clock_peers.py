@@ -1,14 +1,12 @@
-"""Routes by the clock against peers, published optima and a referee: ``python -m benchmarks.clock_peers``.
+"""Routes by the clock against a peer and published optima: ``python -m benchmarks.clock_peers``.
 
 Peers: single-vehicle prize-collecting problems with a time window a customer, drawn in the manner of
 Solomon's. PyVRP gets the same whole seconds and prizes that count before the way. Published: orienteering
 with windows on Solomon's customers, distances rounded down to one decimal, as in the literature; what is
-planned is walked again in whole tenths, and proved by `plan_mission(..., method="exact")`. Referee: routes
-in a tide with windows, of which every leg is walked again in plain Python from the table of arrivals alone.
+planned is walked again in whole tenths, and proved by `plan_mission(..., method="exact")`.
 """
 
 import json
-import math
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
@@ -95,62 +93,6 @@ def compared(sizes: list[int], cases: int, seconds: float, first: int) -> list[d
     return rows
 
 
-def tidal(seed: int) -> tuple[MissionGraph, float]:
-    """A graph whose legs take another time at every departure, with windows."""
-    rng, size, horizon = np.random.default_rng(seed), 24, 14_400.0
-    places = rng.uniform(0.0, 6000.0, (size, 2))
-    departures, way = np.linspace(0.0, horizon, 24), places[None] - places[:, None]
-    stream = 0.6 * np.cos(2.0 * math.pi * departures / 44_714.0 + rng.uniform(0.0, 6.3))[:, None, None]
-    length = np.maximum(np.hypot(*np.moveaxis(way, -1, 0)), 1.0)
-    along, across = stream * way[..., 0] / length, stream * way[..., 1] / length
-    adjacency = (rng.random((size, size)) < 0.7) & ~np.eye(size, dtype=bool)
-    travel = np.where(adjacency, length / (along + np.sqrt(1.5**2 - across**2)), np.inf)
-    rho, stay = rng.integers(1, 10, size).astype(float), rng.uniform(60.0, 400.0, size)
-    rho[[0, -1]] = stay[[0, -1]] = 0.0
-    opens = rng.uniform(0.0, 0.8 * horizon, size)
-    closes = opens + rng.uniform(600.0, 6000.0, size)
-    free = rng.random(size) < 0.4
-    free[[0, -1]] = True
-    opens[free], closes[free] = -np.inf, np.inf
-    return timed_graph(places, travel, rho, stay, opens, closes, departures=departures), horizon
-
-
-def walked(graph: MissionGraph, nodes: list[int]) -> list[float]:
-    """Durations of the legs of a route: the table between two departures, windows, waiting; plain Python."""
-    table = graph.timetable
-    assert table is not None
-    departures, now, found = [float(moment) for moment in table.departures], 0.0, []
-    for i, j in pairwise(nodes):
-        ends = []
-        for k, moment in enumerate(departures):
-            if moment >= now:
-                ends.append(moment + float(table.travel_time[k, i, j]))
-        for k in range(len(departures) - 1):
-            if departures[k] <= now <= departures[k + 1]:
-                share = (now - departures[k]) / (departures[k + 1] - departures[k])
-                before, after = float(table.travel_time[k, i, j]), float(table.travel_time[k + 1, i, j])
-                ends.append(now + before + share * (after - before))
-        if now > departures[-1]:
-            ends.append(now + float(table.travel_time[-1, i, j]))
-        arrival = min(ends)
-        opens, closes = float(table.opens[i, j, 0]), float(table.closes[i, j, 0])
-        done = (max(arrival, opens) if arrival <= closes else math.inf) + float(graph.duration[i, j])
-        found.append(done - now)
-        now = done
-    return found
-
-
-def referee(cases: int, first: int) -> None:
-    right = 0
-    for seed in range(first, first + cases):
-        graph, available = tidal(seed)
-        route = plan_mission(graph, 0, graph.size - 1, available, speed=1.5, key=jax.random.key(seed))
-        again = walked(graph, route.nodes.tolist())
-        same = route.feasible and np.abs(np.subtract(route.leg_times, again)).max() < 1e-6
-        right += bool(same and sum(again) < available)
-    print(f"referee: durations confirmed of {right} of {cases} routes", flush=True)
-
-
 def posed(stated: dict[str, Any]) -> tuple[MissionGraph, float]:
     """Graph of a set, the depot twice, and the time available."""
     x, y, profit, ready, due = np.array(stated["customers"], float).T
@@ -221,10 +163,8 @@ def published(seeds: int, limit: float) -> list[dict[str, Any]]:
 
 
 def main(
-    sizes: list[int], cases: int, seconds: float, routes: int, first: int, seeds: int, limit: float
+    sizes: list[int], cases: int, seconds: float, first: int, seeds: int, limit: float
 ) -> dict[str, Any]:
-    if routes:
-        referee(routes, first)
     solomon = published(seeds, limit) if seeds else []
     peers = compared(sizes, cases, seconds, first) if sizes and cases else []
     return {"solomon": solomon, "pyvrp": peers}
@@ -236,7 +176,6 @@ if __name__ == "__main__":
         sizes=((100, 200), "customers of the problems against PyVRP"),
         cases=(3, "of each size and kind"),
         seconds=(10.0, "of PyVRP for each"),
-        routes=(100, "of the referee"),
         first=(95_000, "first seed"),
         seeds=(5, "plans of each of Solomon's sets; 0 for none"),
         limit=(120.0, "s for each proof; 0 for none"),

@@ -6,21 +6,15 @@ corners of the areas, widened by the clearance (shapely), timed along the tide i
 of jobs by dynamic programming.
 """
 
-import csv
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import shapely
-import xarray as xr
 import yaml
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -29,22 +23,15 @@ from scipy.sparse.csgraph import dijkstra
 import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.executive.planning import load_area_at, plan_scenario
-from auvplan.export import export, itinerary_of
 from auvplan.io import save_run
-from auvplan.io.restore import restore_run
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import evaluated
-from auvplan.records import MissionRun
-from auvplan.report.run import run_data
 from auvplan.site import Site
-from auvplan.view.sheet import sheet_of
 from benchmarks.harness import launch
 
 #: Off Hobart, in Storm Bay.
 SITE = Site(147.55, -43.12)
 HALF, SPEED, COAST = 4000.0, 1.5, 20.0
-#: MAVLink's command of a waypoint, and m within which a waypoint in a file is that of the plan.
-NAV_WAYPOINT, PLACE = 16, 0.05
 #: Degrees, m/s east and north, and Greenwich phases of the tide.
 TIDE = {"M2": (0.12, 0.22, 40.0), "K1": (0.03, 0.06, 100.0)}
 Array = NDArray[np.floating]
@@ -240,117 +227,11 @@ def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]
     return best
 
 
-def waypoints_in_files(folder: Path, site: Site) -> dict[str, Array]:
-    """Waypoints as the vehicle's files of a plan have them, by format.
-
-    Returns:
-        [n, 5] each: m north, east and deep, s since the departure, s of the task; NaN for what is not told.
-    """
-
-    def row(longitude: Any, latitude: Any, depth: Any, time: str | None, hold: Any = np.nan) -> list[float]:
-        north, east = site.to_local(float(longitude), float(latitude))
-        seconds = np.nan
-        if time and site.epoch is not None:
-            seconds = (datetime.fromisoformat(time) - site.epoch).total_seconds()
-        return [float(north), float(east), float(depth), seconds, float(hold)]
-
-    found: dict[str, list[list[float]]] = {}
-    with (folder / "itinerary.csv").open(newline="") as file:
-        names = ("lon", "lat", "depth", "time", "hold")
-        found["csv"] = [row(*(each[name] for name in names)) for each in csv.DictReader(file)]
-    found["geojson"] = []
-    for each in json.loads((folder / "itinerary.geojson").read_text())["features"]:
-        stated, place = each["properties"], each["geometry"]["coordinates"][:2]
-        if stated["kind"] == "waypoint":
-            found["geojson"].append(row(*place, stated["depth_m"], stated["time"], stated["hold_s"]))
-    found["gpx"] = []
-    for each in ElementTree.parse(folder / "itinerary.gpx").iterfind(".//{*}rtept"):
-        depth = -float(each.findtext("{*}ele", "nan"))
-        found["gpx"].append(row(each.get("lon"), each.get("lat"), depth, each.findtext("{*}time")))
-    items = json.loads((folder / "itinerary.plan").read_text())["mission"]["items"]
-    params = (item["params"] for item in items if item["command"] == NAV_WAYPOINT)
-    found["qgc"] = [row(each[5], each[4], -each[6], None, each[0]) for each in params]
-    found["kml"] = []
-    for track in ElementTree.parse(folder / "itinerary.kml").iterfind(".//{*}Track"):
-        longitude, latitude, height = track.findall("{*}coord")[-1].text.split()
-        found["kml"].append(row(longitude, latitude, -float(height), track.findall("{*}when")[-1].text))
-    with xr.open_dataset(folder / "itinerary.nc") as data:
-        ends = data["row_size"].values.cumsum() - 1
-        moments = np.datetime_as_string(data["time"].values[ends], unit="ms", timezone="UTC")
-        places = (data[name].values[ends] for name in ("lon", "lat", "depth"))
-        found["netcdf"] = [row(*each) for each in zip(*places, moments, strict=True)]
-    return {name: np.array(rows) for name, rows in found.items()}
-
-
-def disagreements(run: MissionRun, folder: Path) -> list[str]:
-    """Say where plan, sheet, page and exports of a plan do not have the same figures.
-
-    Args:
-        folder: that `auvplan plan` wrote it to.
-    """
-    assert run.site is not None
-    summary = json.loads((folder / "summary.json").read_text())
-    sheet = summary["sheet"]
-    page = run_data(restore_run(folder), summary)
-    stops = [stop for stop in sheet["stops"] if stop["task"]]
-    done = [task for task in page["tasks"] if task["done"]]
-    legs = run.earning
-    found = []
-
-    def same(what: str, values: Sequence[float], others: Sequence[float], within: float) -> None:
-        near = partial(np.allclose, rtol=0.0, atol=within, equal_nan=True)
-        if len(values) != len(others) or not near(values, others):
-            found.append(f"{what}: {[*map(float, values)]} and {[*map(float, others)]}")
-
-    total = float(sum(leg.priority for leg in legs))
-    for name, other in (("summary", summary), ("page", page["figures"])):
-        same(f"priority, {name}", [total], [other["total_priority"]], 1e-6)
-        same(f"tasks, {name}", [len(legs)], [other["tasks"]], 0.0)
-        same(f"time, {name}", [run.t_mission], [other["t_mission"]], 0.01)
-    ends = [leg.t_wait + float(leg.times[-1]) for leg in legs]
-    holds = [leg.t_wait + leg.t_task for leg in legs]
-    places = np.array([run.graph.positions[leg.goal] for leg in legs])
-    rho = [leg.priority for leg in legs]
-    for where, rows, arrives in (("sheet", stops, "arrival"), ("page", done, "at")):
-        same(f"arrivals, {where}", ends, [row[arrives] for row in rows], 0.01)
-        same(f"priorities, {where}", rho, [row["priority"] for row in rows], 1e-6)
-    same("holds, sheet", holds, [stop["wait"] + stop["hold"] for stop in stops], 0.01)
-    same("depths, sheet", places[:, 2], [stop["depth"] for stop in stops], 0.01)
-    for axis, values in enumerate(run.site.to_geographic(*places[:, :2].T)):
-        same(f"axis {axis} of places, sheet", values, [stop["place"][axis] for stop in stops], 1e-6)
-    onward = [leg.t_hold for leg in run.done[1:]] + [0.0]
-    stays = [leg.t_wait + leg.t_task + more for leg, more in zip(run.done, onward, strict=True)]
-    goals = [run.graph.positions[leg.goal] for leg in run.done]
-    expected = np.column_stack([goals, [leg.times[-1] for leg in run.done], stays])
-    for name, rows in waypoints_in_files(folder, run.site).items():
-        at = -1
-        for leg in expected:
-            near = np.linalg.norm(rows[at + 1 :, :3] - leg[:3], axis=1) < PLACE
-            if not near.any():
-                found.append(f"{name}: no waypoint at {leg[:3].tolist()}")
-                break
-            at += 1 + int(np.argmax(near))
-            given = ~np.isnan(rows[at, 3:])
-            what = f"{name}, time and task at {leg[:3].tolist()}"
-            same(what, leg[3:][given], rows[at, 3:][given], 0.06)
-    limits = {row["name"]: row["least"] for row in page["limits"]}
-    for name in ("coast", "closed", "obstacle"):
-        least = [stop[name] for stop in sheet["stops"] if stop[name] is not None]
-        if least or limits[name] is not None:
-            same(f"least distance, {name}", [min(least, default=np.nan)], [limits[name]], 0.01)
-    names = sorted(run.names[leg.goal] for leg in legs)
-    left = sorted(job["name"] for job in sheet["left_out"])
-    every = sorted(name for name in run.names[1:-1] if not name.startswith("(via"))
-    if sorted(stop["task"] for stop in stops) != names or sorted(names + left) != every:
-        found.append(f"jobs: {names} done, {left} left out")
-    return found
-
-
 @dataclass(frozen=True)
 class Row:
     """How a plan fared; priority and time [s] beside the most, and the least for that, that can be had.
 
-    Faults are what    Faults are what `auvplan check` finds, and figures that do not agree.
+    Faults are what    Faults are what `auvplan check` finds.
     """
 
     seed: int | None
@@ -367,13 +248,12 @@ def planned(case: Case, seed: int | None, folder: Path) -> Row:
     area = load_area_at(scenario, [0.0], folder)
     run = plan_scenario(scenario, area=area, folder=folder)
     out = folder / "plan"
-    save_run(run, out, sheet=sheet_of(run).plain())
-    export(itinerary_of(run), out)
+    save_run(run, out)
     every = np.arange(0.0, case.available + 2401.0, 300.0)
     water = np.stack(evaluated(area.forecast, 0.0 * every, 0.0 * every, 10.0 + 0.0 * every, every)[:2])
     best, least = optimum(case, lambda now: np.array([np.interp(now, every, axis) for axis in water]))
-    faults = (*check_run(out).faults, *disagreements(run, out))
-    return Row(seed, run.total_priority, best, run.t_mission, least, tuple(map(str, faults)))
+    faults = tuple(map(str, check_run(out).faults))
+    return Row(seed, run.total_priority, best, run.t_mission, least, faults)
 
 
 def main(out: Path | None, cases: int, first: int) -> None:

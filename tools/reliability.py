@@ -54,7 +54,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
             "path/test_planner path/test_cost path/test_passages path/test_stages path/test_loops "
             "path/test_reasons"
         ),
-        "independent": "@waters @path_arrivals",
+        "independent": "@waters @path_walks",
         "peer": "@plans @paths",
     },
     "Re-plans under way": {
