@@ -1,5 +1,6 @@
 """Errors about user input, printed as one line by the commands."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -46,6 +47,11 @@ class RuleError(ScenarioError):
 
 class ScenarioWarning(UserWarning):
     """What may not be meant in a scenario or its files, and was assumed; the message is one line."""
+
+
+def warn(line: str) -> None:
+    """Issue a `ScenarioWarning`."""
+    warnings.warn(line, ScenarioWarning, stacklevel=3)
 
 
 def reason_of(error: Exception) -> str:

@@ -193,26 +193,22 @@ def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tupl
         if wanted not in dataset.variables:
             raise GeoError(f"{path}: no variable {wanted!r}; it has {listed(dataset.variables)}")
         return wanted, ()
-    flat = [
-        name
+    flat = {
+        name: variable.attrs.get("standard_name", "")
         for name, variable in dataset.variables.items()
         if sum(size > 1 for size in variable.shape) == 2
         and variable.dtype.kind in "iuf"
         and not _is_axis(dataset, name)
-    ]
-    stated = [
-        name
-        for name in flat
-        if _sense_of_standard_name(dataset.variables[name].attrs.get("standard_name", ""))
-    ]
-    names = {str(name).lower(): name for name in flat[::-1]}
+    }
+    names = {str(name).lower(): name for name in reversed(flat)}
     spelt_out = tuple(name for name in names if name.startswith(_SPELT_OUT))
-    known = [names[name] for name in (*_UP, *_DOWN, *spelt_out, *_UNSIGNED) if name in names]
-    for found in (stated, known):
-        if found:
-            return found[0], (f"{found[0]} was taken, not {listed(found[1:])}",) if found[1:] else ()
+    found = [name for name, standard in flat.items() if _sense_of_standard_name(standard)]
+    found = found or [names[name] for name in (*_UP, *_DOWN, *spelt_out, *_UNSIGNED) if name in names]
+    if found:
+        return found[0], (f"{found[0]} was taken, not {listed(found[1:])}",) if found[1:] else ()
     if len(flat) == 1:
-        return flat[0], (f"{flat[0]} was taken for the sea floor, being the only grid",)
+        (only,) = flat
+        return only, (f"{only} was taken for the sea floor, being the only grid",)
     raise GeoError(f"{path}: no variable is known for a sea floor: name one of {listed(dataset.variables)}")
 
 

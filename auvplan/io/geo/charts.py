@@ -1,6 +1,5 @@
 """Charts from georeferenced pictures and from polygons of land, reefs and closed areas."""
 
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +12,14 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import ScenarioWarning, blaming
-from auvplan.io.geo.error import GeoError, as_chart, label, reading
+from auvplan.errors import blaming, warn
+from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.features import Features
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.io.geo.nodes import Nodes, Source, nearest, placed, refuse_beyond, steps
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.io.geo.raster import read_raster
-from auvplan.io.geo.windows import read_spans
+from auvplan.io.geo.windows import Hours
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.closures import Closure, Zone
@@ -80,7 +79,7 @@ def chart_and_notes(
         ScenarioWarning: the picture does not look like a chart.
     """
     path = label(source)
-    with as_chart(), reading(path):
+    with reading(path, ChartError):
         grid = local_grid(lower, upper, pixel_size)
         given = isinstance(source, str | Path)
         raster = read_raster(source, crs, numbers=classes is not None) if given else source
@@ -97,7 +96,7 @@ def chart_and_notes(
         found = _least(passability, find, wide, nodes, 1.0)
         if outside is not None:
             found = np.where(_least(1.0 - outside, find, wide, nodes, 0.0) == 0.0, 1.0, found)
-        return _chart(found, wide), notes
+        return wide.chart(found), notes
 
 
 def chart_from_raster(source: Source, site: Site, **options: Any) -> Chart:
@@ -137,26 +136,28 @@ def chart_from_polygons(
         ScenarioWarning: none of the polygons reaches into the rectangle.
     """
     path = label(source)
-    with as_chart(), reading(path):
+    with reading(path, ChartError):
         grid = local_grid(lower, upper, pixel_size)
         if not (np.isfinite(fringe) and fringe >= 0.0):
             raise GeoError(f"fringe must not be negative, got {fringe}")
         wide = grid.widened(beyond)
         area = around(site, wide, fringe + pixel_size)
-        shapes = [land.shape for land in read_polygons(source, area)]
-        land = near(shapes, site, wide, fringe + pixel_size)
-        if shapely.is_empty(land):
-            _warn_beyond(path, "land", shapes, site, grid)
+
+        def shapes(of: Features, what: str, margin: float) -> Any:
+            """Polygons on the grid and around it, in local metres."""
+            found = [one.shape for one in read_polygons(of, area)]
+            reaching = near(found, site, wide, margin)
+            if shapely.is_empty(reaching):
+                _warn_beyond(label(of), what, found, site, grid)
+            return reaching
+
+        land = shapes(source, "land", fringe + pixel_size)
         doubtful = touched(land.buffer(fringe), wide) if fringe > 0.0 else np.zeros(wide.shape, bool)
         if uncertain is not None:
             with blaming("", "uncertain"):
-                reefs = [reef.shape for reef in read_polygons(uncertain, area)]
-            shoals = near(reefs, site, wide, pixel_size)
-            if shapely.is_empty(shoals):
-                _warn_beyond(label(uncertain), "uncertain area", reefs, site, grid)
-            doubtful |= touched(shoals, wide)
+                doubtful |= touched(shapes(uncertain, "uncertain area", pixel_size), wide)
         coast = touched(land, wide)
-        return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), wide)
+        return wide.chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)))
 
 
 def with_no_go(
@@ -179,7 +180,7 @@ def with_no_go(
     Raises:
         ChartError: a polygon is none, is empty or crosses itself, or the corners are no corners.
     """
-    with as_chart():
+    with reading("closed areas", ChartError):
         if chart is None:
             if lower is None or upper is None:
                 raise GeoError("without a chart, lower and upper tell the area")
@@ -191,7 +192,7 @@ def with_no_go(
         for number, given in enumerate(polygons, 1):
             closed |= touched(_closed_area(given, number), grid)
     if chart is None:
-        return _chart(np.where(closed, 0.0, 1.0), grid)
+        return grid.chart(~closed)
     burnt = Chart.from_passability(np.where(closed, 0.0, np.asarray(chart.passability)), grid.pixel_size)
     # What the chart knew of a coast beyond its edge stays known.
     distance = jnp.minimum(chart.signed_distance, burnt.signed_distance)
@@ -257,7 +258,7 @@ def closures_of(
     """
     found: dict[tuple[tuple[float, float], ...], list[Zone]] = {}
     for zone in zones:
-        spans = read_spans(zone.where, zone.hours, site, until) if zone.hours else []
+        spans = Hours(zone.where, zone.hours, site, until).spans() if zone.hours else []
         within = [(first, last) for first, last in spans if last > -margin and first < until + margin]
         if within:
             found.setdefault(tuple(within), []).append(zone)
@@ -275,24 +276,16 @@ def _warn_beyond(path: str, what: str, shapes: list[Any], site: Site, grid: Loca
     """Warn of polygons none of which reaches into a grid."""
     west, south, east, north = shapely.total_bounds(np.asarray(shapes, object))
     hint = swapped_hint(site, lambda other: not shapely.is_empty(near(shapes, other, grid, 0.0)))
-    warnings.warn(
+    warn(
         f"{path}: none of its polygons reaches into the area, so it has no {what}: they lie at "
-        f"longitudes {west:.2f} to {east:.2f} and latitudes {south:.2f} to {north:.2f}{hint}",
-        ScenarioWarning,
-        stacklevel=2,
+        f"longitudes {west:.2f} to {east:.2f} and latitudes {south:.2f} to {north:.2f}{hint}"
     )
 
 
 def _passability(
     path: str, raster: Any, mask: Any, classes: Mapping[int, float] | None, colours: ChartColours
 ) -> tuple[NDArray[np.float32], tuple[str, ...], NDArray[np.bool_] | None]:
-    """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart.
-
-    Args:
-        raster: array [rows, columns] or [rows, columns, bands].
-        mask: array [rows, columns], 0 where a pixel shows nothing; None where all do.
-        classes, colours: as of `chart_and_notes`.
-    """
+    """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart."""
     values, nodata = raster.values, raster.attrs.get("_FillValue", np.nan)
     blank = np.zeros(values.shape[:2], bool) if mask is None else mask.values == 0
     if values.ndim == 2 and classes is None and colours and values.dtype in (np.uint8, np.bool_):
@@ -304,10 +297,7 @@ def _passability(
         values, blank = values[..., :3], blank | (values[..., 3:] < 128).any(axis=2)
         if classes is not None:
             raise GeoError(f"{path}: classes give a meaning to one band, and it has three")
-        try:
-            found = settled(classify_picture(values, blank, colours=colours), path)
-        except ChartError as error:
-            raise GeoError(error.reason, field=error.field) from None
+        found = settled(classify_picture(values, blank, colours=colours), path)
         notes = (*(f"{path}: {note}" for note in found.notes), *(f"{path} {line}" for line in found.warnings))
         return found.passability, notes, found.outside
     if classes is None:
@@ -368,10 +358,6 @@ def _least(
         row, column = (np.where(there, axis, 0.0) for axis in (row, column))
         out[rows] = np.where(there, nearest(passability, row, column, nodes.cyclic), nothing)
     return out
-
-
-def _chart(passability: NDArray, grid: LocalGrid) -> Chart:
-    return Chart.from_passability(passability, grid.pixel_size, grid.lower)
 
 
 def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:

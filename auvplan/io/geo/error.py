@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import AuvplanError, reason_of
-from auvplan.ocean.chart import ChartError
 
 
 class GeoError(AuvplanError):
@@ -16,13 +15,11 @@ class GeoError(AuvplanError):
 
 
 class PlaceError(GeoError):
-    """A longitude and latitude off the Earth.
+    """A longitude and latitude off the Earth; `swapped` is whether they are a place the other way round."""
 
-    Attributes:
-        swapped: whether they would be a place the other way round.
-    """
-
-    swapped = False
+    def __init__(self, line: str, swapped: bool) -> None:
+        super().__init__(line)
+        self.swapped = swapped
 
 
 @dataclass
@@ -69,28 +66,21 @@ class Faults:
 
 
 @contextmanager
-def reading(path: str | Path) -> Iterator[None]:
-    """Whatever is raised within becomes one line on the file; a `GeoError` passes as it is."""
+def reading(path: str | Path, kind: type[AuvplanError] = GeoError) -> Iterator[None]:
+    """Whatever is raised within becomes one line on the file, an error of `kind`; `GeoError`s keep theirs."""
     try:
         yield
-    except GeoError:
+    except kind:
         raise
+    except GeoError as error:
+        raise kind(*error.lines, field=error.field) from None
     except Exception as error:  # readers answer a damaged file with whatever their layers stumble over
-        raise GeoError(f"{path}: {reason_of(error)}") from None
+        raise kind(f"{path}: {reason_of(error)}") from None
 
 
 def label(source: Any) -> str:
     """Return what messages call a file or an object that is given in its place."""
     return str(source) if isinstance(source, str | Path) else f"the given {type(source).__name__}"
-
-
-@contextmanager
-def as_chart() -> Iterator[None]:
-    """A `GeoError` within becomes a `ChartError` of the same message."""
-    try:
-        yield
-    except GeoError as error:
-        raise ChartError(*error.lines, field=error.field) from None
 
 
 def read_text(path: str | Path, limit: int) -> str:

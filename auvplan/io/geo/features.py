@@ -1,25 +1,26 @@
-"""Files of places as features: GeoJSON (RFC 7946), GPX, KML and KMZ, QGroundControl's plans.
+"""Files of places as features: GeoJSON (RFC 7946), GPX, KML and KMZ, QGroundControl's plans, vector layers.
 
 Every fault is one line with the file and the number of the feature, waypoint, placemark or item.
 """
 
 import json
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol
 from xml.etree.ElementTree import Element, ParseError
 from zipfile import ZipFile
 
 import numpy as np
+import shapely
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
-from auvplan.errors import ScenarioWarning
+from auvplan.errors import warn
 from auvplan.io.geo.error import Faults, GeoError, PlaceError, label, read_text
-from auvplan.site import is_place
+from auvplan.site import Site, is_place
 
 #: Larger files are no charts of a mission's area, and hold no jobs.
 MAX_BYTES, MAX_JOBS_BYTES = 200_000_000, 50_000_000
@@ -57,13 +58,10 @@ class Feature:
     #: Of Point, MultiPoint and LineString, longitude, latitude and perhaps elevation, as in the file; of
     #: polygons of GeoJSON, their rings.
     coordinates: Any = None
-    #: By lower-case name; those that are null left out.
+    #: By name, in lower case but for S-57's; those that are null left out.
     properties: dict[str, Any] = field(default_factory=dict)
     local: bool = False  # whether coordinates are north and east, m, instead of degrees
-    shape: Any = None  # shapely geometry in degrees, where the format has one
-
-
-Reader = Callable[[Path, Faults, list[str]], Iterator[Feature]]
+    shape: Any = None  # shapely geometry, where the format has one
 
 
 class GeoInterface(Protocol):
@@ -94,11 +92,11 @@ def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
     if isinstance(source, str | Path):
         with Path(source).open("rb") as file:
             start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
-        other = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
-        if other == "XML":
-            names = ("GPX", "KML", "GML")
-            other = next((name for name in names if f"<{name.lower()}".encode() in start), other)
-        if other is not None:
+        if other := next((name for first, name in _FORMATS.items() if start.startswith(first)), None):
+            if other == "XML":
+                other = next(
+                    (name for name in ("GPX", "KML", "GML") if f"<{name}".lower().encode() in start), other
+                )
             raise GeoError(
                 f"{path}: is no GeoJSON but {other}, which `ogr2ogr -f GeoJSON` or QGIS brings to it"
             )
@@ -108,42 +106,67 @@ def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
     _check_crs(path, root.get("crs"))
+    features: Any = [root]
     if root["type"] == "FeatureCollection":
         features = root.get("features")
         if not isinstance(features, list):
             raise GeoError(f"{path}: a FeatureCollection without a list of features")
-    elif root["type"] == "Feature":
-        features = [root]
     elif root["type"] in _GEOMETRIES:
-        features = [{"type": "Feature", "geometry": root, "properties": {}}]
-    else:
+        features = [{"type": "Feature", "geometry": root}]
+    elif root["type"] != "Feature":
         raise GeoError(f"{path}: {root['type']!r} is no type of GeoJSON")
     if not features:
         raise GeoError(f"{path}: has no features")
-    found: list[Feature] = []
-    faults = Faults()
-    for number, feature in enumerate(features, 1):
+    return each(list(enumerate(features, 1)), lambda one: _parts(f"{path}: feature {one[0]}", *one, kinds))
+
+
+def each(parts: list[Any], read: Callable[[Any], list[Any]]) -> list[Any]:
+    """Return what is read of all parts of a file, or refuse what is wrong with all of them at once."""
+    found, faults = [], Faults()
+    for part in parts:
         with faults.kept():
-            found += _parts(f"{path}: feature {number}", number, feature, kinds)
-    faults.refuse()
+            found += read(part)
+    faults.refuse(len(parts))
     return found
 
 
 def _parts(where: str, number: int, feature: Any, kinds: tuple[str, ...]) -> list[Feature]:
-    """Return the geometries of a feature as features."""
+    """Return the geometries of a feature as features, those of collections one by one."""
     if not isinstance(feature, dict) or feature.get("type") != "Feature":
         raise GeoError(f"{where}: is no Feature")
     _check_crs(where, feature.get("crs"))
-    properties = feature.get("properties")
-    if properties is not None and not isinstance(properties, dict):
+    properties = {} if feature.get("properties") is None else feature["properties"]
+    if not isinstance(properties, dict):
         raise GeoError(f"{where}: properties must be a mapping, got {type(properties).__name__}")
-    kept = {
-        str(name).strip().lower(): value for name, value in (properties or {}).items() if value is not None
-    }
-    return [
-        Feature(where, number, geometry["type"], geometry.get("coordinates"), kept)
-        for geometry in _simple(where, feature.get("geometry"), kinds)
-    ]
+    kept = {str(name).strip().lower(): value for name, value in properties.items() if value is not None}
+    found, stack = [], [feature.get("geometry")]
+    while stack:
+        part = stack.pop()
+        if part is None:
+            raise GeoError(f"{where}: has no geometry")
+        kind = part.get("type") if isinstance(part, dict) else None
+        if kind == "GeometryCollection":
+            inner = part.get("geometries")
+            if not isinstance(inner, list) or not inner:
+                raise GeoError(f"{where}: an empty GeometryCollection")
+            stack += inner[::-1]
+        elif kind in kinds:
+            found.append(Feature(where, number, kind, part.get("coordinates"), kept))
+        elif kind in _GEOMETRIES:
+            raise GeoError(f"{where}: a {kind}, where {' or '.join(kinds)} is wanted")
+        else:
+            raise GeoError(f"{where}: {_short(kind)} is no type of geometry")
+    return found
+
+
+def _check_crs(where: str, member: Any) -> None:
+    """Refuse another reference system than WGS 84."""
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if member is not None and not (isinstance(name, str) and _WGS84.search(name.strip())):
+        raise GeoError(
+            f"{where}: crs is {_short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
+        )
 
 
 def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.ndarray:
@@ -176,66 +199,47 @@ def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.n
     )
 
 
+def local_positions(feature: Feature, site: Site | None, least: int = 1) -> np.ndarray:
+    """[n, 3]: local north and east, and elevation, m, as `positions` has it.
+
+    Raises:
+        GeoError: as `positions`; or a place is none in local metres.
+    """
+    at = positions(feature, least=least)
+    if not feature.local:
+        assert site is not None
+        at[:, 0], at[:, 1] = site.to_local(at[:, 0], at[:, 1])
+        if not np.isfinite(at[:, :2]).all():
+            raise GeoError(f"{feature.where}: has no place in the site's local metres")
+    return at
+
+
 def check_place(where: str, longitude: float, latitude: float) -> None:
     """Refuse what lies off the Earth.
 
     Raises:
         GeoError: longitude not in [-180, 360] or latitude not in [-90, 90], degrees.
     """
-    if not is_place(longitude, latitude):
-        hint = ""
-        if is_place(latitude, longitude):
-            hint = ": longitude and latitude seem swapped"
-        elif max(abs(longitude), abs(latitude)) > 1000.0:
-            hint = ": metres of a projection must be brought to degrees"
-        error = PlaceError(
-            f"{where}: ({longitude:g}, {latitude:g}) is no longitude in [-180, 360] and latitude in [-90, 90]"
-            + hint
-        )
-        error.swapped = is_place(latitude, longitude)
-        raise error
-
-
-def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:
-    """Yield the geometries of a geometry, those of collections one by one."""
-    stack = [geometry]
-    while stack:
-        part = stack.pop()
-        if part is None:
-            raise GeoError(f"{where}: has no geometry")
-        kind = part.get("type") if isinstance(part, dict) else None
-        if kind == "GeometryCollection":
-            inner = part.get("geometries")
-            if not isinstance(inner, list) or not inner:
-                raise GeoError(f"{where}: an empty GeometryCollection")
-            stack += inner[::-1]
-        elif kind in kinds:
-            yield part
-        elif kind in _GEOMETRIES:
-            raise GeoError(f"{where}: a {kind}, where {' or '.join(kinds)} is wanted")
-        else:
-            raise GeoError(f"{where}: {_short(kind)} is no type of geometry")
-
-
-def _check_crs(where: str | Path, member: Any) -> None:
-    if member is None:
+    if is_place(longitude, latitude):
         return
-    properties = member.get("properties") if isinstance(member, dict) else None
-    name = properties.get("name") if isinstance(properties, dict) else None
-    if not isinstance(name, str) or not _WGS84.search(name.strip()):
-        raise GeoError(
-            f"{where}: crs is {_short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
-        )
+    hint, swapped = "", is_place(latitude, longitude)
+    if swapped:
+        hint = ": longitude and latitude seem swapped"
+    elif max(abs(longitude), abs(latitude)) > 1000.0:
+        hint = ": metres of a projection must be brought to degrees"
+    place = f"({longitude:g}, {latitude:g})"
+    raise PlaceError(
+        f"{where}: {place} is no longitude in [-180, 360] and latitude in [-90, 90]{hint}", swapped
+    )
 
 
 def _gpx(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
     root = _xml(path, "gpx")
-    points = list(_children(root, "wpt"))
+    points = root.findall("{*}wpt")
     if not points:
         raise GeoError(f"{path}: has no waypoints (wpt): its routes and tracks are not read as jobs")
-    if any(True for _ in _children(root, "rte", "trk")):
-        line = f"{path}: routes and tracks are ignored: jobs are its waypoints (wpt)"
-        warnings.warn(line, ScenarioWarning, stacklevel=2)
+    if root.findall("{*}rte") or root.findall("{*}trk"):
+        warn(f"{path}: routes and tracks are ignored: jobs are its waypoints (wpt)")
     for number, point in enumerate(points, 1):
         name = _text_of(point, "name")
         where = f"{path}: waypoint {number}{_quoted(name)}"
@@ -247,7 +251,7 @@ def _gpx(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
 
 
 def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
-    marks = [element for element in _xml(path, "kml").iter() if _plain_name(element) == "Placemark"]
+    marks = _xml(path, "kml").findall(".//{*}Placemark")
     if not marks:
         raise GeoError(f"{path}: has no placemarks")
     flat = 0
@@ -272,12 +276,11 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
 def _extended(mark: Element) -> dict[str, str]:
     """Return the data that a placemark carries, by lower-case name."""
     found = {}
-    for holder in _children(mark, "ExtendedData"):
-        for data in holder.iter():
-            if _plain_name(data) == "Data":
-                found[data.get("name", "")] = _text_of(data, "value")
-            elif _plain_name(data) == "SimpleData":
-                found[data.get("name", "")] = (data.text or "").strip()
+    for data in (data for holder in mark.findall("{*}ExtendedData") for data in holder.iter()):
+        if _plain_name(data) == "Data":
+            found[data.get("name", "")] = _text_of(data, "value")
+        elif _plain_name(data) == "SimpleData":
+            found[data.get("name", "")] = (data.text or "").strip()
     return {name.strip().lower(): value for name, value in found.items() if name and value}
 
 
@@ -343,11 +346,9 @@ def _visit(where: str, number: int, item: dict[str, Any]) -> Feature:
         raise GeoError(
             f"{where}: frame {item['frame']}: the altitude counts from the ground, not the surface"
         )
-    altitude = item.get("Altitude") if item.get("Altitude") is not None else params[6]
-    place = [params[5], params[4]]
-    if altitude is not None:
-        place.append(altitude)
-    if not all(_is_number(value) for value in place):
+    altitude = params[6] if item.get("Altitude") is None else item["Altitude"]
+    place = [params[5], params[4]] + ([] if altitude is None else [altitude])
+    if not all(map(_is_number, place)):
         raise GeoError(f"{where}: params must tell latitude, longitude and altitude as numbers, got {params}")
     return Feature(where, number, "Point", place, {"duration": params[0] or 0.0})
 
@@ -368,6 +369,52 @@ def _survey(where: str, number: int, item: dict[str, Any]) -> Feature:
         if not places or place != places[-1]:
             places.append(place)
     return Feature(where, number, "LineString", places, {"name": f"survey {number}"})
+
+
+#: How files of other programs are read, by the ends of their names. A reader adds to the faults of the file
+#: and to the notes on what is left out.
+READERS: dict[str, Callable[[Path, Faults, list[str]], Iterator[Feature]]] = {
+    ".gpx": _gpx, ".kml": _kml, ".kmz": _kml, ".plan": _plan,
+}  # fmt: skip
+
+
+def gdal(path: Path) -> ModuleType:
+    """Return pyogrio, by which GDAL reads vector layers of the file `path`.
+
+    Raises:
+        GeoError: it is not installed.
+    """
+    try:
+        import pyogrio
+    except ImportError:
+        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
+    return pyogrio
+
+
+def read_layer(
+    path: Path, source: str | Path, layer: str, **options: str
+) -> tuple[list[Feature], str | None]:
+    """Return the features of a layer of `source`, with its own names of properties, and its reference system.
+
+    Shapes are valid or not, and None where there is none; kinds are the layer's name.
+
+    Args:
+        path: of the file, for messages.
+        options: of GDAL's driver.
+    """
+    meta, _, geometries, columns = gdal(path).raw.read(source, layer=layer, force_2d=True, **options)
+    names, found = [str(name) for name in meta["fields"]], []
+    shapes = [None] * len(columns[0]) if geometries is None else shapely.from_wkb(geometries)
+    for number, shape in enumerate(shapes, 1):
+        values = (column[number - 1] for column in columns)
+        plain = [value.item() if isinstance(value, np.generic) else value for value in values]
+        stated = {
+            name: value
+            for name, value in zip(names, plain, strict=True)
+            if value is not None and not (isinstance(value, float) and np.isnan(value))
+        }
+        found.append(Feature(f"{path}: feature {number}", number, layer, properties=stated, shape=shape))
+    return found, meta["crs"]
 
 
 def _is_number(value: Any) -> bool:
@@ -406,20 +453,35 @@ def _xml(path: Path, kind: str) -> Element:
     return root
 
 
+def _content(path: Path) -> bytes:
+    what = ""
+    if path.suffix.lower() != ".kmz":
+        with path.open("rb") as file:
+            content = file.read(MAX_JOBS_BYTES + 1)
+    else:
+        with ZipFile(path) as archive:
+            inside = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            if len(inside) != 1:
+                several = f"holds {len(inside)} .kml, {', '.join(inside)[:200]}: it must hold one"
+                raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
+            with archive.open(inside[0]) as file:
+                content, what = (
+                    file.read(MAX_JOBS_BYTES + 1),
+                    f"{inside[0]} is ",
+                )  # whatever size the archive claims
+    if len(content) > MAX_JOBS_BYTES:
+        raise GeoError(f"{path}: {what}larger than {MAX_JOBS_BYTES} bytes")
+    return content
+
+
 def _plain_name(element: Element) -> str:
     """Return an element's name without its namespace."""
     return str(element.tag).rpartition("}")[2]
 
 
-def _children(element: Element, *names: str) -> Iterator[Element]:
-    """Yield the direct children of some names."""
-    return (child for child in element if _plain_name(child) in names)
-
-
 def _text_of(element: Element, name: str) -> str:
     """Return the text of the first child of a name; empty where there is none."""
-    found = next(_children(element, name), None)
-    return "" if found is None else (found.text or "").strip()
+    return (element.findtext(f"{{*}}{name}") or "").strip()
 
 
 def _number_of(where: str, name: str, text: str) -> float:
@@ -427,26 +489,3 @@ def _number_of(where: str, name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise GeoError(f"{where}: {name} must be a number, got {text[:40]!r}") from None
-
-
-def _content(path: Path) -> bytes:
-    if path.suffix.lower() != ".kmz":
-        if path.stat().st_size > MAX_JOBS_BYTES:
-            raise GeoError(f"{path}: larger than {MAX_JOBS_BYTES} bytes")
-        return path.read_bytes()
-    with ZipFile(path) as archive:
-        inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
-        if not inside:
-            raise GeoError(f"{path}: has no .kml inside")
-        if len(inside) > 1:
-            listed = ", ".join(entry.filename for entry in inside)[:200]
-            raise GeoError(f"{path}: holds {len(inside)} .kml, {listed}: it must hold one")
-        with archive.open(inside[0]) as file:
-            content = file.read(MAX_JOBS_BYTES + 1)  # whatever size the archive claims
-    if len(content) > MAX_JOBS_BYTES:
-        raise GeoError(f"{path}: {inside[0].filename} is larger than {MAX_JOBS_BYTES} bytes")
-    return content
-
-
-#: How files of other programs are read, by the ends of their names.
-READERS: dict[str, Reader] = {".gpx": _gpx, ".kml": _kml, ".kmz": _kml, ".plan": _plan}

@@ -1,15 +1,16 @@
 """The local grid of pixels that files are brought to, and polygons on it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.io.geo.error import GeoError
+from auvplan.ocean.chart import Chart
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
@@ -22,7 +23,6 @@ OUTLINE = 65
 # An edge of GeoJSON is straight in longitude and latitude; pieces of this length, degrees, are so in metres,
 # to a few centimetres.
 _PIECE = 0.01
-_NONE, _PART, _ALL = 0, 1, 2
 # By this share of a pixel two that merely share an edge are kept apart.
 _OPEN = 1e-6
 
@@ -36,6 +36,15 @@ class LocalGrid:
     pixel_size: float  # m
     shape: tuple[int, int]  # pixels north and east
 
+    @property
+    def box(self) -> Polygon:
+        """The rectangle asked for, in local (north, east), m."""
+        return shapely.box(*self.lower, *self.upper)
+
+    def chart(self, passability: NDArray) -> Chart:
+        """Return a chart of the grid, with a passability for each pixel."""
+        return Chart.from_passability(passability, self.pixel_size, self.lower)
+
     def widened(self, metres: float) -> "LocalGrid":
         """Return the grid widened by a distance, in whole pixels, on every side."""
         more = max(int(np.ceil(metres / self.pixel_size - 1e-6)), 0)
@@ -46,10 +55,11 @@ class LocalGrid:
     def outline(self) -> tuple[Array, Array]:
         """North and east of points around the rectangle asked for, m."""
         (south, west), (north, east) = self.lower, self.upper
-        n, e = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE)
-        sides = [(n, np.full(OUTLINE, side)) for side in (west, east)]
-        sides += [(np.full(OUTLINE, side), e) for side in (south, north)]
-        return np.concatenate([s[0] for s in sides]), np.concatenate([s[1] for s in sides])
+        n, e, along = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE), np.ones(OUTLINE)
+        return (
+            np.concatenate([n, n, south * along, north * along]),
+            np.concatenate([west * along, east * along, e, e]),
+        )
 
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
         """Rows of pixels, a block at a time: which rows, and north and east of their centres, m."""
@@ -104,13 +114,10 @@ def near(shapes: Sequence[Any], site: Site, grid: LocalGrid, margin: float) -> A
 
     Of longitudes that name one place (-170 and 190) either is found.
     """
-    found = []
-    all_shapes = np.asarray(shapes, object)
+    given, found = np.asarray(shapes, object), []
     for box in around(site, grid, margin).geoms:
-        for shape in all_shapes[shapely.intersects(box, all_shapes)]:
-            cut = shapely.intersection(shape, box)
-            if not shapely.is_empty(cut):
-                found.append(to_local(cut, site))
+        cuts = shapely.intersection(given[shapely.intersects(box, given)], box)
+        found += [to_local(cut, site) for cut in cuts[~shapely.is_empty(cuts)]]
     return shapely.union_all(found)
 
 
@@ -119,9 +126,22 @@ def around(site: Site, grid: LocalGrid, margin: float) -> MultiPolygon:
 
     There is one for each way to write the longitudes.
     """
-    west, south, east, north = _bounds(site, grid, margin)
-    turns = (-360.0, 0.0, 360.0)
-    return MultiPolygon([shapely.box(west + turn, south, east + turn, north) for turn in turns])
+    low, high = np.asarray(grid.lower) - margin, np.asarray(grid.upper) + margin
+    grown = replace(grid, lower=tuple(low), upper=tuple(high))
+    longitude, latitude = site.to_geographic(*grown.outline())
+    longitude = site.longitude + (longitude - site.longitude + 180.0) % 360.0 - 180.0
+    # Between the points of the outline it may bulge.
+    wide, tall = 0.02 * np.ptp(longitude), 0.02 * (np.ptp(latitude) + 1e-6)
+    west, east = longitude.min() - wide - 1e-6, longitude.max() + wide + 1e-6
+    south, north = max(latitude.min() - tall, -90.0), min(latitude.max() + tall, 90.0)
+    for pole in (-90.0, 90.0):
+        at = np.ravel(site.to_local(0.0, pole))
+        if (low <= at).all() and (at <= high).all():
+            west, east = site.longitude - 180.0, site.longitude + 180.0
+            south, north = min(south, pole), max(north, pole)
+    return MultiPolygon(
+        [shapely.box(west + turn, south, east + turn, north) for turn in (-360.0, 0.0, 360.0)]
+    )
 
 
 def touched(shape: Any, grid: LocalGrid) -> NDArray[np.bool_]:
@@ -130,35 +150,20 @@ def touched(shape: Any, grid: LocalGrid) -> NDArray[np.bool_]:
     Squares are halved where the shape neither fills nor leaves them, so that the work goes with the length of
     its outline.
     """
+    nothing, part, whole = 0, 1, 2
     shapely.prepare(shape)
-    state = np.full((1, 1), _PART, np.uint8)
+    state = np.full((1, 1), part, np.uint8)
     for level in range(int(np.ceil(np.log2(max(grid.shape)))), -1, -1):
         size = grid.pixel_size * 2**level
-        i, j = np.nonzero(state == _PART)
+        i, j = np.nonzero(state == part)
         gap = _OPEN * grid.pixel_size
         south, west = grid.lower[0] + i * size, grid.lower[1] + j * size
         squares = shapely.box(south + gap, west + gap, south + size - gap, west + size - gap)
-        reached = np.where(shapely.intersects(shape, squares), _PART, _NONE)
-        state[i, j] = np.where(shapely.contains_properly(shape, squares), _ALL, reached) if level else reached
+        reached = np.where(shapely.intersects(shape, squares), part, nothing)
+        state[i, j] = (
+            np.where(shapely.contains_properly(shape, squares), whole, reached) if level else reached
+        )
         if level:
             rows, columns = (-(-pixels // 2 ** (level - 1)) for pixels in grid.shape)
             state = state.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :columns]
-    return state != _NONE
-
-
-def _bounds(site: Site, grid: LocalGrid, margin: float) -> tuple[float, float, float, float]:
-    """West, south, east and north, degrees, of a grid and the margin; west and east around the site."""
-    low, high = np.asarray(grid.lower) - margin, np.asarray(grid.upper) + margin
-    grown = LocalGrid(tuple(low), tuple(high), grid.pixel_size, grid.shape)
-    longitude, latitude = site.to_geographic(*grown.outline())
-    around = site.longitude + (longitude - site.longitude + 180.0) % 360.0 - 180.0
-    # Between the points of the outline it may bulge.
-    spare = 0.02 * (np.ptp(latitude) + 1e-6)
-    west, east = around.min() - 0.02 * np.ptp(around) - 1e-6, around.max() + 0.02 * np.ptp(around) + 1e-6
-    south, north = max(latitude.min() - spare, -90.0), min(latitude.max() + spare, 90.0)
-    for pole in (-90.0, 90.0):
-        at = np.ravel(site.to_local(0.0, pole))
-        if (low <= at).all() and (at <= high).all():
-            west, east = site.longitude - 180.0, site.longitude + 180.0
-            south, north = min(south, pole), max(north, pole)
-    return float(west), float(south), float(east), float(north)
+    return state != nothing

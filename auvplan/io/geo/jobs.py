@@ -4,16 +4,16 @@ import csv
 import difflib
 import io
 import re
-import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from auvplan.errors import ScenarioWarning
+from auvplan.errors import warn
 from auvplan.io.geo.error import Faults, GeoError, label, read_text, reading
 from auvplan.io.geo.features import (
     MAX_JOBS_BYTES,
@@ -21,10 +21,10 @@ from auvplan.io.geo.features import (
     Feature,
     Features,
     check_place,
-    positions,
+    local_positions,
     read_features,
 )
-from auvplan.io.geo.windows import read_falls, read_windows
+from auvplan.io.geo.windows import Hours
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.runtime.formatting import counted
 from auvplan.site import Site, is_place
@@ -33,16 +33,9 @@ from auvplan.site import Site, is_place
 _HOURS = ("from", "to", "windows", "window", "priority_after")
 _PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name", *_HOURS)}
 _HEADINGS = {
-    "lon": "lon",
-    "longitude": "lon",
-    "lat": "lat",
-    "latitude": "lat",
-    "x": "north",
-    "north": "north",
-    "y": "east",
-    "east": "east",
-    **{name: name for name in ("depth", "priority", "duration", "name", "line", *_HOURS)},
-}
+    "lon": "lon", "longitude": "lon", "lat": "lat", "latitude": "lat",
+    "x": "north", "north": "north", "y": "east", "east": "east", **_PROPERTIES, "line": "line",
+}  # fmt: skip
 #: A first line that names the separator of a table's cells.
 _SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
 #: What numbers that are often written otherwise look like.
@@ -69,6 +62,7 @@ _OTHER_WORDS = {
     "north": "northing n y_local",
     "east": "easting e x_local",
 }
+_MEANT = {word: kind for kind, words in _OTHER_WORDS.items() for word in words.split()}
 #: What is asked of jobs elsewhere and has no counterpart here.
 _UNHEEDED = "speed heading course yaw radius required mandatory enabled skip order sequence seq"
 _MEANING = {
@@ -106,10 +100,10 @@ def read_jobs(
     priority and duration. GPX: its waypoints, whose elevation is less the depth. KML and KMZ: points, and
     lines to survey, with depth, priority and duration in their extended data. QGroundControl's `.plan`:
     waypoints with their hold time, and the transects of a survey as one line. Headings and properties are
-    read in either case; other ones are left, see `check_headings`. A name that is missing is the job's number
-    in the file; priority is 1 and duration 0 s by default, which is noted of formats for places. A task
-    may have a time window, `from` and `to`, or several `windows`: see `read_windows`. `priority_after` says
-    at which moments the priority falls, and to what: see `read_falls`.
+    read in either case; other ones are left. A name that is missing is the job's number in the file; priority
+    is 1 and duration 0 s by default, which is noted of formats for places. A task may have a time window,
+    `from` and `to`, or several `windows`: see `Hours.windows`. `priority_after` says at which moments the
+    priority falls, and to what: see `Hours.falls`.
 
     Args:
         source: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON; or features (`Features`).
@@ -139,46 +133,34 @@ def read_jobs(
             features = _table(Path(path), site, faults)
         elif suffix in READERS:
             features = list(READERS[suffix](Path(path), faults, notes))
-            notes += _defaults(Path(path), features, default_depth)
+            notes += _defaults(path, features, default_depth)
         else:
             features = read_features(source, ("Point", "MultiPoint", "LineString"))
         if site is None and (placed := [feature.where for feature in features if not feature.local]):
             raise GeoError(f"{placed[0]}: longitude and latitude need a site")
-        found = _built(features, site, default_depth, until, speed, faults)
+        mission, found = _Mission(site, default_depth, until, speed), []
+        doubts: dict[str, str] = {}
+        slips: dict[str, str] = {}  # what is the same in many features is reported for the first
+        for feature in features:
+            try:
+                doubts = _check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
+            except GeoError as error:
+                slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
+            with faults.kept():
+                found += mission.jobs_of(feature, faults)
+        for line in doubts.values():
+            warn(line)
+        faults.lines += slips.values()
+        faults.refuse(max(len(features), faults.places))
         counts = Counter(job.name for job in found)
         twice = {name: "two" if count == 2 else count for name, count in counts.items() if count > 1}
         if twice:
             raise GeoError(*(f"{path}: {count} jobs are named {name!r}" for name, count in twice.items()))
-        points = tuple(job for job in found if isinstance(job, JobPoint))
-        return Jobs(points, tuple(job for job in found if isinstance(job, JobLine)), tuple(notes))
+        points, lines = (tuple(job for job in found if isinstance(job, kind)) for kind in (JobPoint, JobLine))
+        return Jobs(points, lines, tuple(notes))
 
 
-def _built(
-    features: list[Feature],
-    site: Site | None,
-    default_depth: float,
-    until: float,
-    speed: Speed | None,
-    faults: Faults,
-) -> list[JobPoint | JobLine]:
-    """Return the jobs of features, or raise what is wrong with them and with the file."""
-    found: list[JobPoint | JobLine] = []
-    doubts: dict[str, str] = {}
-    slips: dict[str, str] = {}  # what is the same in many features is reported for the first
-    for feature in features:
-        try:
-            doubts = check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
-        except GeoError as error:
-            slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
-        with faults.kept():
-            found += _jobs_of(feature, site, default_depth, until, speed, faults)
-    _warn_all(doubts.values())
-    faults.lines += slips.values()
-    faults.refuse(max(len(features), faults.places))
-    return found
-
-
-def _defaults(path: Path, features: list[Feature], default_depth: float) -> list[str]:
+def _defaults(path: str, features: list[Feature], default_depth: float) -> list[str]:
     """Return what is assumed of features that do not state it: formats for places seldom do."""
     notes = []
     for name, words in (("priority", "1"), ("duration", "0 s"), ("depth", f"{default_depth:g} m")):
@@ -192,72 +174,61 @@ def _defaults(path: Path, features: list[Feature], default_depth: float) -> list
     return notes
 
 
-def _warn_all(lines: Iterable[str]) -> None:
-    for line in lines:
-        warnings.warn(line, ScenarioWarning, stacklevel=2)
+@dataclass(frozen=True)
+class _Mission:
+    """What jobs are read for; attributes as of `read_jobs`."""
 
+    site: Site | None
+    default_depth: float
+    until: float
+    speed: Speed | None
 
-def _jobs_of(
-    feature: Feature,
-    site: Site | None,
-    default_depth: float,
-    until: float,
-    speed: Speed | None,
-    faults: Faults,
-) -> Iterator[JobPoint | JobLine]:
-    where, stated = feature.where, feature.properties
-    numbers = _numbers(where, stated, faults)
-    priority = 1.0 if numbers["priority"] is None else numbers["priority"]
-    duration = numbers["duration"] or 0.0
-    name = str(stated.get("name", "")).strip() or str(feature.number)
-    job = where if repr(name) in where else f"{where}, job {name!r}"
-    places = _places(feature, site, numbers["depth"], default_depth)
-    falls = ()
-    with faults.kept():
-        falls = read_falls(job, stated, site, priority)
-    if feature.kind == "LineString":
-        for k, (a, b) in enumerate(pairwise(places), 1):
-            if a == b:
-                raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
-        windows = read_windows(job, stated, site, None, until, _fastest(speed, places))
-        yield JobLine(name, tuple(places), priority, duration, windows, falls)
-        return
-    for number, place in enumerate(places, 1):
-        windows = read_windows(job, stated, site, duration, until, _fastest(speed, [place]))
-        one = name if feature.kind == "Point" else f"{name} {number}"
-        yield JobPoint(one, place, priority, duration, windows, falls)
+    def jobs_of(self, feature: Feature, faults: Faults) -> list[JobPoint] | list[JobLine]:
+        """Return the jobs of a feature."""
+        where, stated = feature.where, feature.properties
+        numbers = _numbers(where, stated, faults)
+        priority = 1.0 if numbers["priority"] is None else numbers["priority"]
+        duration = numbers["duration"] or 0.0
+        name = str(stated.get("name", "")).strip() or str(feature.number)
+        job = where if repr(name) in where else f"{where}, job {name!r}"
+        hours = Hours(job, stated, self.site, self.until)
+        places = self._places(feature, numbers["depth"])
+        falls = ()
+        with faults.kept():
+            falls = hours.falls(priority)
+        if feature.kind == "LineString":
+            for k, (a, b) in enumerate(pairwise(places), 1):
+                if a == b:
+                    raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
+            windows = hours.windows(None, self._fastest(places))
+            return [JobLine(name, tuple(places), priority, duration, windows, falls)]
+        names = [name] if feature.kind == "Point" else [f"{name} {k + 1}" for k in range(len(places))]
+        return [
+            JobPoint(one, place, priority, duration, hours.windows(duration, self._fastest([place])), falls)
+            for one, place in zip(names, places, strict=True)
+        ]
 
+    def _fastest(self, places: Sequence[Position]) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Return the current's speed at times, the greatest of those at some places."""
+        if (speed := self.speed) is None:
+            return None
+        return lambda times: np.max([speed(place, times) for place in places], axis=0)
 
-def _fastest(speed: Speed | None, places: Sequence[Position]) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Return the current's speed at times, the greatest of those at some places."""
-    if speed is None:
-        return None
-    return lambda times: np.max([speed(place, times) for place in places], axis=0)
-
-
-def _places(feature: Feature, site: Site | None, depth: float | None, default_depth: float) -> list[Position]:
-    """Local positions of a feature, whose depth may be given by its property or by its elevations."""
-    at = positions(feature, least=2 if feature.kind == "LineString" else 1)
-    north, east = at[:, 0], at[:, 1]
-    if not feature.local:
-        assert site is not None
-        north, east = site.to_local(north, east)
-        if not np.isfinite((north, east)).all():
-            raise GeoError(f"{feature.where}: has no place in the site's local metres")
-    found, stated = [], default_depth if depth is None else depth
-    for n, e, elevation in np.stack([north, east, at[:, 2]], axis=1).tolist():
-        if depth is not None and abs(depth + elevation) > _SAME:
-            raise GeoError(
-                f"{feature.where}: depth {depth:g} m contradicts the elevation {elevation:g} m, which is its "
-                "negative"
-            )
-        if elevation > _SAME:
-            raise GeoError(
-                f"{feature.where}: elevation {elevation:g} m is above the sea: a depth of 5 m is -5"
-            )
-        known = depth is not None or np.isnan(elevation)
-        found.append((n, e, stated if known else max(0.0, -elevation)))
-    return found
+    def _places(self, feature: Feature, depth: float | None) -> list[Position]:
+        """Local positions of a feature, whose depth may be given by its property or by its elevations."""
+        where, found = feature.where, []
+        at = local_positions(feature, self.site, 2 if feature.kind == "LineString" else 1)
+        for north, east, elevation in at.tolist():
+            if depth is not None and abs(depth + elevation) > _SAME:
+                what = f"the elevation {elevation:g} m, which is its negative"
+                raise GeoError(f"{where}: depth {depth:g} m contradicts {what}")
+            if elevation > _SAME:
+                raise GeoError(f"{where}: elevation {elevation:g} m is above the sea: a depth of 5 m is -5")
+            down = self.default_depth if depth is None else depth
+            if depth is None and not np.isnan(elevation):
+                down = max(0.0, -elevation)
+            found.append((north, east, down))
+        return found
 
 
 def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
@@ -306,18 +277,14 @@ def _check_reading(
 ) -> None:
     """Warn of columns x and y, and refuse degrees under headings of metres."""
     if "x" in given or "y" in given:
-        warnings.warn(
+        warn(
             f"{path}: the columns x and y are read as metres north and east of the site: "
-            "name them north and east, or longitude and latitude",
-            ScenarioWarning,
-            stacklevel=2,
+            "name them north and east, or longitude and latitude"
         )
-    places = []
-    for _, row in rows:
-        try:
-            places.append((float(row["north"]), float(row["east"])))
-        except (KeyError, ValueError):
-            return  # degrees as such, or a fault that is reported for its row
+    try:
+        places = [(float(row["north"]), float(row["east"])) for _, row in rows]
+    except (KeyError, ValueError):
+        return  # degrees as such, or a fault that is reported for its row
     if site is None or not places:
         return
     names = [name for kind in ("north", "east") for name in given if _HEADINGS.get(name) == kind]
@@ -347,13 +314,14 @@ def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[
         raise GeoError(f"{path}: has no rows of jobs under a row of headings")
     given = [cell.strip().lower() for cell in filled[0][1]]
     with faults.kept():
-        _warn_all(check_headings(str(path), given, _HEADINGS).values())
+        for line in _check_headings(str(path), given, _HEADINGS).values():
+            warn(line)
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
     faults.lines += [f"{path}: two columns map to {name}" for name, count in used.items() if count > 1]
     # A column whose heading is all but one that is known is checked as that one.
     for number, name in enumerate(given):
-        meant = _HEADINGS.get(slip_of(name, _HEADINGS)) if columns[number] is None else None
+        meant = _HEADINGS.get(_slip_of(name, _HEADINGS)) if columns[number] is None else None
         if meant and not used[meant]:
             columns[number], used[meant] = meant, 1
     pairs = [pair for pair in (("lon", "lat"), ("north", "east")) if set(pair) & used.keys()]
@@ -369,10 +337,8 @@ def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[
         if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
             faults.lines.append(f"{where}: has {len(row)} cells under {len(columns)} headings")
             continue
-        cells = {
-            name: cell.strip() for name, cell in zip(columns, row, strict=False) if name and cell.strip()
-        }
-        rows.append((where, cells))
+        cells = zip(columns, map(str.strip, row), strict=False)
+        rows.append((where, {name: cell for name, cell in cells if name and cell}))
     if separator != ",":
         _point_decimals(rows, faults)
     return given, pairs[0], rows
@@ -396,10 +362,11 @@ def _point_decimals(rows: list[tuple[str, dict[str, str]]], faults: Faults) -> N
 
 def _place(where: str, row: dict[str, str], axes: tuple[str, str]) -> list[float]:
     """Return the place of a row: longitude and latitude, or north and east."""
-    place = [_number(where, row, name, None, least=-np.inf) for name in axes]
-    for name, value in zip(axes, place, strict=True):
+    place = []
+    for name, value in [(name, _number(where, row, name, least=-np.inf)) for name in axes]:
         if value is None:
             raise GeoError(f"{where}: {name} is missing")
+        place.append(value)
     if axes[0] == "lon":
         check_place(where, *place)
     return place
@@ -418,28 +385,29 @@ def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, fl
     found: dict[str, float | None] = dict.fromkeys(("depth", "priority", "duration"))
     for name in found:
         with faults.kept():
-            found[name] = _number(where, stated, name, None)
+            found[name] = _number(where, stated, name)
     return found
 
 
-def _number(where: str, stated: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:
-    """Return a finite number >= `least`, or the default where there is none."""
+def _number(where: str, stated: dict[str, Any], name: str, least: float = 0.0) -> float | None:
+    """Return a finite number >= `least`, or None where there is none."""
     value = stated.get(name)
     if value is None or value == "":
-        return default
+        return None
     try:
         number = float("nan") if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not np.isfinite(number):
-        what = f"a finite number{_SUCH.get(name, '')}"
-        raise GeoError(f"{where}: {name} must be {what}, got {str(value)[:40]!r}")
+        raise GeoError(
+            f"{where}: {name} must be a finite number{_SUCH.get(name, '')}, got {str(value)[:40]!r}"
+        )
     if number < least:
         raise GeoError(f"{where}: {name} must be at least {least:g}, got {number:g}")
     return number
 
 
-def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
+def _check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
     """Refuse a name that is all but one that means something, and doubt one that may stand for it.
 
     Args:
@@ -454,37 +422,33 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     Raises:
         GeoError: a name differs from a known one by a slip of the pen, an abbreviation or a unit.
     """
-    names = list(dict.fromkeys(given))
-    stated = {known[name] for name in names if name in known}
-    slips = [
-        f"{where}: unknown name {name!r}, did you mean {meant!r}{_in_words(known[meant])}?"
-        for name in names
-        if name not in known and (meant := slip_of(name, known))
-    ]
-    if slips:
-        raise GeoError(*slips)
-    doubts = {}
-    for name in names:
-        if name in known:
-            continue
-        plain = _plain(name)
-        meant = next(
-            (kind for kind, words in _OTHER_WORDS.items() if plain in words.split() and kind in known), None
+    stated = {known[name] for name in given if name in known}
+    others = [name for name in dict.fromkeys(given) if name not in known]
+    meant = {name: slip for name in others if (slip := _slip_of(name, known))}
+    if meant:
+        raise GeoError(
+            *(
+                f"{where}: unknown name {name!r}, did you mean {slip!r}{_in_words(known[slip])}?"
+                for name, slip in meant.items()
+            )
         )
-        if meant and meant not in stated:
-            doubts[name] = f"{where}: {name!r} is ignored: did you mean {meant!r}{_in_words(meant)}?"
-        elif plain in _UNHEEDED.split():
+    doubts = {}
+    for name in others:
+        kind = _MEANT.get(_plain(name))
+        if kind in known and kind not in stated:
+            doubts[name] = f"{where}: {name!r} is ignored: did you mean {kind!r}{_in_words(kind)}?"
+        elif _plain(name) in _UNHEEDED.split():
             what = "jobs have a place, priority, duration, name and time windows alone"
             doubts[name] = f"{where}: {name!r} is ignored: {what}"
     return doubts
 
 
-def slip_of(name: str, known: Mapping[str, str]) -> str:
+def _slip_of(name: str, known: Mapping[str, str]) -> str:
     """Return the known name that a name all but is, or an empty string."""
     plain = _plain(name)
     if plain in known:
         return plain
-    if len(plain) < 3 or any(plain in words.split() for words in _OTHER_WORDS.values()):
+    if len(plain) < 3 or plain in _MEANT:
         return ""
     begun = [word for word in known if word.startswith(plain)]
     if len(plain) > 3:

@@ -196,25 +196,30 @@ def same_crs(one: CRS, other: CRS) -> bool:
     )
 
 
-def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
-    """Return the reference system of an array's x and y: its own, else the one given.
+def agreed_crs(what: object, own: CRS | None, given: Any) -> CRS | None:
+    """Return the reference system of a file, which it has itself or else is given.
 
     Raises:
-        GeoError: one line; both are there and differ, or one is neither geographic nor projected.
+        GeoError: one line; both are there and differ, or it is neither geographic nor projected.
     """
-    mapping, wanted = _grid_mapping(array), None if given is None else as_crs(given, GeoError)
-    own = None
-    if stated := {key: value for key, value in mapping.items() if key != "GeoTransform"}:
-        if (own := of_mapping(stated)) is None:
-            raise GeoError(f"{what}: its grid mapping names no coordinate reference system")
-    elif "crs" in array.attrs:
-        own = as_crs(array.attrs["crs"], GeoError)
+    wanted = None if given is None else as_crs(given, GeoError)
     if own is not None and wanted is not None and not same_crs(own, wanted):
         raise GeoError(f"{what}: is in {own.name}, not in {wanted.name} as crs says")
     system = own or wanted
     if system is not None and not (system.is_geographic or system.is_projected):
         raise GeoError(f"{what}: {system.name} is neither geographic nor projected")
     return system
+
+
+def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
+    """Return the reference system of an array's x and y: its own, else the one given; as `agreed_crs`."""
+    own = None
+    if stated := {key: value for key, value in _grid_mapping(array).items() if key != "GeoTransform"}:
+        if (own := of_mapping(stated)) is None:
+            raise GeoError(f"{what}: its grid mapping names no coordinate reference system")
+    elif "crs" in array.attrs:
+        own = as_crs(array.attrs["crs"], GeoError)
+    return agreed_crs(what, own, given)
 
 
 def _grid_mapping(array: xr.DataArray) -> dict[str, Any]:
@@ -319,23 +324,19 @@ def refuse_beyond(
         GeoError: one line that says by how much, on which side, and whether it would not with longitude and
             latitude swapped.
     """
-    try:
-        _refuse_beyond(path, what, find, grid, nodes, slack)
-    except GeoError as error:
-
-        def fits(other: Site) -> bool:
-            _refuse_beyond(path, what, nodes.seen_from(other, grid), grid, nodes, slack)
-            return True
-
-        hint = swapped_hint(site, fits)
-        raise GeoError(f"{error}{hint}") from None
+    if beyond := _beyond(what, find, grid, nodes, slack):
+        hint = swapped_hint(
+            site, lambda other: not _beyond(what, nodes.seen_from(other, grid), grid, nodes, slack)
+        )
+        raise GeoError(f"{path}: the area {beyond}{hint}")
 
 
-def _refuse_beyond(path: object, what: str, find: Find, grid: LocalGrid, nodes: Nodes, slack: float) -> None:
+def _beyond(what: str, find: Find, grid: LocalGrid, nodes: Nodes, slack: float) -> str:
+    """Return in words how far a grid reaches beyond nodes; empty where it does not."""
     row, column = find(*grid.outline())
     spacing = steps(find, grid)
     if np.isnan(row).all() or (np.isnan(spacing).any() and not np.isnan(row).any()):
-        raise GeoError(f"{path}: the area lies wholly beyond the {what}")
+        return f"lies wholly beyond the {what}"
     over: dict[str, float] = {}
     for at, size, step, cyclic in (
         (row, nodes.shape[0], spacing[0], False),
@@ -345,23 +346,16 @@ def _refuse_beyond(path: object, what: str, find: Find, grid: LocalGrid, nodes: 
         for by, sense in zip(past, (-1.0, 1.0), strict=True):
             if by > slack and not cyclic:
                 north, east = (sense * step).tolist()
-                ahead = (
-                    ("south", "north")[north > 0] if abs(north) >= abs(east) else ("west", "east")[east > 0]
-                )
-                over[ahead] = float((by - 0.5) * np.hypot(*step))
+                along, names = (north, "south north") if abs(north) >= abs(east) else (east, "west east")
+                over[names.split()[along > 0]] = float((by - 0.5) * np.hypot(*step))
     if over:
         sides = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
-        raise GeoError(f"{path}: the area reaches beyond the {what} by {sides}")
+        return f"reaches beyond the {what} by {sides}"
     gone = np.isnan(row).reshape(4, OUTLINE).mean(axis=1)
-    if gone.any():
-        tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
-        lengths = {"west": tall, "east": tall, "south": wide, "north": wide}
-        sides = " and ".join(
-            f"{share * length:.0f} m of its edge in the {side}"
-            for (side, length), share in zip(lengths.items(), gone, strict=True)
-            if share > 0
-        )
-        raise GeoError(f"{path}: the area reaches beyond the {what} with {sides}")
+    tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
+    lost = dict(zip(("west", "east", "south", "north"), gone * (tall, tall, wide, wide), strict=True))
+    sides = " and ".join(f"{m:.0f} m of its edge in the {side}" for side, m in lost.items() if m > 0)
+    return sides and f"reaches beyond the {what} with {sides}"
 
 
 def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from auvplan.io.geo.error import Faults, GeoError, label, reading
-from auvplan.io.geo.features import Feature, Features, positions, read_features
+from auvplan.io.geo.error import GeoError, label, reading
+from auvplan.io.geo.features import Feature, Features, each, local_positions, read_features
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 
@@ -49,13 +49,7 @@ def read_obstacles(source: Features, site: Site) -> tuple[KnownObstacle, ...]:
         GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
     """
     with reading(label(source)):
-        found, faults = [], Faults()
-        features = read_features(source, ("Point",))
-        for feature in features:
-            with faults.kept():
-                found.append(_obstacle(feature, site))
-        faults.refuse(len(features))
-        return tuple(found)
+        return tuple(each(read_features(source, ("Point",)), lambda feature: [_obstacle(feature, site)]))
 
 
 def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
@@ -63,10 +57,7 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         stated = _Properties.model_validate(feature.properties)
     except ValidationError as error:
         raise GeoError(*(_line(feature.where, found) for found in error.errors(include_url=False))) from None
-    place = positions(feature)[0]
-    north, east = (float(axis) for axis in site.to_local(place[0], place[1]))
-    if not np.isfinite((north, east)).all():
-        raise GeoError(f"{feature.where}: has no place in the site's local metres")
+    ((north, east, _),) = local_positions(feature, site).tolist()
     bearing = np.deg2rad(stated.course or 0.0)
     velocity = (stated.speed * float(np.cos(bearing)), stated.speed * float(np.sin(bearing)))
     return KnownObstacle(

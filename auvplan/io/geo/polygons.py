@@ -2,7 +2,6 @@
 
 import warnings
 import zlib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,18 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import ScenarioWarning, reason_of
-from auvplan.io.geo.error import Faults, GeoError, label
-from auvplan.io.geo.features import Feature, Features, check_place, positions, read_features
+from auvplan.errors import reason_of, warn
+from auvplan.io.geo.error import GeoError, label
+from auvplan.io.geo.features import (
+    Feature,
+    Features,
+    check_place,
+    each,
+    gdal,
+    positions,
+    read_features,
+    read_layer,
+)
 
 #: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
 _CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
@@ -23,8 +31,8 @@ _CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
 _AROUND = 360.0 - 1e-6
 # Edges that are looked up at a time, at most.
 _TOGETHER = 256
-_STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
-_SHAPEFILE = b"\0\0\x27\x0a"
+# First bytes of a GeoPackage, a FlatGeobuf, an archive and a Shapefile.
+_STARTS, _SHAPEFILE = (b"SQLite format 3", b"fgb", b"PK\x03\x04"), b"\0\0\x27\x0a"
 # m, the longest piece of a projection's edge that is straight in degrees too.
 _PIECE = 1000.0
 #: Parts of a Shapefile in an archive.
@@ -51,33 +59,22 @@ def read_polygons(source: Features, area: Any = None) -> list[Feature]:
     Warns:
         ScenarioWarning: a ring that was parted or repaired.
     """
-    if isinstance(source, str | Path) and is_vector_file(source):
+    if isinstance(source, str | Path) and _is_vector_file(Path(source)):
         features = read_vector_polygons(source)
     else:
-        features = [
-            one for one in read_features(source, ("Polygon", "MultiPolygon")) if one.coordinates != []
-        ]
-        if not features:
+        stated = read_features(source, ("Polygon", "MultiPolygon"))
+        filled = [one for one in stated if one.coordinates != []]
+        if not filled:
             raise GeoError(f"{label(source)}: every polygon is empty")
-        features = _each(features, lambda one: replace(one, shape=_shape(one)))
+        features = each(filled, lambda one: [replace(one, shape=_shape(one))])
 
-    def sound(feature: Feature) -> Feature | None:
+    def sound(feature: Feature) -> list[Feature]:
         if shapely.is_valid(feature.shape):
-            return feature
+            return [feature]
         near = area is None or shapely.intersects(shapely.box(*feature.shape.bounds), area)
-        return replace(feature, shape=_repaired(feature)) if near else None
+        return [replace(feature, shape=_repaired(feature))] if near else []
 
-    return _each(features, sound)
-
-
-def _each(features: list[Feature], change: Callable[[Feature], Feature | None]) -> list[Feature]:
-    """Return features that are changed, without those of which nothing is left; refuse all faults at once."""
-    found, faults = [], Faults()
-    for feature in features:
-        with faults.kept():
-            found.append(change(feature))
-    faults.refuse(len(features))
-    return [feature for feature in found if feature is not None]
+    return each(features, sound)
 
 
 def _shape(feature: Feature) -> Polygon | MultiPolygon:
@@ -129,7 +126,7 @@ def _repaired(feature: Feature) -> Polygon | MultiPolygon:
         done = "repaired, with all inside that may be meant"
     if not isinstance(repaired, Polygon | MultiPolygon) or repaired.is_empty:
         raise GeoError(line)
-    warnings.warn(f"{line}: it is {done}", ScenarioWarning, stacklevel=3)
+    warn(f"{line}: it is {done}")
     return repaired
 
 
@@ -158,11 +155,11 @@ def _refuse_leap(where: str, places: np.ndarray) -> None:
         raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
 
 
-def is_vector_file(path: str | Path) -> bool:
+def _is_vector_file(path: Path) -> bool:
     """Return whether a file is of a vector format other than GeoJSON, by its name or first bytes."""
-    if Path(path).suffix.lower() in _SUFFIXES:
+    if path.suffix.lower() in _SUFFIXES:
         return True
-    with Path(path).open("rb") as file:
+    with path.open("rb") as file:
         return file.read(16).startswith(_STARTS)
 
 
@@ -175,13 +172,11 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
         GeoError: one line; the file cannot be read, has no reference system, has no polygons, several
             layers of them, something else among them, or one lies off the Earth.
     """
-    try:
-        from pyogrio import list_layers, raw
-    except ImportError:
-        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
-    if not Path(path).exists():
+    path = Path(path)
+    list_layers = gdal(path).list_layers
+    if not path.exists():
         raise GeoError(f"{path}: no such file")
-    source = _source(Path(path))
+    source = _source(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what GDAL finds odd and can read
@@ -190,67 +185,97 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
             if len(layers) > 1:
                 raise GeoError(
                     f"{path}: has {len(layers)} layers that may be land, {', '.join(layers)[:200]}: keep one "
-                    f"of them, such as by `ogr2ogr land.gpkg {Path(path).name} {layers[0]}`"
+                    f"of them, such as by `ogr2ogr land.gpkg {path.name} {layers[0]}`"
                 )
             if not layers:
                 raise GeoError(f"{path}: has no layer of polygons")
-            meta, _, geometries, columns = raw.read(source, layer=layers[0], force_2d=True)
+            features, system = read_layer(path, source, layers[0])
     except GeoError:
         raise
     except Exception as error:  # whatever GDAL stumbles over
         raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
-    if not meta["crs"]:
+    if not system:
         raise GeoError(f"{path}: has no coordinate reference system: a Shapefile's is in the .prj beside it")
-    crs = CRS.from_user_input(meta["crs"])
-    shapes = [None if shape is None else _areas(shape) for shape in shapely.from_wkb(geometries)]
-    for number, shape in enumerate(shapes, 1):
+    shapes = [None if one.shape is None else _flattened(one.shape) for one in features]
+    for feature, shape in zip(features, shapes, strict=True):
         if shape is not None and not isinstance(shape, Polygon | MultiPolygon):
-            raise GeoError(f"{path}: feature {number}: a {shape.geom_type}, where polygons are wanted")
-    if not crs.equals(CRS.from_epsg(4326), ignore_axis_order=True):
-        turn = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
-        if crs.is_projected:  # edges are straight in its own metres
-            piece = _PIECE / float(crs.axis_info[0].unit_conversion_factor)
-            shapes = [_unrolled(shape, turn, piece) for shape in shapes]
-        else:
-            shapes = shapely.transform(shapes, lambda places: _turned(places, turn))
-    names = [str(name).strip().lower() for name in meta["fields"]]
+            raise GeoError(f"{feature.where}: a {shape.geom_type}, where polygons are wanted")
     found = []
-    for number, shape in enumerate(shapes, 1):
+    for feature, shape in zip(features, _in_degrees(shapes, CRS.from_user_input(system)), strict=True):
         if shape is None or shape.is_empty:
             continue
-        values = {name: column[number - 1] for name, column in zip(names, columns, strict=True)}
-        kept = {name: getattr(value, "item", lambda v=value: v)() for name, value in values.items()}
-        where = f"{path}: feature {number}"
         west, south, east, north = shape.bounds
         for longitude, latitude in ((west, south), (east, north)):
-            check_place(where, longitude, latitude)
+            check_place(feature.where, longitude, latitude)
         for ring in shapely.get_rings(shape):
-            _refuse_leap(where, shapely.get_coordinates(ring))
-        properties = {name: value for name, value in kept.items() if value is not None}
-        found.append(Feature(where, number, shape.geom_type, properties=properties, shape=shape))
+            _refuse_leap(feature.where, shapely.get_coordinates(ring))
+        stated = {name.strip().lower(): value for name, value in feature.properties.items()}
+        found.append(replace(feature, kind=shape.geom_type, properties=stated, shape=shape))
     if not found:
         raise GeoError(f"{path}: every polygon is empty")
     return found
 
 
-def _areas(shape: Any) -> Any:
+def _source(path: Path) -> str:
+    """Return what GDAL is to open: the file, or the one in a zip archive.
+
+    What is not of the format that its name states is refused: GDAL takes it for others, some of which name
+    files and servers that it then reads.
+    """
+    starts: list[tuple[str, bytes]] = []
+    try:
+        with path.open("rb") as file:
+            starts.append((path.name, file.read(16)))
+        if zipped := starts[0][1].startswith(b"PK"):
+            with ZipFile(path) as archive:
+                files = [entry for entry in archive.infolist() if not entry.is_dir()]
+                starts = [(entry.filename, archive.open(entry).read(16)) for entry in files]
+    except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
+        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
+    known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
+    main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
+    for name, _ in starts:
+        if name not in known and not (len(starts) > 1 and Path(name).suffix.lower() in _BESIDE):
+            raise GeoError(
+                f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf: bring it to one of "
+                "these, such as by `ogr2ogr land.gpkg`"
+            )
+    if not zipped:
+        return str(path)
+    if len(main) != 1:
+        several = f"{len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
+        raise GeoError(f"{path}: holds {several if main else 'no GeoPackage, Shapefile or FlatGeobuf'}")
+    return f"/vsizip/{{{path.absolute()}}}/{main[0]}"
+
+
+def _flattened(shape: Any) -> Any:
     """Return a collection of polygons as one of them all; any other geometry as it is."""
     if shape.geom_type != "GeometryCollection":
         return shape
-    parts = [part for inner in shape.geoms for part in shapely.get_parts(_areas(inner))]
+    parts = [part for inner in shape.geoms for part in shapely.get_parts(_flattened(inner))]
     return MultiPolygon(parts) if all(isinstance(part, Polygon) for part in parts) else shape
 
 
-def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
-    """Return polygons of a projection in degrees, with longitudes that go on across the antimeridian.
+def _in_degrees(shapes: list[Any], system: CRS) -> list[Any]:
+    """Return polygons of a reference system in WGS 84.
 
-    Edges longer than `piece` are divided. A ring around a pole is led along it, from one turn to the next.
+    Those of a projection go on across the antimeridian, in longitudes beyond 180 degrees; their edges are
+    divided to be straight in degrees as well. A ring around a pole is led along it from one turn to the next.
     """
-    if shape is None:
-        return None
+    if system.equals(CRS.from_epsg(4326), ignore_axis_order=True):
+        return shapes
+    transformer = Transformer.from_crs(system, "EPSG:4326", always_xy=True)
 
-    def ring(line: Any, about: float | None) -> Any:
-        places = _turned(shapely.get_coordinates(shapely.segmentize(line, piece)), turn)
+    def turned(places: Any) -> Any:
+        places[:, 0], places[:, 1] = transformer.transform(places[:, 0], places[:, 1])
+        return places
+
+    if not system.is_projected:
+        return list(shapely.transform(shapes, turned))
+    piece = _PIECE / float(system.axis_info[0].unit_conversion_factor)
+
+    def ring(line: Any, about: float | None = None) -> Any:
+        places = turned(shapely.get_coordinates(shapely.segmentize(line, piece)))
         if not np.isfinite(places).all():
             return places
         east = np.unwrap(places[:, 0], period=360.0)
@@ -265,51 +290,13 @@ def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
             return np.array([*places, (last[0], pole), (first[0], pole), first])
         return places
 
-    polygons = []
-    for part in shapely.get_parts(shape):
-        if not part.is_empty:
-            outside = ring(part.exterior, None)
-            polygons.append((outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]))
-    return MultiPolygon(polygons)
+    def polygon(part: Any) -> Any:
+        outside = ring(part.exterior)
+        return outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]
 
-
-def _source(path: Path) -> str:
-    """Return what GDAL is to open: the file, or the one in a zip archive.
-
-    What is not of the format that its name states is refused: GDAL takes it for others, some of which name
-    files and servers that it then reads.
-    """
-    starts: list[tuple[str, bytes]] = []
-    zipped = False
-    try:
-        with path.open("rb") as file:
-            starts.append((path.name, file.read(16)))
-        if zipped := starts[0][1].startswith(b"PK"):
-            with ZipFile(path) as archive:
-                starts = []
-                for entry in archive.infolist():
-                    if not entry.is_dir():
-                        with archive.open(entry) as inside:
-                            starts.append((entry.filename, inside.read(16)))
-    except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
-        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
-    known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
-    main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
-    for name, _ in starts:
-        beside = len(starts) > 1 and Path(name).suffix.lower() in _BESIDE
-        if not (name in known or beside):
-            raise GeoError(
-                f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf: bring it to one of "
-                "these, such as by `ogr2ogr land.gpkg`"
-            )
-    if not zipped:
-        return str(path)
-    if len(main) != 1:
-        several = f"{len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
-        raise GeoError(f"{path}: holds {several if main else 'no GeoPackage, Shapefile or FlatGeobuf'}")
-    return f"/vsizip/{{{path.absolute()}}}/{main[0]}"
-
-
-def _turned(places: Any, turn: Transformer) -> Any:
-    places[:, 0], places[:, 1] = turn.transform(places[:, 0], places[:, 1])
-    return places
+    return [
+        None
+        if shape is None
+        else MultiPolygon([polygon(part) for part in shapely.get_parts(shape) if not part.is_empty])
+        for shape in shapes
+    ]

@@ -11,9 +11,8 @@ from defusedxml.ElementTree import fromstring
 from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
-from auvplan.io.currents.projection import as_crs
 from auvplan.io.geo.error import GeoError, read_text, reading
-from auvplan.io.geo.nodes import same_crs
+from auvplan.io.geo.nodes import agreed_crs, same_crs
 from auvplan.ocean.picture import opened, read_pixels
 
 if TYPE_CHECKING:
@@ -46,20 +45,15 @@ def read_raster(path: str | Path, crs: Any = None, *, numbers: bool = False) -> 
     """
     path = Path(path)
     with reading(path):
-        given = None if crs is None else as_crs(crs, GeoError)
         with opened(path, GeoError) as file:
             transform, own = _place(path, file)
             if transform is None:
                 missing = f"{path.stem}.wld or {path.name}w is missing"
                 why = "warp it to a grid first" if file.gcps[0] else missing
                 raise GeoError(f"{path}: is not georeferenced, by its own tags or by a world file: {why}")
-            if own is not None and given is not None and not same_crs(own, given):
-                raise GeoError(f"{path}: is in {own.name}, not in {given.name} as crs says")
-            system = own or given
+            system = agreed_crs(path, own, crs)
             if system is None:
                 raise GeoError(f"{path}: has no coordinate reference system: set crs, such as EPSG:32755")
-            if not (system.is_geographic or system.is_projected):
-                raise GeoError(f"{path}: {system.name} is neither geographic nor projected")
             values, shown = read_pixels(path, file, GeoError, numbers=numbers)
             name, attributes = _band(file, values.dtype)
         a, b, c, d, e, f = transform[:6]

@@ -9,7 +9,7 @@ import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from glob import escape
 from itertools import chain
 from pathlib import Path
@@ -22,11 +22,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import ScenarioWarning, reason_of
-from auvplan.io.geo.error import GeoError, as_chart, reading
-from auvplan.io.geo.features import MAX_BYTES, Feature
+from auvplan.errors import reason_of, warn
+from auvplan.io.geo.error import GeoError, reading
+from auvplan.io.geo.features import MAX_BYTES, Feature, gdal, read_layer
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
-from auvplan.ocean.chart import Chart
+from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.formatting import counted
@@ -136,9 +136,9 @@ class _Found:
         kinds = dict.fromkeys((*_DRY, "UNSARE", *_DEPTHS, *_HAZARDS, *_RESTRICTED))
         layers = (_read(cell.path, cell.source, kind) for kind in kinds if kind in cell.layers)
         for one in chain.from_iterable(layers):
-            if not shapely.intersects(shapely.box(*one.shape.bounds), box):
-                continue
             shape = one.shape
+            if not shapely.intersects(shapely.box(*shape.bounds), box):
+                continue
             if not shapely.is_valid(shape):
                 shape, self.repaired = shapely.make_valid(shape), self.repaired + 1
             cuts = [shapely.intersection(shape, turn) for turn in box.geoms]
@@ -146,27 +146,28 @@ class _Found:
             local = shapely.intersection(whole, part)
             if shapely.is_empty(local):
                 continue
-            least = float(one.properties.get("DRVAL1", -np.inf))
+            area, least = _areas(local), float(one.properties.get("DRVAL1", -np.inf))
             if one.kind in _SKIN:
-                skin.append(_areas(local))
+                skin.append(area)
             if one.kind in _DRY:
                 self.dry.append(_grown(local, self.radius, _LINE))
             elif one.kind == "UNSARE" or (one.kind in _DEPTHS and not least >= self.safety_depth):
-                self.shut.append(_areas(local))
+                self.shut.append(area)
                 if "DRVAL1" not in one.properties:
-                    unknown.append(_areas(local))
+                    unknown.append(area)
                     self.unknown += one.kind in _DEPTHS
             elif one.kind in _HAZARDS:
                 self._collect_hazard(one, local)
             if one.kind in _DEPTHS and "DRVAL1" in one.properties:
-                self.depths.setdefault(least, []).append(_areas(local))
-            self._collect_restriction(one, local)
+                self.depths.setdefault(least, []).append(area)
+            if not area.is_empty:
+                self._collect_restriction(one, area)
         gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
         self.depths.setdefault(0.0, []).extend([gap, *unknown])
-        within = gap.intersection(_box(self.grid))
+        within = gap.intersection(self.grid.box)
         if within.area > 0.0:
             self.shut.append(gap)
-            self.gap += within.area / _box(self.grid).area
+            self.gap += within.area / self.grid.box.area
 
     def _collect_hazard(self, one: Feature, local: Any) -> None:
         """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
@@ -176,22 +177,19 @@ class _Found:
         top = 0.0 if shown else max(float(stated.get("VALSOU", 0.0)), 0.0)
         if top > self.deepest + _UNDER:
             return
-        points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
-        name = str(stated.get("OBJNAM") or f"{_HAZARDS[one.kind]} {stated.get('FIDN', '')}").strip()
-        self.hazards += [KnownObstacle(name, (point.x, point.y), self.radius, top) for point in points]
-        extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
-        self.shut += [_grown(part, self.radius, self.radius) for part in extended]
+        for part in shapely.get_parts(local):
+            if part.geom_type == "Point":
+                name = _name(one, _HAZARDS[one.kind])
+                self.hazards.append(KnownObstacle(name, (part.x, part.y), self.radius, top))
+            else:
+                self.shut.append(_grown(part, self.radius, self.radius))
 
-    def _collect_restriction(self, one: Feature, local: Any) -> None:
+    def _collect_restriction(self, one: Feature, area: Any) -> None:
         """Add an area that is closed, or count one that may be entered under conditions."""
         stated = one.properties.get("RESTRN", ())
         values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
-        area = _areas(local)
-        if area.is_empty:
-            return
         if values & {_PROHIBITED, _AVOIDED}:
-            name = str(one.properties.get("OBJNAM") or f"{one.kind} {one.properties.get('FIDN', '')}").strip()
-            self.closed.append(Zone(name, area, one.where))
+            self.closed.append(Zone(_name(one, one.kind), area, one.where))
         elif _HINDERED in values:
             self.hindered += 1
 
@@ -259,11 +257,11 @@ def read_cells(
             is cancelled or there is a later edition.
     """
     path = Path(path)
-    with as_chart(), reading(path), TemporaryDirectory() as staging:
+    with reading(path, ChartError), TemporaryDirectory() as staging:
         grid = local_grid(lower, upper, pixel_size)
         wide = grid.widened(beyond)
         margin = beyond + hazard_radius + pixel_size
-        cells = [_header(*one) for one in _staged(_files(path), Path(staging))]
+        cells = [_cell(*one) for one in _staged(_files(path), Path(staging))]
         if not cells:
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
         box = around(site, grid, margin)
@@ -285,18 +283,11 @@ def read_cells(
         closed = touched(shapely.union_all([zone.polygon for zone in found.closed]), wide)
         # Of obstacles those that reach into the rectangle, and out of what is closed anyhow.
         discs = np.array([shapely.Point(one.position).buffer(one.radius) for one in found.hazards], object)
-        stands = shapely.intersects(discs, _box(grid)) & ~shapely.covers(blocked, discs)
+        stands = shapely.intersects(discs, grid.box) & ~shapely.covers(blocked, discs)
         hazards = tuple(one for one, there in zip(found.hazards, stands, strict=True) if there)
         notes += found.notes(path.name, hazards)
-        charts = _chart(shut | closed, wide), _chart(shut, wide), _chart(dry, grid)
+        charts = wide.chart(~(shut | closed)), wide.chart(~shut), grid.chart(~dry)
         return Cells(*charts, _depth(found, dry, grid), hazards, tuple(found.closed), tuple(notes))
-
-
-def is_cell(path: str | Path) -> bool:
-    """Return whether a file begins as S-57 cells do: with the leader of a data descriptive record."""
-    with Path(path).open("rb") as file:
-        start = file.read(24)
-    return len(start) == 24 and start[:5].isdigit() and start[6:7] == b"L" and start[12:17].isdigit()
 
 
 def _files(path: Path) -> list[Path]:
@@ -319,74 +310,79 @@ class _Identity:
     edition: int  # 0 of an update that cancels its cell
     update: int  # the last one that is contained
     path: Path
+    stated: dict[str, Any] = field(compare=False)
 
 
-def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[Path, Path]]:
+def _identity(path: Path, staging: Path) -> _Identity:
+    """Read what a file says it is; updates by way of the folder `staging`, for GDAL opens none by itself."""
+    with path.open("rb") as file:
+        start = file.read(24)
+    # The leader of a data descriptive record (ISO/IEC 8211): GDAL would take other files for what they are.
+    if not (len(start) == 24 and start[:5].isdigit() and start[6:7] == b"L" and start[12:17].isdigit()):
+        raise GeoError(f"{path}: is no S-57 cell")
+    if path.stat().st_size > MAX_BYTES:
+        raise GeoError(f"{path}: larger than {MAX_BYTES} bytes")
+    source = path if path.suffix == ".000" else shutil.copyfile(path, staging / "update.000")
+    stated = _head(path, source, UPDATES="IGNORE")
+    numbers = [str(stated.get(name, "")).strip() for name in ("DSID_EDTN", "DSID_UPDN")]
+    if not all(map(str.isdigit, numbers)):
+        raise GeoError(f"{path}: is damaged: it does not tell its edition and update (DSID)")
+    return _Identity(*map(int, numbers), path, stated)
+
+
+def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[_Identity, Path]]:
     """Yield cells, and where each lies with the updates that apply to it, numbered from .001.
 
     Updates lie beside their cell, or in folders 1, 2 and on beside its folder. A cell that was issued again
     holds the first of them. Cells that have updates are copied to the folder `staging`.
     """
     latest: dict[str, _Identity] = {}
-    for one in sorted(map(_identity, files)):
+    for one in sorted(_identity(file, staging) for file in files):
         if (older := latest.get(one.path.name)) is not None:
-            _warn(f"{older.path}: is left out for {one.path}, which is edition {one.edition}")
+            warn(f"{older.path}: is left out for {one.path}, which is edition {one.edition}")
         latest[one.path.name] = one
     for number, cell in enumerate(latest.values()):
         name = f"{escape(cell.path.stem)}.[0-9][0-9][0-9]"
         beside = {*cell.path.parent.glob(name), *cell.path.absolute().parent.parent.glob(f"[1-9]*/{name}")}
-        updates = [_identity(entry) for entry in beside if entry.suffix != ".000"]
-        applied, cancelled = [], False
+        updates = [_identity(entry, staging) for entry in beside if entry.suffix != ".000"]
+        applied: list[_Identity] = []
         for update in sorted(updates, key=lambda one: one.update):
             due = cell.update + len(applied) + 1
             if update.update < due and update.edition == cell.edition:
                 continue  # the cell holds it already
-            if update.update != due or update.edition not in (cell.edition, 0):
-                _warn(
+            if update.update == due and update.edition in (cell.edition, 0):
+                applied.append(update)
+            else:
+                warn(
                     f"{cell.path}: {update.path.name} is not applied: it is update {update.update} of "
                     f"edition {update.edition}, and update {due} of edition {cell.edition} is wanted"
                 )
-                continue
-            applied.append(update)
-            cancelled |= update.edition == 0
-        if cancelled:
-            _warn(f"{cell.path}: is left out: {applied[-1].path.name} cancels it")
-            continue
-        if not beside:
-            yield cell.path, cell.path
-            continue
-        source = staging / str(number) / "0" / cell.path.name
-        source.parent.mkdir(parents=True)
-        shutil.copyfile(cell.path, source)
-        for count, update in enumerate(applied, 1):
-            shutil.copyfile(update.path, source.with_suffix(f".{count:03d}"))
-        yield cell.path, source
+        if any(update.edition == 0 for update in applied):
+            warn(f"{cell.path}: is left out: {applied[-1].path.name} cancels it")
+        elif not beside:
+            yield cell, cell.path
+        else:
+            source = staging / str(number) / "0" / cell.path.name
+            source.parent.mkdir(parents=True)
+            shutil.copyfile(cell.path, source)
+            for count, update in enumerate(applied, 1):
+                shutil.copyfile(update.path, source.with_suffix(f".{count:03d}"))
+            yield cell, source
 
 
-def _warn(line: str) -> None:
-    warnings.warn(line, ScenarioWarning, stacklevel=3)
-
-
-def _header(path: Path, source: Path) -> _Cell:
+def _cell(one: _Identity, source: Path) -> _Cell:
     """Return a cell without its objects; `source` is where it lies with its updates."""
-    try:
-        from pyogrio import list_layers
-    except ImportError:
-        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
+    path, stated = one.path, one.stated if source == one.path else _head(one.path, source)
     with _unharmed(f"{path}:"):
-        layers = tuple(str(name) for name, _ in list_layers(source))
-    stated = next((part.properties for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
+        layers = tuple(str(name) for name, _ in gdal(path).list_layers(source))
     for name, wanted, what in (
         ("DSPM_HDAT", _WGS84, "its positions are not on WGS 84"),
         ("DSPM_DUNI", _METRES, "its depths are not in metres"),
     ):
         if int(stated.get(name, wanted)) != wanted:
             raise GeoError(f"{path}: {what} ({name} is {int(stated[name])})")
-    coverage = [
-        one.shape
-        for one in (_read(path, source, "M_COVR") if "M_COVR" in layers else ())
-        if int(one.properties.get("CATCOV", 1)) == 1
-    ]
+    every = _read(path, source, "M_COVR") if "M_COVR" in layers else ()
+    coverage = [one.shape for one in every if int(one.properties.get("CATCOV", 1)) == 1]
     if not coverage:
         raise GeoError(f"{path}: has no coverage (M_COVR)")
     scale = float(stated.get("DSPM_CSCL") or np.inf)
@@ -398,78 +394,22 @@ def _header(path: Path, source: Path) -> _Cell:
     return _Cell(path, source, layers, scale, shapely.union_all(shapely.make_valid(coverage)), edition)
 
 
-def _identity(path: Path) -> _Identity:
-    """Return what a file says it is, whose records must follow each other up to its end.
-
-    GDAL reads what is left of a damaged one.
-    """
-    if not is_cell(path):
-        raise GeoError(f"{path}: is no S-57 cell")
-    if path.stat().st_size > MAX_BYTES:
-        raise GeoError(f"{path}: larger than {MAX_BYTES} bytes")
-    data, place, found = path.read_bytes(), 0, None
-    while place < len(data):
-        head = data[place : place + 24]
-        length = int(head[:5]) if head[:5].isdigit() and len(head) == 24 else -1
-        second = place > 0 and found is None
-        fields = _fields(data, place) if second or length == 0 else []
-        if length == 0:  # a record of 100,000 bytes or more cannot state its length
-            length = max((end for _, _, end in fields), default=0)
-        if length < 24 and len(set(data[place:])) > 1:  # else it is filled up
-            raise GeoError(f"{path}: is damaged: no record begins at byte {place}")
-        if place + length > len(data):
-            raise GeoError(
-                f"{path}: is cut off: {place + length - len(data)} bytes of its last record are missing"
-            )
-        if second:
-            found = next(
-                (data[place + start : place + end] for tag, start, end in fields if tag == b"DSID"), b""
-            )
-        place += max(length, 0) or len(data)
-    # After record name, purpose and usage come, each up to a separator, the name, the edition and the update.
-    words = (found or b"")[7:].split(b"\x1f")
-    if len(words) < 4 or not all(word.strip().isdigit() for word in words[1:3]):
-        raise GeoError(f"{path}: is damaged: it does not tell its edition and update (DSID)")
-    return _Identity(int(words[1]), int(words[2]), path)
-
-
-def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
-    """Return tag, begin and end of each field of the record at a place (ISO/IEC 8211), from its directory.
-
-    Bytes count from the record's first. A directory that is damaged has no fields.
-    """
-    head = data[place : place + 24]
-    sizes = head[20:24]
-    if not (head[12:17].isdigit() and sizes.isdigit()):
-        return []
-    base, (wide, far, _, tag) = int(head[12:17]), (int(chr(one)) for one in sizes)
-    step, found = tag + wide + far, []
-    directory = data[place + 24 : place + base - 1]
-    for at in range(0, len(directory) - step + 1, max(step, 1)):
-        entry = directory[at : at + step]
-        if not entry[tag:].isdigit():
-            return []
-        begin = base + int(entry[tag + wide :])
-        found.append((entry[:tag], begin, begin + int(entry[tag : tag + wide])))
-    return found
+def _head(path: Path, source: Path, **options: str) -> dict[str, Any]:
+    """Return what a cell states of itself."""
+    with _unharmed(f"{path}:"):
+        features, _ = read_layer(path, source, "DSID", **options)
+    return features[0].properties if features else {}
 
 
 def _read(path: Path, source: Path, layer: str) -> Iterator[Feature]:
     """Yield the objects of a class of a cell, from the file `source`."""
-    from pyogrio import raw
-
     with _unharmed(f"{path}: {layer}"):
-        meta, _, geometries, columns = raw.read(source, layer=layer, force_2d=True)
-    count = len(columns[0])
-    shapes = [None] * count if geometries is None else shapely.from_wkb(geometries)
-    for row, shape in enumerate(shapes):
-        values = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
-        empty = {k for k, v in values.items() if v is None or (isinstance(v, float) and np.isnan(v))}
-        stated = {name: value for name, value in values.items() if name not in empty}
-        where = f"{path}: {layer} {stated.get('FIDN', row + 1)}"
-        if layer != "DSID" and (shape is None or shape.is_empty):
+        features, _ = read_layer(path, source, layer)
+    for one in features:
+        where = f"{path}: {layer} {one.properties.get('FIDN', one.number)}"
+        if one.shape is None or one.shape.is_empty:
             raise GeoError(f"{where}: is damaged: it has no place")
-        yield Feature(where, row + 1, layer, properties=stated, shape=shape)
+        yield replace(one, where=where)
 
 
 @contextmanager
@@ -482,12 +422,19 @@ def _unharmed(what: str) -> Iterator[None]:
         warnings.simplefilter("always")
         try:
             yield
+        except GeoError:
+            raise
         except Exception as error:
             raise GeoError(f"{what} cannot be read ({reason_of(error)})") from None
     for one in caught:
         said = " ".join(str(one.message).split())
         if not any(words in said for words in _HARMLESS):
             raise GeoError(f"{what} is damaged ({said[:200]})")
+
+
+def _name(one: Feature, kind: str) -> str:
+    """Return the name of an object, or what it is and its number."""
+    return str(one.properties.get("OBJNAM") or f"{kind} {one.properties.get('FIDN', '')}").strip()
 
 
 def _grown(local: Any, points: float, lines: float) -> Any:
@@ -523,7 +470,7 @@ def _refuse_uncovered(
     path: Path, covered: Any, coverages: Sequence[Any], site: Site, grid: LocalGrid
 ) -> None:
     """Refuse a rectangle that reaches beyond what cells cover: how much of it, on which side and how far."""
-    box = _box(grid)
+    box = grid.box
     beyond = _areas(box.difference(covered).buffer(-_GAP / 2.0))
     if beyond.is_empty:
         return
@@ -539,11 +486,3 @@ def _refuse_uncovered(
         f"{path}: the area reaches beyond what the cells cover (M_COVR) with {beyond.area / box.area:.1%} of "
         f"it, between {south:.0f} and {north:.0f} m north, {west:.0f} and {east:.0f} m east of the origin"
     )
-
-
-def _box(grid: LocalGrid) -> Polygon:
-    return shapely.box(*grid.lower, *grid.upper)
-
-
-def _chart(coast: NDArray[np.bool_], grid: LocalGrid) -> Chart:
-    return Chart.from_passability(np.where(coast, 0.0, 1.0), grid.pixel_size, grid.lower)
