@@ -69,7 +69,7 @@ def init(
 
 def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
     """Write a scenario around a place, and print notes on it."""
-    from auvplan.io.example_at import write_example_at
+    from auvplan.io.example import write_example_at
 
     try:
         latitude, longitude = (float(part) for part in at.split(","))

@@ -109,7 +109,7 @@ class Hours:
     ) -> tuple[tuple[float, float], ...]:
         """Return the intervals in which a task may begin, in order; empty for any time.
 
-        They are stated as for `spans`, or as "slack < speed". By `window: whole`, the default, all of the task
+        They are stated as for `spans`, or as "slack < speed". By `window: whole`, the default, all of a task
         must lie in one; by `window: begin` its beginning.
 
         Args:
