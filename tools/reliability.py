@@ -110,7 +110,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
         "fault": "study/test_resume study/test_cluster @determinism",
     },
     "Results on disk": {
-        "tests": "io/test_results io/test_restore io/test_whole_result",
+        "tests": "io/test_saved_run io/test_output",
         "peer": "export/test_schemas",
         "fault": "faults/test_disk @crashes @determinism @fuzz",
     },

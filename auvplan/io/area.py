@@ -12,7 +12,7 @@ import numpy as np
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, blaming
 from auvplan.io import currents, geo
 from auvplan.io.cross_checks import check_jobs, warn_of_contradictions, warn_of_idle_obstacles
-from auvplan.io.land import Land, beyond, cropped, in_folder, on_land, pixels_of, read_land
+from auvplan.io.land import Land, beyond, cropped, degrees_of, in_folder, on_land, pixels_of, read_land
 from auvplan.io.tides import read_tide
 from auvplan.mission.jobs import Jobs, Position
 from auvplan.ocean import whitsunday
@@ -159,11 +159,14 @@ def heard(show: bool = True) -> Iterator[list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ScenarioWarning)
         yield lines
+    own = [issubclass(one.category, ScenarioWarning) for one in caught]
+    lines += [" ".join(str(one.message).split()) for one, its in zip(caught, own, strict=True) if its]
+    _warn_again([one for one, its in zip(caught, own, strict=True) if show or not its])
+
+
+def _warn_again(caught: list[warnings.WarningMessage]) -> None:
     for one in caught:
-        if own := issubclass(one.category, ScenarioWarning):
-            lines.append(" ".join(str(one.message).split()))
-        if show or not own:
-            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
+        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
 
 
 def _once(read: Callable[[], _Read], *key: Any) -> _Read:
@@ -176,8 +179,7 @@ def _once(read: Callable[[], _Read], *key: Any) -> _Read:
             del _kept[next(iter(_kept))]
         _kept[key] = found, caught
     found, caught = _kept[key] = _kept.pop(key)  # the last to be forgotten
-    for one in caught:
-        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
+    _warn_again(caught)
     return found
 
 
@@ -421,45 +423,42 @@ class AreaFiles:
     @_Part
     def seabed(self) -> tuple[Seabed | None, tuple[str, ...]]:
         """The sea bed, and what was assumed of its file, a line each."""
-        settings, clearance, box = self.scenario.bathymetry, self.scenario.safety.seabed, self._box
+        settings = self.scenario.bathymetry
         if settings.source == "none":
             return None, ()
         low, notes = self._low_water()
-        if settings.source == "current":
-            current = self.current
-            assert current is not None
-            if current.sea_floor is None:
-                raise ScenarioError(
-                    "'current': the current's files do not give the depth", field="bathymetry.source"
-                )
-            size, corner = settings.pixel_size or min(current.spacing) / 2.0, box[0][:2]
-            pixels = pixels_of(box, size, "bathymetry.pixel_size")
-            centres = (corner[k] + size * (np.arange(count) + 0.5) for k, count in enumerate(pixels))
-            grid = np.meshgrid(*centres, indexing="ij")
-            depth = current.source.sea_floor(*current.site.to_geographic(*(axis.ravel() for axis in grid)))
-            assert depth is not None
-            depth = depth.reshape(pixels) + low
-        elif settings.source == "chart":
-            cells = self.land.cells
-            assert cells is not None
-            corner, size = cells.land.lower, float(cells.land.pixel_size)
-            depth = cells.depth + np.float32(low)
-        else:
+        if settings.source == "file":
             assert settings.file is not None
-            path = self._source("bathymetry.file", settings.file)
             names = "pixel_size", "variable", "positive", "crs"
             given = {name: getattr(settings, name) for name in names}
             with blaming("bathymetry", "file"):
+                path = self._source("bathymetry.file", settings.file)
                 found = geo.read_bathymetry(path, self._on_earth, **self._sides, **given)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
                         f"{settings.file}: no pixel of the area lies below the sea surface: say by "
                         "bathymetry.positive which way its values count"
                     )
-            corner, size = found.origin, found.pixel_size
-            depth = found.depth + np.float32(low)
+            depth, size, corner = found.depth, found.pixel_size, found.origin
             notes = *(f"{settings.file}: {note}" for note in found.notes), *notes
-        return Seabed.from_depth(depth, size, np.asarray(corner), clearance=clearance), notes
+        elif settings.source == "chart":
+            cells = self.land.cells
+            assert cells is not None
+            depth, size, corner = cells.depth, float(cells.land.pixel_size), cells.land.lower
+        else:
+            current, corner = self.current, self._box[0][:2]
+            assert current is not None
+            if current.sea_floor is None:
+                raise ScenarioError(
+                    "'current': the current's files do not give the depth", field="bathymetry.source"
+                )
+            size = settings.pixel_size or min(current.spacing) / 2.0
+            pixels = pixels_of(self._box, size, "bathymetry.pixel_size")
+            depth = current.source.sea_floor(*degrees_of(current.site, corner, size, pixels))
+            assert depth is not None
+            depth = depth.reshape(pixels)
+        clearance = self.scenario.safety.seabed
+        return Seabed.from_depth(depth + low, size, np.asarray(corner), clearance=clearance), notes
 
     @_Part
     def contradictions(self) -> None:
@@ -491,27 +490,15 @@ class AreaFiles:
             own = self.readable("land")
             land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
-        names = (files,) if isinstance(files, str) else files
-        paths = [in_folder(self.home, name) for name in names]
+        paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
         source = self.given.get(field, paths if len(paths) != 1 else paths[0])
         times = None if site.epoch is None else (0.0, self.until)
-
-        def read() -> "CurrentFile":
-            return currents.read_current(
-                source,
-                site,
-                lower=box[0],
-                upper=box[1],
-                times=times,
-                spacing=settings.spacing,
-                outside=settings.outside,
-                land=land,
-                crs=settings.crs,
-                data_epoch=settings.epoch,
-            )
-
-        how = settings.spacing, settings.outside, settings.crs, settings.epoch, chart
-        found = self._once(read, "current", tuple(paths), site, box, times, how)
+        how = {"spacing": settings.spacing, "outside": settings.outside, "crs": settings.crs}
+        how |= {"data_epoch": settings.epoch, "times": times}
+        found = self._once(
+            lambda: currents.read_current(source, site, lower=box[0], upper=box[1], land=land, **how),
+            "current", tuple(paths), site, box, tuple(how.values()), chart,
+        )  # fmt: skip
         if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
             return self._current_of(field, files, replace(site, epoch=found.epoch))
         return found

@@ -1,6 +1,5 @@
 """Whether chart, sea bed and current agree on where land is, and jobs on where the area is."""
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from auvplan.errors import ScenarioError, ScenarioWarning
+from auvplan.errors import ScenarioError, warn
 from auvplan.io.land import Corners
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
@@ -96,7 +95,7 @@ def warn_of_contradictions(
             if first.dry.any() and (better[0] if better else 0.0) < _LEFT * share:
                 hint = f": turned over {way} it would agree much better, as if it was {wrong}"
                 break
-        _warn(
+        warn(
             f"{first.name} and {other.name} contradict each other on {share:.0%} of the area: {alone:.0%} is "
             f"land by the first alone, {theirs_alone:.0%} by the second alone{hint}"
         )
@@ -178,12 +177,12 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
     long = [job for job in every if job.duration > time]
     if long:
         more = f" and {len(long) - 1} more" if len(long) > 1 else ""
-        _warn(
+        warn(
             f"{file}: job {long[0].name!r}{more} takes {long[0].duration:g} s, longer than the {time:g} s of "
             "mission.time_available: duration is in seconds"
         )
     if not any(job.priority > 0.0 for job in every):
-        _warn(f"{file}: no job has a priority above 0: there is nothing to be gained by visiting them")
+        warn(f"{file}: no job has a priority above 0: there is nothing to be gained by visiting them")
     named: dict[tuple[float, ...], str] = {}
     twice = []
     for point in jobs.points:
@@ -192,7 +191,7 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
             twice.append(f"{first!r} and {point.name!r}")
     if twice:
         more = f", and {len(twice) - 1} more pairs" if len(twice) > 1 else ""
-        _warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
+        warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
 
 
 def warn_of_idle_obstacles(
@@ -220,9 +219,9 @@ def warn_of_idle_obstacles(
                 ashore.append(f"{obstacle.name!r} lies on land, {inland:,.0f} m from the water")
     if ashore:
         more = f", and {len(ashore) - 1} more" if len(ashore) > 1 else ""
-        _warn(f"{scenario.obstacles.file}: {ashore[0]}{more}: no path is changed by it")
+        warn(f"{scenario.obstacles.file}: {ashore[0]}{more}: no path is changed by it")
     if nearest > 0.0:
-        _warn(
+        warn(
             f"{scenario.obstacles.file}: none of its obstacles reaches into the area, the nearest is "
             f"{nearest / 1000.0:,.1f} km from it"
         )
@@ -267,7 +266,3 @@ def _turned(flat: NDArray, site: Site | None) -> Iterator[tuple[str, NDArray]]:
                 np.stack(site.to_local(latitude, longitude), axis=-1),
             )
     yield "north and east seem swapped in it", flat[:, ::-1]
-
-
-def _warn(line: str) -> None:
-    warnings.warn(line, ScenarioWarning, stacklevel=3)

@@ -1,4 +1,4 @@
-"""First scenarios to change: packaged ones with the files that they name, and one at any coast of the world."""
+"""First scenarios to change: packaged ones with the files that they name, and one at any coast there is."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -23,8 +23,8 @@ from auvplan.site import Site
 #: Name of the scenario's own file in the folder.
 SCENARIO = "scenario.yaml"
 _DATA = files("auvplan") / "data"
-#: Files of the example of times, and of the plain one; of its data the coast is real, the tide and the sea bed
-#: are made up and say so.
+#: Files of the example of times, and of the plain one: its coast is real, the tide and the sea bed are made up
+#: and say so.
 _TIMES = (SCENARIO, "jobs.csv", "no_go.geojson", "tide.yaml")
 _PLAIN = (SCENARIO, "jobs.geojson", "no_go.geojson", "obstacles.geojson", "current.nc", "bathymetry.nc")
 

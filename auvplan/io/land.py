@@ -1,7 +1,6 @@
 """Land of a scenario: its chart, from pictures, polygons, S-57 cells or where a current has no water."""
 
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.errors import ScenarioError, ScenarioWarning, blaming
+from auvplan.errors import ScenarioError, blaming, warn
 from auvplan.io import geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
@@ -109,8 +108,7 @@ def read_land(
         if dry in (0.0, 1.0):
             what = "no land" if dry == 0.0 else "nothing but land"
             picture = settings.file or settings.image
-            line = f"{picture}: shows {what} in the area: land and water are distinguished by their colours"
-            warnings.warn(line, ScenarioWarning, stacklevel=2)
+            warn(f"{picture}: shows {what} in the area: land and water are distinguished by their colours")
     return Land(coast, chart, notes, cells)
 
 
@@ -182,21 +180,28 @@ def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
     from auvplan.io.currents.times import seconds_of
 
     pixels = pixels_of(box, size, "chart.pixel_size")
-    source, site = current.source, current.site
-    first = float(seconds_of(current.epoch))
+    source, first = current.source, float(seconds_of(current.epoch))
     times = np.asarray(current.field.times, float)
     frames = source.frames(first + times[0], first + times[-1])
     reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
 
-    def is_water(offset: float, more: int) -> np.ndarray:
-        axes = [box[0][k] + size * (np.arange(count + more) + offset) for k, count in enumerate(pixels)]
-        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        wet = source.is_water(*site.to_geographic(north, east), frames, reach)
-        return wet.reshape(len(axes[0]), len(axes[1]))
+    def is_water(offset: float, count: np.ndarray) -> np.ndarray:
+        places = degrees_of(current.site, box[0], size, count, offset)
+        return source.is_water(*places, frames, reach).reshape(count)
 
-    corners = is_water(0.0, 1)
-    water = is_water(0.5, 0) & corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
+    corners = is_water(0.0, pixels + 1)
+    water = is_water(0.5, pixels)
+    water &= corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
     return Chart.from_mask(water, size, box[0][:2])
+
+
+def degrees_of(
+    site: Site, corner: Sequence[float], size: float, pixels: np.ndarray, offset: float = 0.5
+) -> tuple[np.ndarray, np.ndarray]:
+    """[n]: longitude and latitude, degrees, of the pixels' centres, or of what lies at another offset in them."""
+    axes = [corner[k] + size * (np.arange(count) + offset) for k, count in enumerate(pixels)]
+    north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    return site.to_geographic(north, east)
 
 
 def pixels_of(box: Corners, size: float, field: str) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Jobs from GeoJSON and CSV."""
 
 import json
-import zipfile
 
 import numpy as np
 import pytest
@@ -92,38 +91,70 @@ def test_the_same_jobs_from_both(tmp_path):
     assert [job.priority for job in one.points] == [job.priority for job in two.points] == [2.0, 2.0]
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "has no rows of jobs"),
-        ("north,east\n", "has no rows of jobs"),
-        ("north,depth\n1,2\n",
-         "needs the columns longitude and latitude, or north and east; it has north, depth"),
-        ("north,east,lon,lat\n1,2,3,4\n", "needs the columns longitude and latitude, or north and east"),
-        ("lon,east\n1,2\n", "needs the columns"),
-        ("x,north,east\n1,2,3\n", "two columns map to north"),
-        ("north,east,priorty\n1,2,3\n", "unknown name 'priorty', did you mean 'priority'"),
-        ("north,east\n1,2\n3\n", "row 3: east is missing"),
-        ("north,east\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
-        ("north,east\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
-        ("north,east\nnan,2\n", "row 2: north must be a finite number"),
-        ("north,east,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
-        ("north,east,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
-        ("north,east,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
-        ("lon,lat\n400,2\n", r"row 2: \(400, 2\) is no longitude"),
-        ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
-        ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
-        ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
-        ("north,east,line\n1,2,a\n", "line 'a': needs at least 2 positions, got 1"),
-        ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
-        ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
-        ("north,east,line,priority\n1,2,a,1\n3,4,a,2\n",
-         "row 3: line 'a' has priority 1 in an earlier row, 2 in this"),
-    ],
-)  # fmt: skip
-def test_tables_that_are_refused(tmp_path, text, words):
-    path = tmp_path / "jobs.csv"
-    path.write_text(text)
+BY_DEGREES = "lon,lat,depth\n"
+#: Tables, and what is said of them.
+TABLES = [
+    ("", "has no rows of jobs"),
+    ("north,east\n", "has no rows of jobs"),
+    ("north,depth\n1,2\n",
+     "needs the columns longitude and latitude, or north and east; it has north, depth"),
+    ("north,east,lon,lat\n1,2,3,4\n", "needs the columns longitude and latitude, or north and east"),
+    ("lon,east\n1,2\n", "needs the columns"),
+    ("easting,northing,depth\n495000,7750000,5\n", "needs the columns"),
+    ("-500,1000,5\n1000,-800,5\n", "needs the columns"),
+    ("x,north,east\n1,2,3\n", "two columns map to north"),
+    ("north,east,priorty\n1,2,3\n", "unknown name 'priorty', did you mean 'priority'"),
+    ("north,east,prio\n1,2,3\n", "unknown name 'prio', did you mean 'priority'"),
+    ("north,east,depth [m]\n1,2,3\n", r"unknown name 'depth \[m\]', did you mean 'depth' \(m, positive"),
+    ("north,east,duration_min\n1,2,3\n", r"unknown name 'duration_min', did you mean 'duration' \(s\)"),
+    ("north,east\n1,2\n3\n", "row 3: east is missing"),
+    ("north,east\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
+    ("north,east\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
+    ("north,east\nnan,2\n", "row 2: north must be a finite number"),
+    ("north,east,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
+    ("north,east,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
+    ("north,east,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
+    ("lon,lat\n400,2\n", r"row 2: \(400, 2\) is no longitude"),
+    ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
+    ("lon,lat\n148 57.6 E,20 20.4 S\n", "row 2: lon must be a finite number of degrees such as"),
+    (f"{BY_DEGREES}-20.3,148.9,5\n-20.4,148.9,5\n", r"row 2: .* swapped \(so in all 2 places of the file\)"),
+    (f"{BY_DEGREES}148.9,-20.3,5\n-20.4,148.9,5\n", "row 3: .* longitude and latitude seem swapped$"),
+    ("x,y\n148.96,-20.34\n148.965,-20.35\n", "columns x and y are metres .* look like longitude"),
+    ("north,east\n-20.35,148.96\n", "are metres from the site, but look like latitude and longitude"),
+    ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
+    ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
+    ("north,east,line\n1,2,a\n", "line 'a': needs at least 2 positions, got 1"),
+    ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
+    ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
+    ("north,east,line,priority\n1,2,a,1\n3,4,a,2\n",
+     "row 3: line 'a' has priority 1 in an earlier row, 2 in this"),
+]  # fmt: skip
+#: Features, and what is said of them.
+FEATURES = [
+    (feature("Point", [148, -20, -5], depth=6), "feature 1: depth 6 m contradicts the elevation -5 m"),
+    (feature("Point", [148, -20, 5]), "feature 1: elevation 5 m is above the sea"),
+    (feature("Point", [148, -20], depth=-5), "feature 1: depth must be at least 0"),
+    (feature("Point", [148, -20], depth="deep"), "feature 1: depth must be a finite number, got 'deep'"),
+    (feature("Point", [148, -20], priority=True), "feature 1: priority must be a finite number"),
+    (feature("Point", [148, -20], duration=[1]), "feature 1: duration must be a finite number"),
+    (feature("Point", [148, -20], prority=1), "feature 1: unknown name 'prority'"),
+    (feature("Point", [148]), r"feature 1: \[148\] is no position"),
+    (feature("Point", []), r"feature 1: \[\] is no position"),
+    (feature("Point", [148, -100]), "feature 1: .* is no longitude"),
+    (feature("MultiPoint", []), "feature 1: needs at least 1 positions, got 0"),
+    (feature("LineString", [[148, -20]]), "feature 1: needs at least 2 positions, got 1"),
+    (feature("LineString", [[148, -20], [148, -20]]), "feature 1: positions 1 and 2 are the same place"),
+    (feature("Polygon", [[[0, 0], [0, 1], [1, 1], [0, 0]]]),
+     "feature 1: a Polygon, where Point or MultiPoint or"),
+    (feature("Point", [148, -20, float("nan")]), "feature 1: .* is not finite"),
+]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
+@pytest.mark.parametrize(("content", "words"), TABLES + FEATURES)
+def test_jobs_that_are_refused(tmp_path, content, words):
+    path = tmp_path / ("jobs.csv" if isinstance(content, str) else "jobs.geojson")
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
     with pytest.raises(GeoError, match=words) as caught:
         read_jobs(path, SITE)
     assert str(caught.value).startswith(str(path))
@@ -131,32 +162,25 @@ def test_tables_that_are_refused(tmp_path, text, words):
 
 
 @pytest.mark.parametrize(
-    ("job", "words"),
+    ("heading", "words"),
     [
-        (feature("Point", [148, -20, -5], depth=6), "feature 1: depth 6 m contradicts the elevation -5 m"),
-        (feature("Point", [148, -20, 5]), "feature 1: elevation 5 m is above the sea"),
-        (feature("Point", [148, -20], depth=-5), "feature 1: depth must be at least 0"),
-        (feature("Point", [148, -20], depth="deep"), "feature 1: depth must be a finite number, got 'deep'"),
-        (feature("Point", [148, -20], priority=True), "feature 1: priority must be a finite number"),
-        (feature("Point", [148, -20], duration=[1]), "feature 1: duration must be a finite number"),
-        (feature("Point", [148, -20], prority=1), "feature 1: unknown name 'prority'"),
-        (feature("Point", [148]), r"feature 1: \[148\] is no position"),
-        (feature("Point", []), r"feature 1: \[\] is no position"),
-        (feature("Point", [148, -100]), "feature 1: .* is no longitude"),
-        (feature("MultiPoint", []), "feature 1: needs at least 1 positions, got 0"),
-        (feature("LineString", [[148, -20]]), "feature 1: needs at least 2 positions, got 1"),
-        (feature("LineString", [[148, -20], [148, -20]]), "feature 1: positions 1 and 2 are the same place"),
-        (feature("Polygon", [[[0, 0], [0, 1], [1, 1], [0, 0]]]),
-         "feature 1: a Polygon, where Point or MultiPoint or"),
-        (feature("Point", [148, -20, float("nan")]), "feature 1: .* is not finite"),
+        ("dwell", r"'dwell' is ignored: did you mean 'duration' \(s\)"),
+        ("time", "'time' is ignored: did you mean 'duration'"),
+        ("weight", "'weight' is ignored: did you mean 'priority'"),
+        ("z", "'z' is ignored: did you mean 'depth'"),
+        ("altitude", r"'altitude' is ignored: did you mean 'depth' \(m, positive down\)"),
+        ("id", "'id' is ignored: did you mean 'name'"),
+        ("transect", "'transect' is ignored: did you mean 'line'"),
+        ("deadline", "'deadline' is ignored: did you mean 'to'"),
+        ("radius", "'radius' is ignored: jobs have a place, priority, duration, name and time windows alone"),
+        ("x", "the columns x and y are read as metres north and east"),
     ],
-)  # fmt: skip
-def test_features_that_are_refused(tmp_path, job, words):
-    path = tmp_path / "jobs.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": [job]}))
-    with pytest.raises(GeoError, match=words) as caught:
-        read_jobs(path, SITE)
-    assert "\n" not in str(caught.value)
+)
+def test_words_of_others_are_warned_of(tmp_path, heading, words):
+    table = tmp_path / "jobs.csv"
+    table.write_text("x,y\n1,2\n" if heading == "x" else f"north,east,{heading}\n1,2,3\n")
+    with pytest.warns(ScenarioWarning, match=words):
+        assert len(read_jobs(table, SITE).points) == 1
 
 
 def test_places_on_earth_need_a_site(tmp_path):
@@ -226,14 +250,6 @@ def test_separators_and_decimals(tmp_path):
     (tmp_path / "e.csv").write_text("north;east;duration\n1,5;2;1.200\n")
     with pytest.raises(GeoError, match=r"row 2: duration '1\.200' has a point, where other"):
         read_jobs(tmp_path / "e.csv", None)
-
-
-def test_an_archive_of_several_kml_is_refused(tmp_path):
-    with zipfile.ZipFile(tmp_path / "j.kmz", "w") as archive:
-        for name in ("a.kml", "doc.kml"):
-            archive.writestr(name, "<kml/>")
-    with pytest.raises(GeoError, match=r"j\.kmz: holds 2 \.kml, a\.kml, doc\.kml: it must hold one"):
-        read_jobs(tmp_path / "j.kmz", SITE)
 
 
 def test_places_of_geojson_are_those_of_gdal(tmp_path):

@@ -37,6 +37,7 @@ def test_course_and_speed_are_a_velocity_north_and_east(tmp_path):
         ({"radius": -1}, "radius must be greater than 0"),
         ({"radius": "wide"}, "radius must be a valid number"),
         ({"radius": 10, "depth": 5}, "depth is unknown; an obstacle has radius"),
+        ({"radius": 10, "depthmax": 9}, "did you mean 'depth_max'?"),
         ({"radius": 10, "speed": 1}, "speed needs a course"),
         ({"radius": 10, "course": 400, "speed": 1}, "course must be less than or equal to 360"),
         ({"radius": 10, "depth_min": 9, "depth_max": 3}, "depth_max 3 m lies above depth_min 9 m"),
@@ -49,6 +50,12 @@ def test_a_fault_is_one_line_with_file_and_feature(tmp_path, stated, words):
     assert str(path) in str(error.value)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_swapped_places_are_said_once(tmp_path):
+    path = written(tmp_path, {"radius": 5}, {"radius": 6}, place=(-20.34, 148.97))
+    with pytest.raises(GeoError, match=r"feature 1: .* seem swapped \(so in all 2 places of the file\)$"):
+        read_obstacles(path, SITE)
 
 
 def test_an_obstacle_is_a_point(tmp_path):

@@ -180,6 +180,8 @@ FAULTS = [
      "altitudeMode relativeToSeaFloor counts from the sea bed"),
     ("a.kml", point("148.9,-20.3,5", "absolute"), "placemark 1 'a': elevation 5 m is above the sea"),
     ("a.kmz", "text", "a.kmz: "),
+    ("a.kmz", ("a.kml", "doc.kml"), r"a\.kmz: holds 2 \.kml, a\.kml, doc\.kml: it must hold one"),
+    ("a.kmz", ("a.png",), r"a\.kmz: has no \.kml inside"),
     ("a.plan", "{}", "no mission.items"),
     ("a.plan", "{", "not valid JSON"),
 ]  # fmt: skip
@@ -188,7 +190,12 @@ FAULTS = [
 @pytest.mark.parametrize(("name", "text", "words"), FAULTS)
 def test_faults_are_one_line(tmp_path, name, text, words):
     path = tmp_path / name
-    path.write_text(text)
+    if isinstance(text, tuple):
+        with zipfile.ZipFile(path, "w") as archive:
+            for inside in text:
+                archive.writestr(inside, "<kml/>")
+    else:
+        path.write_text(text)
     with pytest.raises(GeoError, match=words) as stated:
         read_jobs(path, SITE)
     assert str(stated.value).startswith(f"{path}: ")
@@ -223,28 +230,6 @@ def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
     assert any("are ignored" in note for note in jobs.notes)
     path.write_text(point("148.95,-20.35,-7"))
     assert read_jobs(path, SITE, default_depth=1.0).points[0].position[2] == 7.0
-
-
-def test_a_scenario_tells_what_was_assumed(tmp_path):
-    from auvplan.io.examine import examine_scenario
-    from tests.io.small_site import SmallSite
-
-    site = SmallSite(tmp_path / "site")
-    plan(site.folder / "jobs.plan", item(hold=30, place=(-20.345, 148.97, -5.0)))
-    site.set(mission={"jobs": "jobs.plan"})
-    found = examine_scenario(site.folder / "scenario.yaml")
-    assert found.lines == []
-    assert [note for note in found.notes if "jobs.plan" in note] == [
-        f"{site.folder / 'jobs.plan'}: priority is not given by 1 of 1 job: taken as 1"
-    ]
-    plan(site.folder / "jobs.plan", item(place=(-20.345, 148.97, 5.0)), item(frame=10))
-    lines = examine_scenario(site.folder / "scenario.yaml").lines
-    assert ["item 1" in lines[0], "item 2" in lines[1], len(lines)] == [True, True, 2]
-
-
-def test_they_need_a_site(tmp_path):
-    with pytest.raises(GeoError, match="need a site"):
-        read_jobs(plan(tmp_path / "a.plan", item()), None)
 
 
 def test_our_own_plan_is_read_back(tmp_path):

@@ -15,7 +15,6 @@ from auvplan.ocean.chart import ChartError
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from tests.io.geo import enc_cells
-from tests.io.geo.cells_by_gdal import bed_of_cells, blocked_by_cells, hazards_of_cells
 from tests.io.geo.enc_cells import Object, write_cell
 
 pytest.importorskip("pyogrio")
@@ -26,7 +25,6 @@ SEA = shapely.box(10.0, 50.0, 10.1, 50.1)
 ISLE = shapely.Polygon([(10.02, 50.02), (10.04, 50.025), (10.035, 50.045), (10.022, 50.04)])
 SHALLOWS = shapely.box(10.012, 50.012, 10.05, 50.055)
 SLOPE = shapely.box(10.012, 50.055, 10.05, 50.065)
-CHART = {"safety_depth": 5.0, "hazard_radius": 50.0}
 
 
 def bay(*more: Object) -> list[Object]:
@@ -51,8 +49,10 @@ def is_water(cells: Cells, longitude: float, latitude: float) -> bool:
 
 @pytest.mark.parametrize("depth", [0.0, 5.0, 7.5, 10.0])
 def test_land_and_water_shallower_than_the_safety_depth_are_closed(tmp_path, depth):
-    found = read(write_cell(tmp_path / "A.000", bay()), safety_depth=depth)
-    shut = shapely.union_all([ISLE] + ([SHALLOWS] if depth > 0.0 else []) + ([SLOPE] if depth > 5.0 else []))
+    foul, forbidden = shapely.box(10.075, 50.05, 10.08, 50.055), shapely.box(10.06, 50.05, 10.07, 50.06)
+    more = Object("OBSTRN", foul, {"VALSOU": 12.0, "WATLEV": 3}), Object("RESARE", forbidden, {"RESTRN": "7"})
+    found = read(write_cell(tmp_path / "A.000", bay(*more)), safety_depth=depth)
+    shut = shapely.union_all([ISLE, foul, forbidden, *[SHALLOWS] * (depth > 0.0), *[SLOPE] * (depth > 5.0)])
     rng = np.random.default_rng(1)
     north, east = rng.uniform(-3990.0, 3990.0, 4000), rng.uniform(-2990.0, 2990.0, 4000)
     longitude, latitude = SITE.to_geographic(north, east)
@@ -63,7 +63,7 @@ def test_land_and_water_shallower_than_the_safety_depth_are_closed(tmp_path, dep
     assert not water[inside].any()
     assert water[~inside & away].all()
     assert found.chart.shares()["coast"] < 0.5
-    assert (depth > 0.0) == (found.land.shares() != found.chart.shares())
+    assert found.land.is_water(*SITE.to_local(10.065, 50.055))
 
 
 def test_what_is_unsurveyed_unknown_or_left_out_is_closed(tmp_path):
@@ -106,8 +106,6 @@ def test_points_are_obstacles_from_their_depth_down(tmp_path, kind, stated, top)
     assert one.radius == 40.0
     assert one.position == pytest.approx(np.ravel(SITE.to_local(10.07, 50.06)), abs=0.02)
     assert is_water(found, 10.07, 50.06)
-    ((_, longitude, latitude, begins),) = hazards_of_cells(str(path))
-    assert (longitude, latitude, begins) == pytest.approx((10.07, 50.06, top))
 
 
 def test_obstacles_on_land_or_beyond_the_area_are_left_out(tmp_path):
@@ -187,7 +185,6 @@ def test_the_cell_of_the_largest_scale_is_used(tmp_path):
     assert is_water(found, 10.033, 50.035)
     assert not is_water(found, 10.025, 50.03)
     assert found.hazards == ()
-    assert hazards_of_cells(str(tmp_path)) == []
     assert [note for note in found.notes if "1:" in note] == [
         "fine.000: edition 1, update 0 of 2026-01-01, 1:10000",
         "coarse.000: edition 1, update 0 of 2026-01-01, 1:90000",
@@ -249,7 +246,6 @@ def test_cells_that_are_cancelled_or_older_are_left_out(tmp_path):
         write_cell(tmp_path / folder / "A.000", bay(wreck(130 + edition)), edition=edition)
     with pytest.warns(ScenarioWarning, match=r"old/A\.000: is left out for .*new/A\.000, which is edition 2"):
         assert names(read(tmp_path)) == ["wreck 132"]
-    assert [name for name, *_ in hazards_of_cells(str(tmp_path))] == ["WRECKS 132 of A.000"]
     write_cell(tmp_path / "new" / "A.001", [], update=1, edition=0)
     with (
         pytest.warns(ScenarioWarning, match=r"A\.000: is left out: A\.001 cancels it"),
@@ -262,7 +258,7 @@ def test_records_that_cannot_tell_their_length(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(wreck(131)), lengths=False)
     assert names(read(path)) == ["wreck 131"]
     path.write_bytes(path.read_bytes()[:-3])
-    with pytest.raises(ChartError, match="is cut off: 3 bytes of its last record are missing"):
+    with pytest.raises(ChartError, match=r"cannot be read \(Data record is short"):
         read(path)
 
 
@@ -271,14 +267,6 @@ def test_attributes_that_a_class_does_not_have_are_no_fault(tmp_path, monkeypatc
     rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"UNKNOWN": 3, "CATCOV": 1, "VALSOU": 4})
     (one,) = read(write_cell(tmp_path / "A.000", bay(rock))).hazards
     assert one.depth_min == 4.0
-
-
-def _unlike(path: Path) -> None:
-    path.write_bytes(b"no cell at all, but a text of more than twenty-four bytes")
-
-
-def _cut(path: Path) -> None:
-    path.write_bytes(write_cell(path, bay()).read_bytes()[:-7])
 
 
 def _hit(path: Path) -> None:
@@ -290,8 +278,10 @@ def _hit(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (_unlike, "A.000: is no S-57 cell"),
-        (_cut, "A.000: is cut off: 7 bytes of its last record are missing"),
+        (lambda path: path.write_bytes(b"no cell at all, but a text of more than twenty-four bytes"),
+         "A.000: is no S-57 cell"),
+        (lambda path: path.write_bytes(write_cell(path, bay()).read_bytes()[:-7]),
+         "A.000: cannot be read (Data record is short on DDF file.)"),
         (_hit, "A.000: cannot be read (ISO8211 record leader appears to be corrupt.)"),
         (lambda path: write_cell(path, bay()[1:]), "A.000: has no coverage (M_COVR)"),
         (lambda path: write_cell(path, bay(), datum=3),
@@ -326,28 +316,6 @@ def test_without_the_library_it_says_which_extra_is_missing(tmp_path, monkeypatc
         read(path)
 
 
-def test_the_checkers_view_never_closes_what_the_chart_leaves_open(tmp_path):
-    more = [
-        Object("OBSTRN", shapely.LineString([(10.06, 50.03), (10.07, 50.034)]), {"WATLEV": 3}),
-        Object("OBSTRN", shapely.box(10.075, 50.05, 10.08, 50.055), {"VALSOU": 12.0, "WATLEV": 3}),
-        Object("RESARE", shapely.box(10.06, 50.05, 10.07, 50.06), {"RESTRN": "7"}),
-        Object("LNDARE", shapely.Point(10.08, 50.04)),
-    ]
-    write_cell(tmp_path / "A.000", bay(*more))
-    found, blocked = read(tmp_path), blocked_by_cells(str(tmp_path), CHART)
-    rng = np.random.default_rng(2)
-    north, east = rng.uniform(-3990.0, 3990.0, 6000), rng.uniform(-2990.0, 2990.0, 6000)
-    shut = blocked(*SITE.to_geographic(north, east), np.full(6000, 14.0))
-    water = found.chart.is_water(north, east)
-    assert 0.2 < shut.mean() < 0.4
-    assert not (shut & water).any()
-    assert (~shut & ~water).mean() < 0.02  # the rims of pixels
-    assert blocked(np.array([10.2]), np.array([50.05]), np.array([1.0])).all()  # beyond the cell
-    place = np.array([10.0775]), np.array([50.0525])
-    assert not blocked(*place, np.array([11.0]))
-    assert blocked(*place, np.array([13.0]))
-
-
 def test_the_depth_areas_are_a_sea_bed_that_is_nowhere_too_deep(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(Object("UNSARE", shapely.box(10.08, 50.04, 10.09, 50.05))))
     found = read(path)
@@ -361,6 +329,3 @@ def test_the_depth_areas_are_a_sea_bed_that_is_nowhere_too_deep(tmp_path):
     depth = np.asarray(bed.depth_at(north, east))
     assert (depth <= least + 1e-4).all()
     assert np.mean(depth < least - 1e-4) < 0.03  # about the edges
-    below = bed_of_cells(str(path), -0.3)
-    assert not below(*places, np.maximum(depth - 0.31, 0.0)).any()
-    assert below(*places, least + 0.21)[least > 0.0].all()

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from auvplan.io.geo import GeoError, read_jobs
-from auvplan.io.geo.windows import read_falls, read_windows
+from auvplan.io.geo.windows import Hours
 from auvplan.site import Site
-from tests.io.geo.files import feature, write_geojson
 
 SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
 HOUR = 3600.0
 
 
-def windows(duration=0.0, until=6 * HOUR, speed=None, **stated):
-    return read_windows("jobs.csv: row 2", stated, SITE, duration, until, speed)
+def windows(duration=0.0, until=6 * HOUR, speed=None, site=SITE, **stated):
+    return Hours("jobs.csv: row 2", stated, site, until).windows(duration, speed)
 
 
 @pytest.mark.parametrize(
@@ -74,33 +73,23 @@ def test_slips_are_stated(stated, message):
 def test_daylight_is_between_sunrise_and_sunset():
     """On the equinox the sun is up for some minutes more than twelve hours, around noon by the sun."""
     site = Site(15.0, 0.0, epoch=datetime(2026, 3, 20, tzinfo=UTC))
-    (day, _) = read_windows("a", {"windows": "daylight"}, site, 0.0, 30 * HOUR)
+    (day, _) = windows(until=30 * HOUR, site=site, windows="daylight")
     assert day[1] - day[0] == pytest.approx(12.12 * HOUR, abs=180.0)
     assert sum(day) / 2.0 == pytest.approx(11.0 * HOUR + 8 * 60.0, abs=180.0)  # 15 degrees are an hour
-    nights = read_windows("a", {"windows": "night"}, site, 0.0, 30 * HOUR)
+    nights = windows(until=30 * HOUR, site=site, windows="night")
     assert [night[0] for night in nights][1] == pytest.approx(day[1] + 60.0)
 
 
 def test_there_is_no_night_in_the_arctic_summer():
     site = Site(20.0, 78.0, epoch=datetime(2026, 6, 20, tzinfo=UTC))
-    assert read_windows("a", {"windows": "daylight"}, site, 0.0, HOUR) == ((-float("inf"), float("inf")),)
+    assert windows(until=HOUR, site=site, windows="daylight") == ((-float("inf"), float("inf")),)
     with pytest.raises(GeoError, match="there is no night"):
-        read_windows("a", {"windows": "night"}, site, 0.0, HOUR)
+        windows(until=HOUR, site=site, windows="night")
 
 
 def test_dates_need_a_departure():
     with pytest.raises(GeoError, match=r"needs site\.departure"):
-        read_windows("jobs.csv: row 2", {"from": "2026-03-01T01:00Z"}, Site(0.0, 0.0), 0.0, 1.0)
-
-
-def test_both_formats_tell_the_same(tmp_path):
-    table = tmp_path / "jobs.csv"
-    table.write_text("name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
-    properties = {"name": "a", "duration": 60, "from": "01:00Z", "to": "02:00Z"}
-    point = feature("Point", [148.95, -20.33], **properties)
-    other = write_geojson(tmp_path / "jobs.geojson", point)
-    (one,), (two,) = (read_jobs(path, SITE, until=6 * HOUR).points for path in (table, other))
-    assert one.windows == two.windows == ((HOUR, 2 * HOUR - 60.0),)
+        windows(site=Site(0.0, 0.0), **{"from": "2026-03-01T01:00Z"})
 
 
 def test_windows_of_a_line_stand_in_any_of_its_rows(tmp_path):
@@ -108,6 +97,9 @@ def test_windows_of_a_line_stand_in_any_of_its_rows(tmp_path):
     table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,,\na,148.97,-20.33,60,900\n")
     (line,) = read_jobs(table, SITE).lines
     assert line.windows == ((60.0, 900.0),)
+    table.write_text("name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
+    (point,) = read_jobs(table, SITE, until=6 * HOUR).points
+    assert point.windows == ((HOUR, 2 * HOUR - 60.0),)
     table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,90,\n")
     with pytest.raises(GeoError, match="line 'a' has from 60 in an earlier row, 90 in this"):
         read_jobs(table, SITE)
@@ -138,23 +130,28 @@ def test_slack_water_is_when_the_current_is_slower_there(tmp_path):
         windows(speed=lambda times: 0.3 + 0.0 * times, windows="slack < 0.1")
 
 
+def falls(stated):
+    return Hours("a", {"priority_after": stated}, SITE, HOUR).falls(3.0)
+
+
 @pytest.mark.parametrize(
     ("stated", "expected"),
     [
-        ({}, ()),
-        ({"priority_after": "600/2"}, ((600.0, 2.0),)),
-        ({"priority_after": [600, 2]}, ((600.0, 2.0),)),
-        ({"priority_after": "2026-03-01T01:00Z/2, 7200/0.5"}, ((HOUR, 2.0), (2 * HOUR, 0.5))),
+        (None, ()),
+        ("600/2", ((600.0, 2.0),)),
+        ([600, 2], ((600.0, 2.0),)),
+        ([[600, 2], ["7200", 0.5]], ((600.0, 2.0), (2 * HOUR, 0.5))),
+        ("2026-03-01T01:00Z/2, 7200/0.5", ((HOUR, 2.0), (2 * HOUR, 0.5))),
     ],
 )
 def test_priorities_fall_at_moments(stated, expected):
-    assert read_falls("a", stated, SITE, 3.0) == expected
+    assert falls(stated) == expected
 
 
 @pytest.mark.parametrize(
     ("stated", "message"),
     [
-        ("600", "cannot be read: write moment/priority"),
+        ("600", "'600' cannot be read: write moment/priority"),
         ("600/5", "falls from 3 to '5'"),
         ("600/2, 300/1", "has 300 after a later moment"),
         ("08:00Z/1", "needs a moment or seconds"),
@@ -163,12 +160,12 @@ def test_priorities_fall_at_moments(stated, expected):
 )
 def test_slips_in_falling_priorities_are_stated(stated, message):
     with pytest.raises(GeoError, match=message):
-        read_falls("a", {"priority_after": stated}, SITE, 3.0)
+        falls(stated)
 
 
 def test_the_sun_of_a_place_is_reckoned_once(monkeypatch):
     """Thousands of jobs by daylight are read in no time."""
     site = Site(3.25, 41.5, datetime(2026, 5, 4, 12, tzinfo=UTC))
-    once = read_windows("a", {"windows": "daylight"}, site, 0.0, HOUR)
+    once = windows(site=site, windows="daylight")
     monkeypatch.setattr("astral.sun.elevation", lambda *_: pytest.fail("reckoned again"))
-    assert read_windows("b", {"windows": "daylight"}, site, 0.0, HOUR) == once
+    assert windows(site=site, windows="daylight") == once

@@ -1,4 +1,4 @@
-"""The files of one run replace those of an earlier one together."""
+"""Files are written whole or not at all, and those of one run replace those of an earlier one together."""
 
 import os
 import signal
@@ -8,10 +8,48 @@ import time
 
 import pytest
 
-from auvplan.runtime.files import MISSION, SUMMARY, whole_result
+from auvplan.runtime.files import MISSION, SUMMARY, OutputError, output_folder, whole_result, write_atomically
 
 OLD = {SUMMARY: "old", MISSION: "old", "itinerary.plan": "old", "mission.png": "old", "notes.txt": "mine"}
 NEW = {SUMMARY: "new", MISSION: "new", "sheet.html": "new", "timeline.png": "new"}
+
+
+def test_a_writer_sees_suffix_and_folder_and_leaves_nothing_behind_where_it_fails(tmp_path):
+    seen, target = [], tmp_path / "picture.png"
+
+    def write(path, fail=False):
+        seen.append(path)
+        path.write_text("half" if fail else "new")
+        if fail:
+            raise RuntimeError("stopped")
+
+    assert write_atomically(target, write).read_text() == "new"
+    assert (seen[0].suffix, seen[0].parent) == (".png", tmp_path)
+    with pytest.raises(RuntimeError, match="stopped"):
+        write_atomically(target, lambda path: write(path, fail=True))
+    assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]
+    assert target.read_text() == "new"
+
+
+def test_a_folder_is_made_or_refused_in_one_line(tmp_path, monkeypatch):
+    folder = output_folder(tmp_path / "a" / "b")
+    assert folder.is_dir()
+    assert not list(folder.iterdir())
+    (tmp_path / "taken").touch()
+    for path in (tmp_path / "taken", tmp_path / "taken" / "below"):
+        with pytest.raises(OutputError, match=r"cannot write to folder .*taken"):
+            output_folder(path)
+    with pytest.raises(OutputError, match=r"cannot write .*none/file\.txt: No such file") as raised:
+        write_atomically(tmp_path / "none" / "file.txt", lambda path: path.touch())
+    assert "\n" not in str(raised.value)
+
+    # Root may write anywhere, so the system's refusal is played.
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.touch", refuse)
+    with pytest.raises(OutputError, match=r"cannot write to folder .*: Permission denied$"):
+        output_folder(tmp_path)
 
 
 def content(folder):
@@ -48,7 +86,7 @@ def test_a_run_that_fails_leaves_the_old_files_alone(folder):
     assert [file.name for file in folder.parent.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize("moment", range(6))
+@pytest.mark.parametrize("moment", [0, 2, 5])
 def test_a_run_that_is_killed_leaves_the_old_or_the_new_files(folder, moment):
     code = (
         "import sys, time\nfrom auvplan.runtime.files import whole_result\n"
