@@ -198,7 +198,7 @@ def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
 def degrees_of(
     site: Site, corner: Sequence[float], size: float, pixels: np.ndarray, offset: float = 0.5
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[n]: longitude and latitude, degrees, of the pixels' centres, or of what lies at another offset in them."""
+    """[n]: longitude and latitude, degrees, of pixels' centres, or of what lies at another offset in them."""
     axes = [corner[k] + size * (np.arange(count) + offset) for k, count in enumerate(pixels)]
     north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     return site.to_geographic(north, east)
