@@ -23,7 +23,7 @@ from auvplan.site import Site
 #: Name of the scenario's own file in the folder.
 SCENARIO = "scenario.yaml"
 _DATA = files("auvplan") / "data"
-#: Files of the example of times, and of the plain one: its coast is real, its tide and its sea bed are made up.
+#: Files of the example of times, and of the plain one: its coast is real, tide and sea bed are made up.
 _TIMES = (SCENARIO, "jobs.csv", "no_go.geojson", "tide.yaml")
 _PLAIN = (SCENARIO, "jobs.geojson", "no_go.geojson", "obstacles.geojson", "current.nc", "bathymetry.nc")
 
