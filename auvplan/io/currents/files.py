@@ -8,15 +8,13 @@ from dataclasses import dataclass, field
 from glob import glob
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from xarray import conventions
-from xarray.backends import BackendArray
-from xarray.core import indexing
 
 from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.currents.units import length_factor
@@ -111,7 +109,9 @@ class File:
                 first, last = int(pick.min()), int(pick.max()) + 1
                 run = chosen | {dim: slice(first, last)}
                 if last - first <= 4 * len(pick) or variable.isel(run).size <= _AT_ONCE:
-                    chosen, after[dim] = run, pick - first
+                    chosen = run
+                    if last - first != len(pick) or (np.diff(pick) < 0).any():
+                        after[dim] = pick - first
         with self.guarded(name):
             part = variable.isel(chosen)
             if dims is not None:
@@ -154,29 +154,6 @@ class File:
             raise self.fail(f"variable {name} cannot be read ({reason_of(error)})") from None
 
 
-class Lazy(BackendArray):
-    """Values that are read, and brought to the form, where they are indexed."""
-
-    def __init__(self, shape: Sequence[int], read: Callable[..., NDArray[Any]], dtype: Any) -> None:
-        """Take a shape, and what reads values by slices or arrays of indices along each dimension."""
-        self.shape, self.read, self.dtype = tuple(shape), read, np.dtype(dtype)
-
-    def __getitem__(self, key: Any) -> Any:
-        return indexing.explicit_indexing_adapter(
-            key, self.shape, indexing.IndexingSupport.OUTER, self._outer
-        )
-
-    def _outer(self, key: tuple) -> NDArray[Any]:
-        one = [isinstance(part, int | np.integer) for part in key]
-        ranges = [slice(part, part + 1) if single else part for part, single in zip(key, one, strict=True)]
-        return self.read(*ranges)[tuple(0 if single else slice(None) for single in one)]
-
-    @classmethod
-    def variable(cls, dims: Sequence[str], shape: Sequence[int], read: Callable, dtype: Any) -> xr.Variable:
-        """Return a variable of such values."""
-        return xr.Variable(dims, indexing.LazilyIndexedArray(cls(shape, read, dtype)))
-
-
 @dataclass(frozen=True)
 class Series(File):
     """Files of one model run with the same variables on the same grid, as one."""
@@ -188,51 +165,19 @@ class Series(File):
     frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     parts: tuple[File, ...] = ()  # the files, in order of time
 
-    @classmethod
-    def of(cls, files: Sequence[File], time_dim: str | None, times: Array, frames: NDArray[np.int64]) -> Self:
-        """Return files, in order of time, as one; attributes as above."""
-        first, *rest = files
-        variables = dict(first.variables)
-
-        def close() -> None:
-            for file in files:
-                file.close()
-
-        if rest or len(frames) != first.sizes.get(str(time_dim), 1):
-            for name, variable in first.variables.items():
-                if time_dim in variable.dims:
-                    variables[name] = _joined(files, name, str(time_dim), frames)
-        label = f"{first.path} and {len(rest)} more" if rest else first.path
-        about = label, variables, first.attributes, close, first.crs, first.epoch
-        return cls(*about, time_dim, times, frames, tuple(files))
-
     def dims(self, name: str) -> tuple[str, ...]:
         """Dimensions of a variable without time."""
         return tuple(str(dim) for dim in self.variables[name].dims if dim != self.time_dim)
 
-    def at(self, frames: Pick, name: str, picks: Mapping[str, Pick], dims: Sequence[str]) -> Array:
+    def at(self, frames: slice, name: str, picks: Mapping[str, Pick], dims: Sequence[str]) -> Array:
         """Return values [T, *dims] at some times, or [1, *dims] of a variable that knows no time."""
         if self.time_dim is None or self.time_dim not in self.variables[name].dims:
             return self.read(name, picks, dims)[None]
-        return self.read(name, {**picks, self.time_dim: frames}, (self.time_dim, *dims))
-
-
-def _joined(files: Sequence[File], name: str, time_dim: str, frames: NDArray[np.int64]) -> xr.Variable:
-    """Return a variable of files in order of time as one."""
-    first = files[0].variables[name]
-    dims, axis = tuple(map(str, first.dims)), first.dims.index(time_dim)
-
-    def read(*keys: Any) -> Array:
-        wanted, parts = frames[keys[axis]], []
+        wanted, found = self.frames[frames], []
         for number in dict.fromkeys(wanted[:, 0].tolist()):
-            picks = dict(zip(dims, keys, strict=True)) | {time_dim: wanted[wanted[:, 0] == number, 1]}
-            parts.append(files[number].read(name, picks, dims))
-        return np.concatenate(parts, axis)
-
-    shape = [len(frames) if dim == time_dim else size for dim, size in first.sizes.items()]
-    joined = Lazy.variable(dims, shape, read, first.dtype)
-    joined.attrs, joined.encoding = first.attrs, first.encoding
-    return joined
+            chosen = {**picks, self.time_dim: wanted[wanted[:, 0] == number, 1]}
+            found.append(self.parts[number].read(name, chosen, (self.time_dim, *dims)))
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
 
 def text(attributes: Mapping[str, Any], name: str) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -63,17 +63,22 @@ class Window:
     """The part of a source that is read."""
 
     picks: dict[str, Run]  # indices by dimension of the points
-    index: Index  # source points, numbered as in the window
-    points: int  # how many the window has; they are in the order of the dimensions
+    used: Index  # [P] its points, in the order of the dimensions
+    index: Index  # the points that were asked for, numbered as in the window
+
+    @property
+    def points(self) -> int:
+        """How many points it has."""
+        return len(self.used)
 
 
 class _Grid:
     """Points in rows and columns."""
 
-    dims: tuple[str, ...]
     longitude: Array
     latitude: Array
-    _around = False
+    dims: ClassVar[tuple[str, ...]]  # the form's, of rows and columns
+    _around: ClassVar[bool] = False  # whether columns may run over the wrap-around of a globe
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -88,12 +93,15 @@ class _Grid:
 
     def window(self, index: Index) -> Window:
         """Return the rows and columns that hold some points, across the wrap-around if that is shorter."""
-        row, column = np.divmod(index, self.shape[1])
-        rows, columns = _run(row, None), _run(column, self.shape[1] if self._around else None)
-        inner = _position(rows, row) * _length(columns) + _position(columns, column)
-        return Window(
-            dict(zip(self.dims, (rows, columns), strict=True)), inner, _length(rows) * _length(columns)
-        )
+        runs, inside = {}, []
+        for dim, size, used in zip(self.dims, self.shape, np.divmod(index, self.shape[1]), strict=True):
+            run = _run(used, size if self._around and dim == self.dims[1] else None)
+            order = np.argsort(run)
+            runs[dim] = run if (np.diff(run) < 0).any() else slice(int(run[0]), int(run[-1]) + 1)
+            inside.append((run, order[np.searchsorted(run[order], used)]))
+        (rows, row), (columns, column) = inside
+        used = (rows[:, None] * self.shape[1] + columns).ravel()
+        return Window(runs, used, row * len(columns) + column)
 
     def places(self, index: Index) -> tuple[Array, Array]:
         """Longitude and latitude of points, degrees."""
@@ -109,9 +117,9 @@ class Regular(_Grid):
 
     longitude: Array  # [nx] degrees
     latitude: Array  # [ny] degrees
-    dims: tuple[str, ...] = ("latitude", "longitude")  # of latitude and longitude
     kind: str = "regular"
     torn: int = 0
+    dims = ("latitude", "longitude")
     _around = True
 
     @cached_property
@@ -151,10 +159,10 @@ class Regular(_Grid):
 class Curvilinear(_Grid):
     """Curvilinear grid: points in rows and columns anywhere."""
 
-    dims: tuple[str, ...]  # of rows and columns
     longitude: Array  # [ny, nx] degrees
     latitude: Array
     kind: str = "curvilinear"  # "curvilinear", or "roms" where velocities are on the cells' edges
+    dims = ("y", "x")
 
     @property
     def torn(self) -> int:
@@ -282,7 +290,7 @@ def _cell_size(degrees: Array) -> Array:
     return size
 
 
-def _run(used: Index, around: int | None) -> Run:
+def _run(used: Index, around: int | None) -> Index:
     """Return the shortest run of indices that holds some, over the end of an axis round the globe."""
     values = np.unique(used)
     if around is not None and len(values) > 1:
@@ -290,19 +298,7 @@ def _run(used: Index, around: int | None) -> Run:
         first = (int(gaps.argmax()) + 1) % len(values)
         if first:
             return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
-    return slice(int(values[0]), int(values[-1]) + 1)
-
-
-def _length(run: Run) -> int:
-    return run.stop - run.start if isinstance(run, slice) else len(run)
-
-
-def _position(run: Run, index: Index) -> Index:
-    """Return where in a run of indices each of some is."""
-    if isinstance(run, slice):
-        return index - run.start
-    order = np.argsort(run)
-    return order[np.searchsorted(run[order], index)]
+    return np.arange(values[0], values[-1] + 1)
 
 
 def weights_of(index: Index, weight: Array, beyond: Array) -> Weights:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,26 +11,13 @@ from auvplan.io.currents.files import Array, Series
 from auvplan.io.currents.names import HEIGHTS, SIGMAS, depth_axis, is_vertical
 
 if TYPE_CHECKING:
-    from auvplan.io.currents.form import Source
+    from auvplan.io.currents.model import Part, Source
 
 #: No level lies deeper or higher, m.
 _DEEPEST = 20_000.0
 #: Names of the s-coordinate and of the stretching curve, of ROMS and of CROCO, at levels and between them.
 _CURVES = {"rho": (("s_rho", "sc_r"), ("Cs_r", "Cs_rho")), "w": (("s_w", "sc_w"), ("Cs_w",))}
 _AXES = ("s_rho", "sc_r", "s_w", "sc_w")
-
-
-def once(read: Callable) -> Callable:
-    """Return what reads the same values, but not twice in a row."""
-    last: list[tuple] = []
-
-    def again(*keys: Any) -> Any:
-        plain = [(key.start, key.stop, key.step) if isinstance(key, slice) else key for key in keys]
-        if not (last and all(map(np.array_equal, last[0][0], plain))):
-            last[:] = [(plain, read(*keys))]
-        return last[0][1]
-
-    return again
 
 
 @dataclass(frozen=True)
@@ -41,11 +28,16 @@ class Levels:
     count: int  # how many there are
     order: slice  # the levels of the file in the order in which their depths rise
     fixed: Array | None  # [K] m rising, or None where they follow the sea bed
-    #: Depths [times or 1, levels, *points] m in the file's order where they follow the sea bed.
-    read: Callable[..., Array] | None = None
-    #: Depth [times or 1, *points] m of the sea bed below the surface where they follow it.
-    bed: Callable[..., Array] | None = None
-    extra: tuple[str, ...] = ()  # "time" where these depend on it
+    #: Where they follow it: the depths [T or 1, K, P] m in the file's order, and that of the bed [T or 1, P].
+    columns: "Callable[[Part], tuple[Array, Array]] | None" = None
+
+    def at(self, part: "Part") -> tuple[Array, Array | None]:
+        """Return the depths [T or 1, K, 1 or P] m, rising, and the bed's [T or 1, P] where they follow it."""
+        if self.fixed is not None:
+            return self.fixed[None, :, None], None
+        assert self.columns is not None
+        depths, bed = self.columns(part)
+        return depths[:, self.order], bed
 
 
 def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
@@ -145,31 +137,26 @@ def _single(source: "Source", name: str) -> Levels:
     return Levels(None, 1, slice(None), np.zeros(1))
 
 
-def _bed(source: "Source", name: str) -> Callable[..., Array]:
-    """Return what reads the depth [times or 1, *points] m of the sea bed below the surface."""
+def _require_bed(source: "Source", name: str) -> None:
     if source.floor_name is None:
         raise source.series.fail(f"{name} has levels that follow the sea bed, but h is missing")
     if source.rise_name is None:
         source.notes.append("the surface's height zeta is not given: taken as 0")
-    return lambda *keys: source.floor(*keys) + source.rise(*keys)
 
 
 def _following(source: "Source", name: str, dim: str, depths: Callable[[Array, Array], Array]) -> Levels:
     """Levels whose depths [T, K, P] follow from the sea bed's [P] and the surface's height [T, P]."""
-    bed = _bed(source, name)
-
-    def read(frames: Any, levels: Any, *keys: Any) -> Array:
-        floor, rise = source.floor(frames, *keys)[0], source.rise(frames, *keys)
-        found = depths(floor.ravel(), rise.reshape(len(rise), -1))
-        return found.reshape(*found.shape[:2], *floor.shape)[:, levels]
-
+    _require_bed(source, name)
     # Whether the file counts from the bed or from the surface shows in any column.
     probe = depths(np.full(1, 100.0), np.zeros((1, 1)))[0, :, 0]
     steps = np.diff(probe)
     if not ((steps > 0).all() or (steps < 0).all()):
         raise source.series.fail(f"levels along {dim} neither rise nor fall throughout")
-    order = slice(None, None, 1 if (steps > 0).all() else -1)
-    return Levels(dim, len(probe), order, None, read, bed, source.timed(source.rise_name))
+
+    def columns(part: "Part") -> tuple[Array, Array]:
+        return depths(part.floor[0], part.rise), part.floor + part.rise
+
+    return Levels(dim, len(probe), slice(None, None, 1 if (steps > 0).all() else -1), None, columns)
 
 
 def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
@@ -188,15 +175,16 @@ def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
         return _following(
             source, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None]
         )
-    bed = _bed(source, name)
+    _require_bed(source, name)
+    source.along(sigma, dim)
     column = np.moveaxis(shares, series.dims(sigma).index(dim), 0)
+
+    def columns(part: "Part") -> tuple[Array, Array]:
+        bed = part.floor + part.rise
+        return np.abs(part.values(sigma, dim)) * bed[:, None], bed
+
     order = slice(None, None, 1 if column[0].mean() < column[-1].mean() else -1)
-    own = source.reading(sigma, (dim,))
-
-    def read(frames: Any, levels: Any, *keys: Any) -> Array:
-        return np.abs(own(slice(0, 1), levels, *keys)) * bed(frames, *keys)[:, None]
-
-    return Levels(dim, len(column), order, None, read, bed, source.timed(source.rise_name))
+    return Levels(dim, len(column), order, None, columns)
 
 
 def _stated(source: "Source", heights: str, dim: str) -> Levels:
@@ -213,35 +201,25 @@ def _stated(source: "Source", heights: str, dim: str) -> Levels:
     ends = np.moveaxis(first[0], dims.index(dim), 0) * metres
     both = np.isfinite(ends).all(axis=0)
     rising = not both.any() or float((ends[-1] - ends[0])[both].mean()) >= 0.0
-    own = source.reading(heights, (dim,))
+    source.along(heights, dim)
 
-    @once
-    def column(*keys: Any) -> tuple[Array, Array]:
-        """Depths below the surface as it is, and the surface's height."""
-        height = own(keys[0], slice(None), *keys[1:]) * metres
+    def columns(part: "Part") -> tuple[Array, Array]:
+        height = part.values(heights, dim) * metres
         if (far := float(np.nanmax(np.abs(height), initial=0.0))) > _DEEPEST:
             raise series.fail(
                 f"{heights} reaches {far:g} m, where there is no sea: check _FillValue and units"
             )
-        there = np.isfinite(height)
-        rise = source.rise(*keys)
+        there, rise = np.isfinite(height), part.rise
         if heights in HEIGHTS and alone:
             top = np.where(there, height, -np.inf).max(axis=1)
             rise = np.where(np.isfinite(top), top, 0.0)
-        return np.where(there, (0.0 if down else rise[:, None]) - height, np.inf), rise
-
-    def read(frames: Any, levels: Any, *keys: Any) -> Array:
-        return column(frames, *keys)[0][:, levels]
-
-    def bed(*keys: Any) -> Array:
-        depths, rise = column(*keys)
+        depths = np.where(there, (0.0 if down else rise[:, None]) - height, np.inf)
         if source.floor_name is not None:
-            return source.floor(*keys) + rise
+            return depths, part.floor + rise
         deepest = np.where(np.isfinite(depths), depths, -np.inf).max(axis=1)
-        return np.where(np.isfinite(deepest), deepest, np.nan)
+        return depths, np.where(np.isfinite(deepest), deepest, np.nan)
 
-    extra = source.timed(heights) or source.timed(source.rise_name)
-    return Levels(dim, count, slice(None, None, -1 if rising else 1), None, read, bed, extra)
+    return Levels(dim, count, slice(None, None, -1 if rising else 1), None, columns)
 
 
 def s_depths(s: Array, curve: Array, critical: float, transform: int, floor: Array, rise: Array) -> Array:

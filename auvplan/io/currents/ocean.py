@@ -4,17 +4,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
 from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
-from auvplan.io.currents.form import ABOUT, to_form
 from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
 from auvplan.io.currents.levels import at_depth
+from auvplan.io.currents.model import Block, Model, Part, find_model
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
 from auvplan.ocean.gridded import CurrentError
@@ -34,18 +37,26 @@ _KINDS = {
     "triangles": "mesh",
 }
 Triple = tuple[Array, Array, Array | None]
-
-
-@dataclass(frozen=True)
-class Block:
-    """What is read of some times and points, T times, K levels, P points."""
-
-    east: Array  # [T, K, P] m/s; both NaN where there is no water
-    north: Array
-    depths: Array  # [1 or T, K, 1 or P] m below the surface, rising
-    floor: Array | None  # [1 or T, P] m, the sea bed below the surface; None where it is not known
-    up: Array | None  # [T, Ku, P] m/s, or None
-    depths_up: Array  # [1 or T, Ku, 1 or P] m, those of `up`
+#: What is said of the form's variables.
+_ABOUT = {
+    "longitude": {"standard_name": "longitude", "units": "degrees_east"},
+    "latitude": {"standard_name": "latitude", "units": "degrees_north"},
+    "time": {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00"},
+    "depth": {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"},
+    "zcor": {"units": "m", "positive": "up"},
+    "uo": {"standard_name": "eastward_sea_water_velocity", "units": "m s-1"},
+    "vo": {"standard_name": "northward_sea_water_velocity", "units": "m s-1"},
+    "wo": {"standard_name": "upward_sea_water_velocity", "units": "m s-1"},
+    "zos": {"standard_name": "sea_surface_height_above_geoid", "units": "m"},
+    "deptho": {"standard_name": "sea_floor_depth_below_geoid", "units": "m"},
+    "face_nodes": {
+        "cf_role": "face_node_connectivity", "start_index": np.int32(0), "_FillValue": np.int32(-1),
+    },
+    "mesh": {
+        "cf_role": "mesh_topology", "topology_dimension": np.int32(2),
+        "node_coordinates": "node_lon node_lat", "face_node_connectivity": "face_nodes",
+    },
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -55,7 +66,7 @@ class OceanData:
     Make one with `open_ocean`; it is also a context manager that closes the files.
 
     Attributes:
-        form: the current as one CF data set, see `auvplan.io.currents.form`.
+        model: which variables of the files are the current.
         geometry: the places of its points.
         kind: "regular", "curvilinear", "roms" (velocities on the edges of the cells) or "triangles".
         longitude, latitude: degrees; [nx] and [ny] where regular, [ny, nx] where curvilinear, else [P].
@@ -65,7 +76,7 @@ class OceanData:
         label: the files' name for messages.
     """
 
-    form: xr.Dataset
+    model: Model
     geometry: Geometry
     kind: str
     longitude: Array
@@ -76,73 +87,83 @@ class OceanData:
     label: str
 
     @classmethod
-    def of(cls, form: xr.Dataset, geometry: Geometry) -> Self:
-        """Return the current of a data set in the form, and of the places of its points."""
-        depth, places = form.variables["depth"], (geometry.kind, geometry.longitude, geometry.latitude)
-        levels = depth.values if depth.ndim == 1 else None
-        times = form.variables["time"].values
-        return cls(form, geometry, *places, times, levels, form.attrs["notes"], form.attrs["source"])
+    def of(cls, files: Sequence[File]) -> Self:
+        """Return the current of files that are open; raises as `open_ocean`."""
+        with understood(files[0].path):
+            model = find_model(files)
+        series, grid = model.source.series, model.source.geometry
+        notes, places = tuple(dict.fromkeys(model.source.notes)), (grid.kind, grid.longitude, grid.latitude)
+        return cls(model, grid, *places, series.times, model.east.levels.fixed, notes, series.path)
 
     @property
     def moments(self) -> tuple[datetime, ...]:
         """The times in UTC."""
         return tuple(moment_of(second) for second in self.times)
 
-    def source(self, name: str) -> str | None:
-        """Return the files' own name of one of the form's variables, None where they lack it."""
-        return self.form[name].encoding["source"] if name in self.form else None
+    @property
+    def names(self) -> dict[str, str]:
+        """The files' own names of what they have of the form's `uo`, `vo`, `wo`, `deptho` and `zos`."""
+        model, source = self.model, self.model.source
+        own = {"uo": model.east.name, "vo": model.north.name, "wo": model.up and model.up.name}
+        own |= {"deptho": source.floor_name, "zos": source.rise_name}
+        return {name: stated for name, stated in own.items() if stated is not None}
 
     def fail(self, words: str) -> CurrentError:
         """Return an error that names the files."""
         return CurrentError(f"{self.label}: {words}")
 
-    def field(self, name: str, frames: slice, window: Window) -> NDArray[Any]:
-        """Return values [T or 1, ..., P or 1] of a variable of the form at some times and a window's points.
+    def part(self, frames: slice, window: Window) -> Part:
+        """Return some times and a window's points; what is read of them may raise a `CurrentError`."""
+        return Part(self.model, frames, window)
 
-        Raises:
-            CurrentError: they cannot be read, or make no sense.
+    @cached_property
+    def form(self) -> xr.Dataset:
+        """The current as CF-1.11, with a mesh as UGRID-1.0, of which nothing is read but what is indexed.
+
+        It has `uo`, `vo` and, on the same levels, `wo` [time, level, points] m/s, NaN where there is no
+        water; `deptho` [points] m, the sea bed below the datum, and `zos` [time, points] m, the surface above
+        it, where they are given. Levels are `depth` [level] m or, where they follow the bed, `zcor` [time,
+        level, points] m above the datum. Points are in rows and columns, or a mesh's nodes or faces.
         """
-        variable = self.form.variables[name]
-        picks = {"time": frames, **window.picks}
-        values = variable.isel({dim: pick for dim, pick in picks.items() if dim in variable.dims}).values
-        if not set(window.picks) & set(variable.dims):
-            return values[None, :, None]
-        values = values.reshape(*values.shape[: values.ndim - len(window.picks)], window.points)
-        return values if "time" in variable.dims else values[None]
-
-    def rise(self, frames: slice, window: Window) -> Array:
-        """Height [T or 1, P] m of the surface above the datum; 0 where it is not given."""
-        return self.field("zos", frames, window) if "zos" in self.form else np.zeros((1, window.points))
-
-    def read(self, frames: slice, window: Window) -> Block:
-        """Return everything about a window's points at some times.
-
-        Raises:
-            CurrentError: values cannot be read, or are no velocities of water.
-        """
-        form = self.form
-        east, north = (self.field(name, frames, window) for name in ("uo", "vo"))
-        land = ~(np.isfinite(east) & np.isfinite(north))
-        for name in ("mask", "wet", "flats"):
-            if name in form:
-                water = self.field(name, frames, window)
-                land |= ~(water if water.ndim == 3 else water[:, None])
-        if "angle" in form:
-            turn = self.field("angle", frames, window)[0]
-            cos, sin = np.cos(turn), np.sin(turn)
-            east, north = east * cos - north * sin, east * sin + north * cos
-        depths = self.field("depth", frames, window)
-        bed = next((name for name in ("bed", "deptho") if name in form), None)
-        floor = None if bed is None else self.field(bed, frames, window)
-        if floor is not None and self.levels is not None:
-            # Models without a fill value leave the levels below the bed at zero.
-            land |= (east == 0.0) & (north == 0.0) & (depths > floor[:, None])
-        up, depths_up = None, depths
-        if "wo" in form:
-            up = self.field("wo", frames, window)
-            depths_up = self.field("depth_w", frames, window) if "depth_w" in form else depths
-        east, north = (np.where(land, np.nan, values) for values in (east, north))
-        return Block(east, north, depths, floor, up, depths_up)
+        grid, model = self.geometry, self.model
+        places, sizes = grid.coordinates, dict(zip(grid.dims, grid.shape, strict=True))
+        sizes |= {"time": len(self.times), "level": model.east.levels.count}
+        located: dict[str, Any] = {}
+        found: dict[str, Any] = {"time": ("time", self.times, _ABOUT["time"])}
+        if self.levels is not None:
+            found["depth"] = "level", self.levels, _ABOUT["depth"]
+        if "face_nodes" in places:
+            located = {"mesh": "mesh", "location": grid.dims[0]}
+            found["mesh"] = (), np.int32(0), _ABOUT["mesh"]
+        for name, (dims, values) in places.items():
+            kind = next(
+                kind for kind in ("longitude", "latitude", "face_nodes") if name.endswith((kind, kind[:3]))
+            )
+            if name == "face_nodes":
+                values = values.astype(np.int32)
+            elif name == kind and self.kind == "triangles":
+                if located.get("location") == "node":
+                    continue
+                name = f"{dims[0]}_{kind}"
+            found[name] = dims, values, _ABOUT[kind]
+        given = set(self.names) | ({"zcor"} if self.levels is None else set())
+        if model.up is not None and model.up.levels.count != model.east.levels.count:
+            given.remove("wo")
+        current, last = {}, {}
+        for name, count in (("uo", 2), ("vo", 2), ("wo", 2), ("zos", 1), ("deptho", 0), ("zcor", 2)):
+            if name in given:
+                dims = (*("time", "level")[:count], *grid.dims)
+                lazy = _Lazy(self, name, dims, tuple(sizes[dim] for dim in dims), last)
+                about = _ABOUT[name] | (located if name != "zcor" else {})
+                current[name] = xr.Variable(dims, indexing.LazilyIndexedArray(lazy), about)
+        attributes = {
+            "Conventions": "CF-1.11 UGRID-1.0",
+            "source": self.label,
+            "comment": "; ".join(self.notes),
+        }
+        stated = model.source.series.attributes
+        origin = {name: text(stated, name) for name in stated if str(name).startswith(ORIGIN)}
+        return xr.Dataset(current, found, attributes | origin)
 
     def at(self, longitude: ArrayLike, latitude: ArrayLike, depth: ArrayLike, moment: Any) -> Triple:
         """Return the current at places and moments: linear in the horizontal, in depth and in time.
@@ -169,13 +190,13 @@ class OceanData:
             raise self.fail("places need finite numbers and depths that are not negative")
         if not len(east):
             empty = np.zeros(shape)
-            return empty, empty, None if "wo" not in self.form else empty
+            return empty, empty, None if self.model.up is None else empty
         weights = self.geometry.locate(east, latitude=north)
         if weights.outside.any():
             raise self.fail(f"a place is outside the data, {describe(weights.beyond)}")
         self.check_times(float(seconds.min()), float(seconds.max()))
         to_east, to_north, up = (values.reshape(shape) for values in self._sampled(weights, down, seconds))
-        return to_east, to_north, up if "wo" in self.form else None
+        return to_east, to_north, None if self.model.up is None else up
 
     def is_water(
         self, longitude: Array, latitude: Array, frames: slice, reach: float = 0.0
@@ -206,7 +227,7 @@ class OceanData:
                 window = self.geometry.window(new[:, None])
                 water = np.ones(window.points, bool)
                 for k in range(frames.start, frames.stop):
-                    water &= np.isfinite(self.read(slice(k, k + 1), window).east[0, 0])
+                    water &= np.isfinite(self.part(slice(k, k + 1), window).block.east[0, 0])
                 wet[new] = water[window.index[:, 0]]
             left = (weights.weight * (wet[weights.index] > 0)).sum(axis=1)
             found[part] = there & (left >= ENOUGH)
@@ -217,11 +238,11 @@ class OceanData:
 
         It is NaN on land and beyond the data.
         """
-        if "deptho" not in self.form:
+        if "deptho" not in self.names:
             return None
         weights = self.geometry.locate(longitude, latitude)
         window = self.geometry.window(weights.index)
-        (depth,) = mix_gathered(weights.weight, self.field("deptho", slice(0, 1), window)[0][window.index])
+        (depth,) = mix_gathered(weights.weight, self.part(slice(0, 1), window).floor[0][window.index])
         return np.where(weights.outside, np.nan, depth)
 
     def frames(self, first: float, last: float) -> slice:
@@ -246,7 +267,7 @@ class OceanData:
 
     def close(self) -> None:
         """Let go of the files."""
-        self.form.close()
+        self.model.source.series.close()
 
     def __enter__(self) -> Self:
         return self
@@ -264,13 +285,13 @@ class OceanData:
             for end in range(2):
                 wanted = np.flatnonzero((before + end == frame) & ((share > 0) if end else (share < 1)))
                 if len(wanted):
-                    block = block or self.read(slice(int(frame), int(frame) + 1), window)
+                    block = block or self.part(slice(int(frame), int(frame) + 1), window).block
                     ends[end][:, wanted] = _gathered(block, window, weights, depth, wanted)
         values = (1.0 - share) * ends[0] + share * ends[1]
         return np.where(share <= 0, ends[0], np.where(share >= 1, ends[1], values))
 
 
-def _gathered(block: Any, window: Window, weights: Weights, depth: Array, wanted: np.ndarray) -> Array:
+def _gathered(block: Block, window: Window, weights: Weights, depth: Array, wanted: np.ndarray) -> Array:
     """[3, m] m/s of some places in a block of one time."""
     index, weight = window.index[wanted], weights.weight[wanted]
     corners, deep = index.ravel(), np.repeat(depth[wanted], index.shape[1])
@@ -329,23 +350,17 @@ def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData
     """
     files = open_files(paths, crs, None if epoch is None else float(seconds_of(epoch)))
     with understood(files[0].path, *files):
-        return OceanData.of(*to_form(files))
-
-
-def ocean_of(files: Sequence[File]) -> OceanData:
-    """Return the current of files that are open; raises as `open_ocean`."""
-    with understood(files[0].path):
-        return OceanData.of(*to_form(files))
+        return OceanData.of(files)
 
 
 def summary_of(ocean: OceanData) -> dict[str, Any]:
     """Return kind, extent, times and levels of a current, ready for JSON."""
+    places = {"longitude": ocean.longitude, "latitude": ocean.latitude}
     found: dict[str, Any] = {
         "files": ocean.label,
         "kind": _KINDS[ocean.kind],
         "points": " x ".join(map(str, ocean.geometry.shape)),
-        "longitude": _span(ocean.longitude),
-        "latitude": _span(ocean.latitude),
+        **{name: f"{np.nanmin(axis):.4f} to {np.nanmax(axis):.4f}" for name, axis in places.items()},
         "times": len(ocean.times),
         "from": stamp(ocean.times[0]),
         "to": stamp(ocean.times[-1]),
@@ -358,85 +373,74 @@ def summary_of(ocean: OceanData) -> dict[str, Any]:
         found["levels"] = f"one, {ocean.levels[0]:g} m"
     else:
         found["levels"] = f"{len(ocean.levels)}, {ocean.levels[0]:g} to {ocean.levels[-1]:g} m"
-    names = {"vertical": "wo", "sea_floor": "deptho", "surface_height": "zos"}
-    return found | {
-        "components": f"{ocean.source('uo')}, {ocean.source('vo')}",
-        **{what: ocean.source(name) or "not given" for what, name in names.items()},
-    }
-
-
-def _span(values: Any) -> str:
-    return f"{np.nanmin(values):.4f} to {np.nanmax(values):.4f}"
+    found["components"] = f"{ocean.names['uo']}, {ocean.names['vo']}"
+    for what, name in (("vertical", "wo"), ("sea_floor", "deptho"), ("surface_height", "zos")):
+        found[what] = ocean.names.get(name, "not given")
+    return found
 
 
 def to_cf(ocean: OceanData) -> xr.Dataset:
-    """Return all of a current as CF-1.11, with a mesh as UGRID-1.0.
-
-    Returns:
-        `uo`, `vo` and, where the source has it, `wo` [time, level, points] m/s, NaN where there is no water;
-        `deptho` [points] m where the bed is given; `zos` [time, points] m, the surface above the datum, where
-        it is given. Levels are `depth` [level] m, or `zcor` [time, level, points] m above the datum
-        where they follow the bed.
+    """Return all of a current in memory, as `OceanData.form` has it but in single precision.
 
     Raises:
         CurrentError: values cannot be read, or are too many.
     """
-    form, grid = ocean.form, ocean.geometry
-    times, levels, points = form.sizes["time"], form.sizes["level"], int(np.prod(grid.shape))
+    times, levels = len(ocean.times), ocean.model.east.levels.count
+    points = int(np.prod(ocean.geometry.shape))
     if times * levels * points > MAX_VALUES // 4:
         raise ocean.fail(
             f"{times} times, {levels} levels and {points} points are too many to be written at "
             "once: cut what is needed out of them first, such as by ncks"
         )
-    frames, window = (
-        slice(0, times),
-        Window({dim: slice(None) for dim in grid.dims}, np.arange(points), points),
-    )
-    block, rise = ocean.read(frames, window), ocean.rise(frames, window)
-    fields: dict[str, Any] = {"uo": block.east, "vo": block.north}
-    if block.up is not None and block.up.shape[1] == levels:
-        fields["wo"] = block.up
-    if "zos" in form:
-        fields["zos"] = rise
-    fields = {
-        name: np.broadcast_to(values, (times, *values.shape[1:])).astype(np.float32)
-        for name, values in fields.items()
-    }
-    if "deptho" in form:
-        fields["deptho"] = ocean.field("deptho", frames, window)[0]
-    if ocean.levels is None:
-        if "deptho" in form and block.floor is not None:
-            rise = block.floor - fields["deptho"]
-        fields["zcor"] = rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
-        fields["zcor"] = np.broadcast_to(fields["zcor"], (times, levels, points))
-    located: dict[str, Any] = {}
-    found: dict[str, Any] = {"time": ("time", ocean.times, ABOUT["time"])}
-    if ocean.levels is not None:
-        found["depth"] = "level", ocean.levels, ABOUT["depth"]
-    places = grid.coordinates
-    if "face_nodes" in places:
-        located = {"mesh": "mesh", "location": grid.dims[0]}
-        found["mesh"] = (), np.int32(0), ABOUT["mesh"]
-    for name, (dims, values) in places.items():
-        kind = next(
-            kind for kind in ("longitude", "latitude", "face_nodes") if name.endswith((kind, kind[:3]))
-        )
-        if name == "face_nodes":
-            values = values.astype(np.int32)
-        elif name == kind and ocean.kind == "triangles":
-            if located.get("location") == "node":
-                continue
-            name = f"{dims[0]}_{kind}"
-        found[name] = dims, values, ABOUT[kind]
-    leads, current = {"zos": ("time",), "deptho": ()}, {}
-    for name, values in fields.items():
-        about = ABOUT[name] | (located if name != "zcor" else {})
-        shaped = values.reshape(*values.shape[:-1], *grid.shape)
-        current[name] = (*leads.get(name, ("time", "level")), *grid.dims), shaped, about
-    attributes = {
-        "Conventions": "CF-1.11 UGRID-1.0",
-        "source": ocean.label,
-        "comment": "; ".join(ocean.notes),
-    }
-    origin = {name: text(form.attrs, name) for name in form.attrs if str(name).startswith(ORIGIN)}
-    return xr.Dataset(current, found, attributes | origin)
+    form = ocean.form.copy()
+    for name in ("uo", "vo", "wo", "zos"):
+        if name in form:
+            form[name] = form[name].astype(np.float32)
+    return form.load()
+
+
+class _Lazy(BackendArray):
+    """A variable of the form, whose values are read where they are indexed."""
+
+    dtype = np.dtype(float)
+
+    def __init__(self, ocean: OceanData, name: str, dims: tuple, shape: tuple, last: dict) -> None:
+        """Take the variable's name and axes, and what keeps the part that was read last."""
+        self.ocean, self.name, self.dims, self.shape, self.last = ocean, name, dims, shape, last
+
+    def __getitem__(self, key: Any) -> Any:
+        outer = indexing.IndexingSupport.OUTER
+        return indexing.explicit_indexing_adapter(key, self.shape, outer, self._read)
+
+    def _read(self, key: tuple) -> Array:
+        grid, axes = self.ocean.geometry, zip(self.dims, self.shape, key, strict=True)
+        picks = {dim: np.atleast_1d(np.arange(size)[one]) for dim, size, one in axes}
+        points = np.ravel_multi_index(np.ix_(*(picks.pop(dim) for dim in grid.dims)), grid.shape)
+        frames = picks.pop("time", np.zeros(1, int))
+        first, last = int(frames.min()), int(frames.max())
+        wanted = first, last, points.tobytes()
+        part = self.last.get(wanted) or self.ocean.part(slice(first, last + 1), grid.window(points))
+        values = self._of(part)[..., part.window.index]
+        if "time" in self.dims:
+            self.last.clear()
+            self.last[wanted] = part
+            values = values[frames - first if len(values) > 1 else np.zeros_like(frames)]
+        for levels in picks.values():
+            values = values[:, levels]
+        return values[tuple(0 if isinstance(one, int | np.integer) else slice(None) for one in key)]
+
+    def _of(self, part: Part) -> Array:
+        """[T or 1, K, P], [T or 1, P] or [P] of a part."""
+        if self.name == "zos":
+            return part.rise
+        if self.name == "deptho":
+            return part.floor[0]
+        block = part.block
+        if self.name == "zcor":
+            rise = part.rise
+            if block.floor is not None and "deptho" in self.ocean.names:
+                rise = block.floor - part.floor
+            return rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
+        values = {"uo": block.east, "vo": block.north, "wo": block.up}[self.name]
+        assert values is not None
+        return values

@@ -15,7 +15,8 @@ from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, open_ocean, understood
+from auvplan.io.currents.model import Block
+from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, open_ocean, understood
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site, swapped_hint
@@ -143,7 +144,7 @@ def read_current(
 
     Args:
         paths: one path, a glob pattern, an xarray dataset such as one made by hand in the form of
-            `auvplan.io.currents.form`, or a list of such; files may be split over time, and hold the
+            `OceanData.form`, or a list of such; files may be split over time, and hold the
             components, the grid and the levels apart.
         site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
         lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
@@ -363,8 +364,8 @@ def _gridded(
     source = box.source
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
-    each = window.points * source.form.sizes["level"]
-    values = count * each * (3 if "wo" in source.form else 2)
+    each = window.points * source.model.east.levels.count
+    values = count * each * (2 if source.model.up is None else 3)
     grid = count * len(wanted) * len(weights.index) * 3
     if max(values, grid) > MAX_VALUES:
         raise source.fail(
@@ -373,19 +374,17 @@ def _gridded(
     matrix = Weights(window.index, weights.weight, weights.beyond).matrix(window.points)
     step = max(1, _CHUNK // each)
     parts = [
-        _block_at(source.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
+        _block_at(source.part(slice(k, min(k + step, frames.stop)), window).block, matrix, wanted)
         for k in range(frames.start, frames.stop, step)
     ]
     east, north, up = (np.concatenate(part) for part in zip(*parts, strict=True))
-    floor, lowest = None, None
-    if "deptho" in source.form:
-        floor = mix(matrix, source.field("deptho", frames, window))[0][0]
-    if "zos" in source.form:
-        lowest = source.rise(frames, window).min(axis=0, keepdims=True)
-        if "mask" in source.form:
-            lowest = np.where(source.field("mask", frames, window), lowest, np.nan)
-        lowest = mix(matrix, lowest)[0][0]
-    if "wo" not in source.form:
+    floor, lowest, part = None, None, source.part(frames, window)
+    if "deptho" in source.names:
+        floor = mix(matrix, part.floor)[0][0]
+    if "zos" in source.names:
+        lowest = part.rise.min(axis=0, keepdims=True)
+        lowest = mix(matrix, lowest if part.water is None else np.where(part.water, lowest, np.nan))[0][0]
+    if source.model.up is None:
         return (north, east, None), floor, lowest
     # The field's mask is one for all components.
     lacking = np.isnan(up) & np.isfinite(east)
@@ -453,7 +452,8 @@ def _check_values(
     missing = np.flatnonzero(lost >= _LOST)
     if len(missing):
         first = int(missing[0])
-        file = ocean.form["file"].values[frames][first]
+        series = ocean.model.source.series
+        file = series.parts[series.frames[frames.start + first, 0]].path
         more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
         raise CurrentError(
             f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "

@@ -276,7 +276,15 @@ def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tu
                 frames.append((number, index))
     if dropped := sum(len(seconds) for _, _, seconds in known) - len(times):
         notes.append(f"{dropped} times are given twice; the first is used")
-    return Series.of([file for file, _, _ in known], dims.pop(), np.asarray(times), np.asarray(frames)), notes
+    first, *others = parts = [file for file, _, _ in known]
+
+    def close() -> None:
+        for part in parts:
+            part.close()
+
+    label = f"{first.path} and {len(others)} more" if others else first.path
+    about = label, first.variables, first.attributes, close, first.crs, first.epoch
+    return Series(*about, dims.pop(), np.asarray(times), np.asarray(frames), tuple(parts)), notes
 
 
 def _require_same_grid(

@@ -184,7 +184,7 @@ class Triangles:
     def window(self, index: Index) -> Window:
         """Just the points."""
         used, inner = np.unique(index, return_inverse=True)
-        return Window({self.dims[0]: used}, inner.reshape(index.shape), len(used))
+        return Window({self.dims[0]: used}, used, inner.reshape(index.shape))
 
     def places(self, index: Index) -> tuple[Array, Array]:
         """Longitude and latitude of points, degrees."""

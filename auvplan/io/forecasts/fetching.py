@@ -1,7 +1,7 @@
 """Fetches the part of a data set that a request names, and writes it whole or not at all."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from pathlib import Path
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auvplan.io.currents.files import File, text
 from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
-from auvplan.io.currents.ocean import OceanData, describe, ocean_of
+from auvplan.io.currents.ocean import OceanData, describe
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
 from auvplan.io.forecasts.servers import OPENERS, Remote, as_file
@@ -43,6 +43,8 @@ _RUN_ATTRIBUTES = (
 )  # fmt: skip
 
 Indices = NDArray[np.int64]
+#: Takes the share that is done and words for it.
+Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -58,22 +60,12 @@ class Fetched:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Cut:
-    """A part of a data set."""
-
-    names: tuple[str, ...]  # of the variables, each once
-    picks: dict[str, Indices]  # by dimension, in the order to follow each other; others are taken whole
-    wrapped: str | None  # the longitudes, where the part crosses the wrap-around of a grid round the globe
-    notes: tuple[str, ...]
-
-
 def fetch_current(
     request: Request,
     path: str | Path,
     *,
     timeout: float = 60.0,
-    progress: Callable[[float, str], None] = lambda share, words: None,
+    progress: Progress = lambda share, words: None,
 ) -> Fetched:
     """Fetch a current from a server and write it as NetCDF, with where it is from.
 
@@ -93,10 +85,18 @@ def fetch_current(
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
     progress(0.0, f"asking {request.dataset}")
     remote = OPENERS[request.server](request, timeout)
-    cut = _cut_of(remote.file, request)
-    data = _fetched(remote, cut, request, progress)
-    current = as_file(request.dataset, data)
-    if not np.isfinite(current.variables[str(ocean_of((current,)).source("uo"))].values).any():
+    ocean = OceanData.of((remote.file,))
+    notes = list(ocean.notes)
+    picks = _picks(ocean, request, notes)
+    names = _names(remote.file, ocean, picks, request)
+    data = _fetched(remote, names, picks, request, progress)
+    longitude = data[(ocean.model.source.places or names)[0]]
+    if ocean.kind == "regular" and (np.diff(picks[str(longitude.dims[0])]) < 0).any():
+        # Over the wrap-around of a grid round the globe, longitudes go on.
+        turned = np.unwrap(longitude.values, period=360.0)
+        data = data.assign({str(longitude.name): (longitude.dims, turned, longitude.attrs)})
+    east = as_file(request.dataset, data).variables[ocean.names["uo"]]
+    if not np.isfinite(east.values).any():
         raise request.fail("the box holds no water at these times: look at --box")
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
@@ -104,65 +104,67 @@ def fetch_current(
     origin = {"server": server, "dataset": dataset, "run": _reference_time(remote.file)}
     origin |= {"request": request.text, "request_sha256": request.sha256}
     data.attrs |= {f"{ORIGIN}{name}": value for name, value in origin.items() if value}
-    return Fetched(write_dataset(data, target), cut.notes)
+    return Fetched(write_dataset(data, target), tuple(notes))
 
 
 def _fetched(
-    remote: Remote, cut: _Cut, request: Request, progress: Callable[[float, str], None]
+    remote: Remote, names: Sequence[str], picks: Mapping[str, Indices], request: Request, progress: Progress
 ) -> xr.Dataset:
-    """Return the values of a part of a data set as the server stores them."""
-    sizes = {name: _size(remote.raw[name], cut.picks) for name in cut.names}
-    total = sum(sizes.values())
+    """Return the values of variables at indices as the server stores them."""
+    wanted = {
+        name: {dim: picks.get(str(dim), np.arange(size)) for dim, size in remote.raw[name].sizes.items()}
+        for name in names
+    }
+    shapes = {name: [len(each) for each in own.values()] for name, own in wanted.items()}
+    sizes = {name: math.prod(shape) * remote.raw[name].dtype.itemsize for name, shape in shapes.items()}
+    total, done, variables = sum(sizes.values()), 0, {}
     if total > _MOST:
         raise request.fail(
             f"the request holds {total / 1e9:.1f} GB, at most {_MOST / 1e9:.0f} GB are fetched: ask for a "
             "smaller box, less time or fewer depths"
         )
-    done, variables = 0, {}
-    for name in cut.names:
-        raw, parts = remote.raw[name], []
-        for picks in _portions(raw, cut.picks):
+    for name, own in wanted.items():
+        raw, runs = remote.raw[name], []
+        found = np.empty(shapes[name], raw.dtype.newbyteorder("="))
+        for each in own.values():
+            # A request is of a range of each dimension, and of the first one's no more than is well answered.
+            ends = {0, len(each), *(np.flatnonzero(np.diff(each) != 1) + 1)}
+            if not runs:
+                ends |= {*range(0, len(each), max(1, _AT_ONCE // max(sizes[name] // max(len(each), 1), 1)))}
+            runs.append([slice(int(a), int(b)) for a, b in pairwise(sorted(ends))])
+        for place in product(*runs):
             progress(done / max(total, 1), f"fetching {name}")
-            part = _read(remote, name, picks, request)
-            parts.append(part)
-            done += part.nbytes
-        values = np.concatenate(parts) if raw.ndim else parts[0]
-        if name == cut.wrapped:
-            values = np.unwrap(values, period=360.0)
-        variables[name] = xr.Variable(raw.dims, values, _plain(raw.attrs))
+            chosen = {dim: each[part] for (dim, each), part in zip(own.items(), place, strict=True)}
+            values = remote.read(name, {d: slice(int(run[0]), int(run[-1]) + 1) for d, run in chosen.items()})
+            if values.shape != found[place].shape:
+                raise request.fail(
+                    f"the server broke off its answer at {name}: try again, or a smaller request"
+                )
+            found[place] = values
+            done += values.nbytes
+        variables[name] = xr.Variable(raw.dims, found, _plain(raw.attrs))
     return xr.Dataset(variables, attrs=_plain(remote.file.attributes))
 
 
-def _cut_of(file: File, request: Request) -> _Cut:
-    """Return the part of a data set that holds a request, with a rim of a cell around its box."""
-    ocean = ocean_of((file,))
-    east, north = (ocean.form.variables[name].encoding for name in ("uo", "vo"))
-    places, notes = ocean.form.variables["longitude"].encoding, list(ocean.notes)
+def _picks(ocean: OceanData, request: Request, notes: list[str]) -> dict[str, Indices]:
+    """Indices by dimension of the part that holds a request, with a rim of a cell around its box."""
+    source, east, north = ocean.model.source, ocean.model.east, ocean.model.north
     if ocean.kind == "triangles":
         raise request.fail(
             "is a mesh, which is not cut: download its files whole, and name them in current.files"
         )
     rows, columns = _around(ocean, request)
-    picks = dict(zip(places["dims"], (rows, columns), strict=True))
-    if ocean.kind == "roms":
+    picks = dict(zip(source.dims, (rows, columns), strict=True))
+    if source.staggered:
         # Edges lie between points: there is one less of them.
-        picks |= dict(zip(east["dims"], (rows, columns[:-1]), strict=True))
-        picks |= dict(zip(north["dims"], (rows[:-1], columns), strict=True))
+        picks |= dict(zip(east.dims, (rows, columns[:-1]), strict=True))
+        picks |= dict(zip(north.dims, (rows[:-1], columns), strict=True))
     times = _times(ocean, request)
-    if (time_dim := ocean.form.variables["time"].encoding["dims"]) is not None:
-        picks[time_dim] = times
-    if (level := east["level"]) is not None:
-        picks[level] = _levels(ocean, request, notes)
-    names = _names(file, ocean, set(picks))
-    for name in names:
-        for dim, size in file.variables[name].sizes.items():
-            if dim in picks and picks[str(dim)].max(initial=0) >= size:
-                raise request.fail(
-                    f"{name} lies on the edges of cells in a way that is not cut: download its files whole, "
-                    "and name them in current.files"
-                )
-    over = ocean.kind == "regular" and (np.diff(columns) < 0).any()
-    return _Cut(names, picks, places["source"] if over else None, tuple(notes))
+    if source.series.time_dim is not None:
+        picks[source.series.time_dim] = times
+    if east.levels.dim is not None:
+        picks[east.levels.dim] = _levels(ocean, request, notes)
+    return picks
 
 
 def _reference_time(file: File) -> str:
@@ -215,13 +217,13 @@ def _times(ocean: OceanData, request: Request) -> Indices:
             f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
             f"{stamp(times[0])} to {stamp(times[-1])}"
         )
-    found = ocean.form.variables["time"].encoding["frames"][ocean.frames(begin, end)]
+    found = ocean.model.source.series.frames[ocean.frames(begin, end), 1]
     return np.arange(found.min(), found.max() + 1)
 
 
 def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
     """Indices of the levels around the depths asked for; all where they follow the sea bed."""
-    levels, count = ocean.levels, ocean.form.sizes["level"]
+    levels, count = ocean.levels, ocean.model.east.levels.count
     if request.depths is None:
         return np.arange(count)
     if levels is None:
@@ -234,22 +236,18 @@ def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
         notes.append(f"the deepest level is {levels[-1]:g} m, {most:g} m were asked for")
     first = max(int(np.searchsorted(levels, least + 1e-6, "right")) - 1, 0)
     last = min(int(np.searchsorted(levels, most - 1e-6)), count - 1)
-    return np.sort(
-        np.arange(count)[ocean.form.variables["uo"].encoding["order"]][first : max(first, last) + 1]
-    )
+    return np.sort(np.arange(count)[ocean.model.east.levels.order][first : max(first, last) + 1])
 
 
-def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
+def _names(file: File, ocean: OceanData, picks: Mapping[str, Indices], request: Request) -> tuple[str, ...]:
     """Velocities, the height of the surface, and what states where and when they are."""
-    form = ocean.form.variables
-    level = form["uo"].encoding["level"]
-    wanted = ["uo", "vo", "zos", "deptho", "longitude", "latitude"]
-    if "wo" in form and (form["wo"].encoding["level"] in dims or ocean.levels is None):
-        wanted.insert(2, "wo")
-    stated = [form[name].encoding["source"] for name in wanted if name in form]
+    up, level = ocean.model.up, ocean.model.east.levels.dim
+    flat = up is not None and up.levels.dim not in picks and ocean.levels is not None
+    stated = [name for kind, name in ocean.names.items() if not (kind == "wo" and flat)]
+    stated += ocean.model.source.places or ()
     stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
     hints: set[str] = set()
-    for name in filter(file.variables.__contains__, stated):
+    for name in stated:
         attributes: Any = {**file.variables[name].encoding, **file.variables[name].attrs}
         hints |= set(text(attributes, "grid_mapping").replace(":", " ").split())
         scalar = text(attributes, "coordinates").split()
@@ -257,47 +255,18 @@ def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
     for name, variable in file.variables.items():
         grid = name in _GRID or file.standard_name(name) in (*MASK_NAMES, _RUN)
         axis = (
-            name in dims or variable.dims == (level,) or (level in variable.dims and is_vertical(file, name))
+            name in picks or variable.dims == (level,) or (level in variable.dims and is_vertical(file, name))
         )
         if grid or axis or name in hints:
             stated.append(name)
-    return tuple(dict.fromkeys(name for name in stated if name in file.variables))
-
-
-def _size(variable: xr.Variable, picks: Mapping[str, Indices]) -> int:
-    """Bytes of a part of a variable."""
-    counts = (len(picks[str(dim)]) if dim in picks else size for dim, size in variable.sizes.items())
-    return math.prod(counts) * variable.dtype.itemsize
-
-
-def _portions(variable: xr.Variable, picks: Mapping[str, Indices]) -> Iterator[dict[str, Indices]]:
-    """Yield indices of parts along the first dimension that are small enough for one request."""
-    wanted = {str(dim): picks.get(str(dim), np.arange(size)) for dim, size in variable.sizes.items()}
-    if not wanted:
-        yield {}
-        return
-    first, *_ = wanted
-    rows = wanted[first]
-    step = max(1, _AT_ONCE // max(_size(variable, picks) // max(len(rows), 1), 1))
-    for start in range(0, len(rows), step):
-        yield wanted | {first: rows[start : start + step]}
-
-
-def _read(remote: Remote, name: str, picks: Mapping[str, Indices], request: Request) -> np.ndarray:
-    """Return values at indices, each run of which is a request of its own."""
-    found = np.empty([len(each) for each in picks.values()], remote.raw[name].dtype.newbyteorder("="))
-    runs = []
-    for each in picks.values():
-        ends = [0, *(np.flatnonzero(np.diff(each) != 1) + 1), len(each)]
-        runs.append([slice(int(a), int(b)) for a, b in pairwise(ends)])
-    for place in product(*runs):
-        chosen = [each[part] for each, part in zip(picks.values(), place, strict=True)]
-        ranges = {dim: slice(int(run[0]), int(run[-1]) + 1) for dim, run in zip(picks, chosen, strict=True)}
-        values = remote.read(name, ranges)
-        if values.shape != found[place].shape:
-            raise request.fail(f"the server broke off its answer at {name}: try again, or a smaller request")
-        found[place] = values
-    return found
+    for name in dict.fromkeys(stated):
+        for dim, size in file.variables[name].sizes.items():
+            if dim in picks and picks[str(dim)].max(initial=0) >= size:
+                raise request.fail(
+                    f"{name} lies on the edges of cells in a way that is not cut: download its files whole, "
+                    "and name them in current.files"
+                )
+    return tuple(dict.fromkeys(stated))
 
 
 def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:

@@ -274,7 +274,7 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
     if known.sum() < 4 or min(longitude.shape) < 2:
         raise GeoError(f"{what}: its longitudes and latitudes are no grid")
-    if Curvilinear(("row", "column"), np.asarray(longitude, float), np.asarray(latitude, float)).folds:
+    if Curvilinear(np.asarray(longitude, float), np.asarray(latitude, float)).folds:
         raise GeoError(f"{what}: its longitudes and latitudes contradict each other, the grid folds")
     middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
     gap = np.where(known, np.hypot(north - middle[0], east - middle[1]), np.inf)
