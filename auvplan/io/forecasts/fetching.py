@@ -16,7 +16,7 @@ from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
-from auvplan.io.forecasts.servers import OPENERS, Remote, as_file
+from auvplan.io.forecasts.servers import Remote, as_file, open_remote
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
@@ -84,7 +84,7 @@ def fetch_current(
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
     progress(0.0, f"asking {request.dataset}")
-    remote = OPENERS[request.server](request, timeout)
+    remote = open_remote(request, timeout)
     ocean = OceanData.of((remote.file,))
     notes = list(ocean.notes)
     picks = _picks(ocean, request, notes)
