@@ -187,6 +187,17 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
     return str(value).strip()
 
 
+def same_values(one: Array, two: Array, slack: float = 1e-6) -> bool:
+    """Return whether two arrays have one shape and the same values, NaN included."""
+    return one.shape == two.shape and np.allclose(one, two, rtol=0.0, atol=slack, equal_nan=True)
+
+
+def close_all(files: Sequence[File]) -> None:
+    """Let go of files."""
+    for file in files:
+        file.close()
+
+
 def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tuple[File, ...]:
     """Open one file, all files of a glob pattern, a dataset, or a list of these.
 
@@ -216,8 +227,7 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
             opened = _held if isinstance(source, xr.Dataset) else _open
             files.append(opened(source, crs, epoch))  # type: ignore[arg-type]
     except CurrentError:
-        for file in files:
-            file.close()
+        close_all(files)
         raise
     return tuple(files)
 

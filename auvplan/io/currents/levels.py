@@ -303,16 +303,16 @@ def at_depth(
     to half-way to the next level, and without end below the last. Elsewhere there is no value, NaN.
 
     Args:
-        values: each [K, N].
-        depths: [K, N] or [K, 1] m, rising.
-        wanted: [N] or [1] m.
-        floor: [N] or [1] m, the sea bed; None where it is not known.
+        values: each [..., K, N]; all axes of the others may also be of one.
+        depths: [..., K, N] m, rising.
+        wanted: [N] m.
+        floor: [..., N] m, the sea bed; None where it is not known.
 
     Returns:
-        Each [N].
+        Each [..., N].
     """
-    count = len(depths)
-    below = (depths < wanted).sum(axis=0)
+    count = depths.shape[-2]
+    below = (depths < wanted).sum(axis=-2)
     upper, lower = np.maximum(below - 1, 0), np.minimum(below, count - 1)
     first, second = _take(depths, upper), _take(depths, lower)
     with np.errstate(invalid="ignore"):  # columns of land have no levels: all are infinitely deep
@@ -333,9 +333,7 @@ def at_depth(
 
 
 def _take(array: Array, level: NDArray[np.int64]) -> Array:
-    """[N] or [1], each column's value at a level of its own; either argument may be of one column."""
+    """[..., N] or [..., 1], each column's value at a level of its own."""
     if level.size == 1:
-        return array[int(level[0])]
-    if array.shape[1] == 1:
-        return array[level, 0]
-    return np.take_along_axis(array, level[None], axis=0)[0]
+        return array[..., level.flat[0], :]
+    return np.take_along_axis(array, level[..., None, :], axis=-2)[..., 0, :]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from auvplan.io.currents.files import Array, File, Pick, Series
+from auvplan.io.currents.files import Array, File, Pick, Series, same_values
 from auvplan.io.currents.geometry import Curvilinear, Regular, Window
 from auvplan.io.currents.levels import Levels, find_levels
 from auvplan.io.currents.names import (
@@ -519,7 +519,7 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
         if name == other:
             continue
         one, two = (file.coordinate(place, missing=True) for place in (name, other))
-        if one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
+        if not same_values(one, two):
             raise file.fail(
                 f"{names.east} lies at {name} and {names.north} at {other}, which differ: "
                 "interpolate both to the middles of the cells first"

@@ -297,15 +297,15 @@ def _gathered(block: Block, window: Window, weights: Weights, depth: Array, want
     corners, deep = index.ravel(), np.repeat(depth[wanted], index.shape[1])
 
     def of(field: Array) -> Array:
-        return field[0][..., corners] if field.shape[-1] > 1 or window.points == 1 else field[0]
+        return field[..., corners] if field.shape[-1] > 1 or window.points == 1 else field
 
     floor = None if block.floor is None else of(block.floor)
     level = at_depth((of(block.east), of(block.north)), of(block.depths), deep, floor)
     east, north = mix_gathered(weight, *(values.reshape(index.shape) for values in level))
     up = np.full(len(wanted), np.nan)
     if block.up is not None:
-        rising = at_depth((of(block.up),), of(block.depths_up), deep, floor)
-        (up,) = mix_gathered(weight, rising[0].reshape(index.shape))
+        (rising,) = at_depth((of(block.up),), of(block.depths_up), deep, floor)
+        (up,) = mix_gathered(weight, rising.reshape(index.shape))
     return np.stack([east, north, np.where(np.isnan(east), np.nan, up)])
 
 

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -92,21 +93,28 @@ class _Box:
     clamp: bool  # whether the nearest value holds beyond the data
     notes: list[str]  # get what has to be assumed
 
-    def grid(self, axes: tuple[Array, Array]) -> "_Grid":
-        """Return nodes by their axes."""
-        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        longitude, latitude = self.site.to_geographic(north, east)
-        weights = self.source.geometry.locate(longitude, latitude)
-        return _Grid(axes, north, east, longitude, latitude, weights)
-
-    def axes(self, step: float) -> tuple[Array, Array]:
-        """North and east of nodes from edge to edge, m, `step` apart at most."""
+    def grid(self, step: float) -> "_Grid":
+        """Return nodes from edge to edge, `step` m apart at most."""
         # A share of a spacing that rounding adds is no reason for one more node.
         north, east = (
             np.linspace(low, high, max(2, int(np.ceil((high - low) / step - _SAME)) + 1))
             for low, high in zip(self.low[:2], self.high[:2], strict=True)
         )
-        return north, east
+        return _Grid.of(self, north, east)
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance, m, between neighbours among the source's points around the box."""
+        axes = (np.linspace(self.low[k], self.high[k], 24) for k in range(2))
+        index = _Grid.of(self, *axes).weights.index
+        ring = (0, 1, 2, 0) if index.shape[1] == 3 else (0, 1, 3, 2, 0)
+        pairs = np.concatenate([index[:, [a, b]] for a, b in pairwise(ring)])
+        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+        places = (self.source.geometry.places(pairs[:, k]) for k in range(2))
+        ends = [np.stack(self.site.to_local(*place), axis=1) for place in places]
+        length = np.linalg.norm(ends[0] - ends[1], axis=1)
+        length = length[length > 1e-3]
+        return float(np.median(length)) if len(length) else float((self.high - self.low)[:2].max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +127,14 @@ class _Grid:
     longitude: Array  # [X Y] degrees
     latitude: Array
     weights: Weights
+
+    @classmethod
+    def of(cls, box: _Box, *axes: Array) -> "_Grid":
+        """Return nodes by their axes."""
+        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        longitude, latitude = box.site.to_geographic(north, east)
+        located = box.source.geometry.locate(longitude, latitude)
+        return cls((axes[0], axes[1]), north, east, longitude, latitude, located)
 
 
 def read_current(
@@ -180,69 +196,52 @@ def read_current(
     source = open_ocean(paths, crs=crs, epoch=data_epoch)
     with understood(source.label, source):
         box = _Box(source, site, low, high, outside == "clamp", list(source.notes))
-        return _read(box, times, spacing, depths, land)
+        epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
+        frames = _frames(box, float(seconds_of(epoch)), times)
+        grid = box.grid(_step(box, spacing))
+        if grid.weights.outside.any():
+            _check_cover(box, grid, land)
+        wanted = _depths(box, depths)
+        if spacing is None:
+            values = grid.weights.outside.size * len(wanted) * (frames.stop - frames.start)
+            denser = float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
+            own = _source_grid(box)
+            if own is not None:
+                grid = own
+            elif denser > 1.0:
+                grid = box.grid(_step(box, None) / denser)
+        return _read(box, grid, frames, wanted, epoch)
 
 
-def _read(
-    box: _Box,
-    times: tuple[float, float] | None,
-    spacing: float | None,
-    depths: ArrayLike | None,
-    land: Land | None,
-) -> CurrentFile:
-    source, site, notes = box.source, box.site, box.notes
-    epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
-    start = float(seconds_of(epoch))
-    frames = _frames(box, start, times)
-    step = _step(box, spacing)
-    grid = box.grid(box.axes(step))
-    if grid.weights.outside.any():
-        _check_cover(box, grid, land)
-    wanted = _depths(box, depths)
-    if spacing is None:
-        values = grid.weights.outside.size * len(wanted) * (frames.stop - frames.start)
-        denser = float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
-        own = _source_grid(box)
-        if own is not None:
-            grid = own
-        elif denser > 1.0:
-            grid = box.grid(box.axes(step / denser))
-    longitude, latitude, weights = grid.longitude, grid.latitude, grid.weights
+def _read(box: _Box, grid: _Grid, frames: slice, depths: Array, epoch: datetime) -> CurrentFile:
+    source, site, weights = box.source, box.site, grid.weights
+    shape = (frames.stop - frames.start, len(depths), *map(len, grid.axes))
     apart = (float(grid.axes[0][1] - grid.axes[0][0]), float(grid.axes[1][1] - grid.axes[1][0]))
-    velocities, floor, lowest = _gridded(box, weights, frames, wanted)
-    bearing = site.true_north(longitude, latitude)
+    (to_north, to_east, down), floor, lowest = _gridded(box, weights, frames, depths)
+    bearing = site.true_north(grid.longitude, grid.latitude)
     cos, sin = np.cos(bearing), np.sin(bearing)
-    to_north, to_east, down = velocities
-    shape = (len(to_north), len(wanted), len(grid.axes[0]), len(grid.axes[1]))
     u = (to_north * cos - to_east * sin).reshape(shape)
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
         raise source.fail("the current is missing everywhere in the box: there is land only")
     _check_times(source, frames)
-
-    def place(i: int, j: int) -> str:
-        k = i * shape[3] + j
-        return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
-
-    _check_values(source, frames, wanted, u, v, place)
+    _check_values(source, grid, frames, depths, u, v)
     origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
-        origin=origin, spacing=apart, depths=wanted, times=source.times[frames] - start,
+        origin=origin, spacing=apart, depths=depths, times=source.times[frames] - float(seconds_of(epoch)),
     )  # fmt: skip
     covered = ~weights.outside
     if source.kind != "triangles" and not covered.all():
-        covered = np.hypot(*weights.beyond.T) <= _source_spacing(box) / 2.0
+        covered = np.hypot(*weights.beyond.T) <= box.spacing / 2.0
     covered = np.asarray(covered.reshape(shape[2:]))
     sea_floor, low_water = (
         None if values is None else np.where(covered, values.reshape(shape[2:]), np.nan)
         for values in (floor, lowest)
     )
     water = np.asarray(np.isfinite(u[:, 0]).all(axis=0)) & covered
-    stated = tuple(dict.fromkeys(notes))
-    return CurrentFile(
-        field, epoch, water, covered, sea_floor, low_water, origin, apart, stated, site, source
-    )
+    notes = tuple(dict.fromkeys(box.notes))
+    return CurrentFile(field, epoch, water, covered, sea_floor, low_water, origin, apart, notes, site, source)
 
 
 def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
@@ -295,10 +294,10 @@ def _frames(box: _Box, start: float, times: tuple[float, float] | None) -> slice
 def _step(box: _Box, spacing: float | None) -> float:
     """M between nodes, at most."""
     if spacing is None:
-        return max(_source_spacing(box), float((box.high - box.low)[:2].max()) / (MAX_NODES - 1))
+        return max(box.spacing, float((box.high - box.low)[:2].max()) / (MAX_NODES - 1))
     if not (np.isfinite(spacing) and spacing > 0):
         raise CurrentError(f"spacing must be positive, got {spacing}")
-    count = max(map(len, box.axes(float(spacing))))
+    count = max(2, int(np.ceil(float((box.high - box.low)[:2].max()) / spacing - _SAME)) + 1)
     if count > MAX_NODES:
         makes = f"{spacing:g} m makes {count} nodes a side, more than {MAX_NODES}"
         raise CurrentError(makes, field="spacing")
@@ -325,22 +324,9 @@ def _source_grid(box: _Box) -> _Grid | None:
     if skew > _OFF * step.min() or counts.max() > MAX_NODES:
         return None
     axes = first[0] + step[0] * np.arange(counts[0]), first[1] + step[1] * np.arange(counts[1])
-    grid = box.grid(axes)
+    grid = _Grid.of(box, *axes)
     nearest = grid.weights.weight.max(axis=1)[~grid.weights.outside]
     return grid if len(nearest) and (nearest >= 1.0 - 2.0 * _OFF).all() else None
-
-
-def _source_spacing(box: _Box) -> float:
-    """Median distance, m, between neighbours among the source's points around the box."""
-    north, east = (np.linspace(box.low[k], box.high[k], 24) for k in range(2))
-    index = box.grid((north, east)).weights.index
-    ring = (0, 1, 2, 0) if index.shape[1] == 3 else (0, 1, 3, 2, 0)
-    pairs = np.concatenate([index[:, [a, b]] for a, b in pairwise(ring)])
-    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-    ends = [np.stack(box.site.to_local(*box.source.geometry.places(pairs[:, k])), axis=1) for k in range(2)]
-    length = np.linalg.norm(ends[0] - ends[1], axis=1)
-    length = length[length > 1e-3]
-    return float(np.median(length)) if len(length) else float((box.high - box.low)[:2].max())
 
 
 def _depths(box: _Box, depths: ArrayLike | None) -> Array:
@@ -395,27 +381,13 @@ def _gridded(
 
 def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Array, Array]:
     """East, north and up [T, D, M] m/s of a block of times."""
-    count, _, points = block.east.shape
-
-    def columns(field: Array) -> Array:
-        """[T, K, P] as [K, T P]; what is the same in all columns stays [K, 1]."""
-        if field.shape[0] == 1 and field.shape[2] == 1:
-            return field[0]
-        full = np.broadcast_to(field, (count, field.shape[1], points))
-        return np.moveaxis(full, 1, 0).reshape(field.shape[1], count * points)
-
-    floor = None if block.floor is None else columns(block.floor[:, None])[0]
-    level = columns(block.east), columns(block.north)
-    depths = columns(block.depths)
-    rising = None if block.up is None else (columns(block.up), columns(block.depths_up))
-    found = np.empty((3, count, len(wanted), len(matrix.indptr) - 1))
+    found = np.full((3, len(block.east), len(wanted), matrix.shape[0]), np.nan)
     for k, depth in enumerate(wanted):
-        pair = at_depth(level, depths, np.full(1, depth), floor)
-        found[:2, :, k] = mix(matrix, *(values.reshape(count, points) for values in pair))
-        found[2, :, k] = np.nan
-        if rising is not None:
-            (up,) = at_depth(rising[:1], rising[1], np.full(1, depth), floor)
-            (found[2, :, k],) = mix(matrix, up.reshape(count, points))
+        level = at_depth((block.east, block.north), block.depths, np.full(1, depth), block.floor)
+        found[:2, :, k] = mix(matrix, *level)
+        if block.up is not None:
+            (up,) = at_depth((block.up,), block.depths_up, np.full(1, depth), block.floor)
+            (found[2, :, k],) = mix(matrix, up)
     return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])
 
 
@@ -435,9 +407,7 @@ def _check_times(ocean: OceanData, frames: slice) -> None:
         )
 
 
-def _check_values(
-    ocean: OceanData, frames: slice, depths: Array, u: Array, v: Array, place: Callable[[int, int], str]
-) -> None:
+def _check_values(ocean: OceanData, grid: _Grid, frames: slice, depths: Array, u: Array, v: Array) -> None:
     """Refuse times that lack half of the water that others have; warn of other gaps and of odd speeds.
 
     Args:
@@ -446,41 +416,43 @@ def _check_values(
     """
     known = np.isfinite(u) & np.isfinite(v)
     ever = known.any(axis=0)
+    water: NDArray[np.bool_] = np.asarray(ever.any(axis=0))
     gone = ever & ~known
     lost = gone.sum(axis=(1, 2, 3)) / max(int(ever.sum()), 1)
     moments = ocean.times[frames]
     missing = np.flatnonzero(lost >= _LOST)
     if len(missing):
-        first = int(missing[0])
-        series = ocean.model.source.series
+        first, series = int(missing[0]), ocean.model.source.series
         file = series.parts[series.frames[frames.start + first, 0]].path
         more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
         raise CurrentError(
             f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "
             "the water that other times have: take such times out of the file, or fetch it anew"
         )
+
+    def warn_of(nodes: NDArray[np.bool_], what: str, more: str = "") -> None:
+        """Warn of nodes [..., X, Y], naming the one nearest to their middle."""
+        nodes = np.asarray(nodes.any(axis=tuple(range(nodes.ndim - 2))))
+        at = np.argwhere(nodes)
+        i, j = at[np.argmin(np.linalg.norm(at - at.mean(axis=0), axis=1))]
+        k = i * nodes.shape[1] + j
+        share = _percent(nodes, water)
+        place = f"longitude {grid.longitude[k]:.4f}, latitude {grid.latitude[k]:.4f}"
+        _warn(
+            ocean.label,
+            f"{share} of the area's water {what}, such as {place}{more}: the nearest water's is taken there",
+        )
+
     if ocean.levels is None:  # the tide lifts and lowers the bed among the depths
         gone[:, 1:] &= ~known[:, :-1]
-    water: NDArray[np.bool_] = np.asarray(ever.any(axis=0))
-    at_times: NDArray[np.bool_] = np.asarray(gone.any(axis=(0, 1)))
-    if at_times.any():
+    if gone.any():
         first = int(np.flatnonzero(gone.any(axis=(1, 2, 3)))[0])
-        _warn(
-            ocean.label,
-            f"{_percent(at_times, water)} of the area's water has a current at some times only, such as "
-            f"{_named(at_times, place)}, first missing at {stamp(float(moments[first]))}: the nearest "
-            "water's is taken there",
-        )
+        when = f", first missing at {stamp(float(moments[first]))}"
+        warn_of(gone, "has a current at some times only", when)
     under = ~known[:, :-1] & known[:, 1:] & ~gone[:, :-1]
-    beneath: NDArray[np.bool_] = np.asarray(under.any(axis=(0, 1)))
-    if beneath.any():
+    if under.any():
         level = int(np.flatnonzero(under.any(axis=(0, 2, 3)))[0])
-        _warn(
-            ocean.label,
-            f"{_percent(beneath, water)} of the area's water has no current at {depths[level]:g} m depth "
-            f"though there is one below it, such as {_named(beneath, place)}: the nearest water's is "
-            "taken there",
-        )
+        warn_of(under, f"has no current at {depths[level]:g} m depth though there is one below it")
     fastest = float(np.sqrt(np.nanmax(np.square(u) + np.square(v))))
     if fastest > _FAST:
         _warn(ocean.label, f"the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
@@ -492,13 +464,6 @@ def _percent(nodes: NDArray[np.bool_], of: NDArray[np.bool_] | None = None) -> s
     """Return the share of nodes that are true, of all or of those that others are true for, in per cent."""
     share = nodes.sum() / max(nodes.size if of is None else int(of.sum()), 1)
     return f"{share:.0%}" if share >= 0.005 else "less than 1%"
-
-
-def _named(nodes: NDArray[np.bool_], place: Callable[[int, int], str]) -> str:
-    """One of some nodes [X, Y], the one nearest to their middle."""
-    found = np.argwhere(nodes)
-    middle = found[np.argmin(np.linalg.norm(found - found.mean(axis=0), axis=1))]
-    return place(int(middle[0]), int(middle[1]))
 
 
 def _warn(label: str, line: str) -> None:

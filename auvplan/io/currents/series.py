@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from auvplan.io.currents.files import Array, File, Series
+from auvplan.io.currents.files import Array, File, Series, close_all, same_values
 from auvplan.io.currents.names import find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.currents.triangles import has_cells
@@ -116,18 +117,15 @@ def _merged(parts: Sequence[File]) -> File:
                 variables[name] = variable.isel(once)
             elif name in _PLACES and variable.shape == variables[name].shape and not nemo:
                 one, two = (file.coordinate(name, missing=True) for file in (first, other))
-                if one.any() and two.any() and not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
+                if one.any() and two.any() and not same_values(one, two):
                     raise CurrentError(
                         f"{first.path} and {other.path}: {name} differs, as on the edges of cells: name the "
                         "model's mesh file (glamt, gphit) beside them in current.files"
                     )
 
-    def close() -> None:
-        for part in parts:
-            part.close()
-
     label = f"{first.path} with {', '.join(Path(part.path).name for part in others)}"
     attributes = {key: value for part in reversed(parts) for key, value in part.attributes.items()}
+    close = partial(close_all, parts)
     return replace(first, path=label, variables=variables, attributes=attributes, close=close)
 
 
@@ -139,27 +137,30 @@ def _on_middles(file: File) -> File:
         return file
     if names.both is not None:
         return file
-    east, north = (file.variables[name] for name in (names.east, names.north))
-    if "lon_rho" in file.variables and east.dims[-2:] != north.dims[-2:]:
-        return _without_spare(file, names.east, names.north)
-    if east.dims[-2:] == north.dims[-2:] and all(name in file.variables for name in _NEMO):
+    east, north = (tuple(map(str, file.variables[name].dims)) for name in (names.east, names.north))
+    same = east[-2:] == north[-2:]
+    if "lon_rho" in file.variables and not same:
+        # Edges beyond the last points may be given too.
+        shape = file.variables["lon_rho"].shape
+        for name, dim in ((names.east, east[-1]), (names.north, north[-2])):
+            if len(shape) == 2 and file.variables[name].shape[-2:] == shape:
+                file = _cut(file, {dim: slice(0, -1)})
+        return file
+    if same and all(name in file.variables for name in _NEMO):
         return _nemo(file, names.east, names.north)
-    if east.ndim > 2 and north.ndim > 2 and not set(east.dims[-2:]) & set(north.dims[-2:]):
+    if len(east) > 2 and len(north) > 2 and not set(east[-2:]) & set(north[-2:]):
         return _between_middles(file, names.east, names.north)
     return file
 
 
-def _without_spare(file: File, east: str, north: str) -> File:
-    """Return a native ROMS file without the last edges east and north, where it has as many as points."""
-    rho, variables = file.variables["lon_rho"], dict(file.variables)
-    for name, axis in ((east, -1), (north, -2)):
-        edges = variables[name]
-        if rho.ndim == 2 and edges.shape[-2:] == rho.shape:
-            spare = {edges.dims[axis]: slice(0, -1)}
-            for other, variable in variables.items():
-                if edges.dims[axis] in variable.dims:
-                    variables[other] = variable.isel(spare)
-    return replace(file, variables=variables)
+def _cut(file: File, picks: dict[str, slice], *names: str) -> File:
+    """Return a file with parts of some dimensions, of the variables that are named or all."""
+    cut = {
+        name: variable.isel({dim: pick for dim, pick in picks.items() if dim in variable.dims})
+        for name, variable in file.variables.items()
+        if name in names or not names
+    }
+    return replace(file, variables={**file.variables, **cut})
 
 
 def _nemo(file: File, east: str, north: str) -> File:
@@ -188,35 +189,29 @@ def _nemo(file: File, east: str, north: str) -> File:
 
 def _between_middles(file: File, east: str, north: str) -> File:
     """Return a C-grid whose edges and middles have dimensions of their own, as MOM6 and MITgcm write them."""
-    variables = dict(file.variables)
-    u, v = variables[east], variables[north]
-    rows, columns = u.dims[-2], v.dims[-1]
-    found = _middles(file, str(rows), str(columns))
-    if found is None:
-        return file
-    variables["lon_rho"] = xr.Variable((rows, columns), found[0])
-    variables["lat_rho"] = xr.Variable((rows, columns), found[1])
-    for name, dim, middle in ((east, u.dims[-1], columns), (north, v.dims[-2], rows)):
-        size, count = variables[name].sizes[dim], len(found[0]) if middle == rows else found[0].shape[1]
-        first = _first_edge(file, str(dim), str(middle), size, count)
-        variables[name] = variables[name].isel({dim: slice(first, first + count - 1)})
-    return replace(file, variables=variables)
-
-
-def _middles(file: File, rows: str, columns: str) -> tuple[Array, Array] | None:
-    """Return longitude and latitude [ny, nx] of the cells' middles, or None where the file has none."""
+    (*_, rows, u_edges), (*_, v_edges, columns) = (
+        map(str, file.variables[name].dims) for name in (east, north)
+    )
     names = ("geolon", "geolat"), ("XC", "YC"), ("lon", "lat"), ("longitude", "latitude"), (columns, rows)
     for pair in names:
         if not all(name in file.variables for name in pair):
             continue
         dims = [file.variables[name].dims for name in pair]
-        values = [file.coordinate(name, missing=True) for name in pair]
-        if dims == [(rows, columns), (rows, columns)]:
-            return values[0], values[1]
+        longitude, latitude = (file.coordinate(name, missing=True) for name in pair)
         if dims == [(columns,), (rows,)]:
-            east, north = np.meshgrid(*values)
-            return east, north
-    return None
+            longitude, latitude = np.meshgrid(longitude, latitude)
+        elif dims != [(rows, columns), (rows, columns)]:
+            continue
+        for name, dim, middle, count in (
+            (east, u_edges, columns, longitude.shape[1]),
+            (north, v_edges, rows, len(longitude)),
+        ):
+            first = _first_edge(file, dim, middle, file.variables[name].sizes[dim], count)
+            file = _cut(file, {dim: slice(first, first + count - 1)}, name)
+        places = {"lon_rho": longitude, "lat_rho": latitude}
+        made = {name: xr.Variable((rows, columns), values) for name, values in places.items()}
+        return replace(file, variables={**file.variables, **made})
+    return file
 
 
 def _first_edge(file: File, edges: str, middles: str, size: int, count: int) -> int:
@@ -276,15 +271,10 @@ def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tu
                 frames.append((number, index))
     if dropped := sum(len(seconds) for _, _, seconds in known) - len(times):
         notes.append(f"{dropped} times are given twice; the first is used")
-    first, *others = parts = [file for file, _, _ in known]
-
-    def close() -> None:
-        for part in parts:
-            part.close()
-
+    first, *others = parts = tuple(file for file, _, _ in known)
     label = f"{first.path} and {len(others)} more" if others else first.path
-    about = label, first.variables, first.attributes, close, first.crs, first.epoch
-    return Series(*about, dims.pop(), np.asarray(times), np.asarray(frames), tuple(parts)), notes
+    about = label, first.variables, first.attributes, partial(close_all, parts), first.crs, first.epoch
+    return Series(*about, dims.pop(), np.asarray(times), np.asarray(frames), parts), notes
 
 
 def _require_same_grid(
@@ -315,9 +305,8 @@ def _require_same_grid(
     for coordinate in fixed:
         if coordinate not in other.variables:
             raise CurrentError(f"{other.path}: has no {coordinate}, which {first.path} has")
-        pair = [file.coordinate(coordinate, missing=True) for file in (first, other)]
+        one, two = (file.coordinate(coordinate, missing=True) for file in (first, other))
         # Packed in each file by itself, depths differ by a rounding.
-        slack = 1e-6 if coordinate in coordinates else 1e-3 * float(np.nanmax(np.abs(pair[0]), initial=0.0))
-        same = pair[0].shape == pair[1].shape and np.allclose(*pair, rtol=0.0, atol=slack, equal_nan=True)
-        if not same:
+        slack = 1e-6 if coordinate in coordinates else 1e-3 * float(np.nanmax(np.abs(one), initial=0.0))
+        if not same_values(one, two, slack):
             raise CurrentError(f"{where}: the grids differ in {coordinate}")
