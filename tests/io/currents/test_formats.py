@@ -255,7 +255,7 @@ def test_degrees_west_and_south():
 @pytest.mark.parametrize("dims", [("i", "j"), ("nx", "ny"), ("xi", "y")])
 def test_rows_along_the_first_dimension(dims):
     """The name of a dimension decides which of them x follows."""
-    lon, lat = turned_grid(angle=0.0)
+    lon, lat, _ = turned_grid(angle=0.0)
     east, north = flow(lon, lat)
     data = xr.Dataset(coords={"time": ("time", [0.0], HOURS)})
     for name, values, axis in (("uo", east, "x"), ("vo", north, "y")):
@@ -269,7 +269,7 @@ def test_rows_along_the_first_dimension(dims):
 
 
 def test_curvilinear_components_eastward_by_their_long_name():
-    lon, lat = turned_grid()
+    lon, lat, _ = turned_grid()
     east, north = flow(lon, lat)
     fields = {
         "u": (("time", "j", "i"), east[None], {"units": "m s-1", "long_name": "Eastward current"}),

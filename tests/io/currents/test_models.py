@@ -1,0 +1,520 @@
+"""Files of every model: the current that they stand for comes out of the sampler and of what is written."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from pyproj import CRS
+
+from auvplan.io.currents import open_ocean, read_current, to_cf
+from auvplan.io.currents.levels import s_depths
+from auvplan.io.currents.ocean import summary_of
+from auvplan.ocean.gridded import CurrentError
+from auvplan.runtime.files import write_dataset
+from auvplan.site import Site
+from tests.io.currents import samples
+from tests.io.currents.samples import (
+    HOURS,
+    LAT,
+    LON,
+    MERIDIANS,
+    PARALLELS,
+    START,
+    TIMES,
+    check,
+    flow,
+    fvcom,
+    mesh,
+    refused,
+    regular,
+    roms,
+    turned_grid,
+    ugrid,
+    write,
+)
+
+#: Longitude, latitude inside every sample but none of their nodes; the second's water is more than 20 m deep.
+PLACES = LON + np.array([0.0213, 0.0441]), LAT + np.array([0.0121, 0.0333])
+#: Amid the grid that is turned.
+AMID = tuple(axis[3:6, 4:8] - 1e-4 for axis in turned_grid()[:2])
+#: Data sets of a model; kind, places, depths and hours of the comparison with `flow`, m/s of the tolerance.
+MODELS = {
+    "regular": (regular, "regular", PLACES, (0.0, 4.0, 22.0), 1e-6),
+    "fvcom": (fvcom, "triangles", PLACES, (5.0, 20.0, 45.0), 1e-6),
+    "fvcom without middles": (lambda: fvcom(middles=False), "triangles", PLACES, (20.0,), 1e-6),
+    "ugrid at nodes": (ugrid, "triangles", PLACES, (0.0,), 1e-6),
+    "ugrid in cells": (lambda: ugrid("face"), "triangles", PLACES, (0.0,), 1e-6),
+    "points without cells": (lambda: ugrid().drop_vars(["mesh", "mesh_faces"]), "triangles", PLACES, (0.0,),
+                             1e-6),
+    "schism": (lambda: samples.nodes("schism"), "triangles", [axis[1:] for axis in PLACES],
+               (0.0, 5.5, 20.0, 30.4), 1e-6),
+    "selfe": (lambda: samples.nodes("selfe"), "triangles", PLACES, (0.0, 17.0), 1e-6),
+    "fesom": (lambda: samples.nodes("fesom"), "triangles", PLACES, (0.0, 17.0), 1e-6),
+    "dflow": (samples.dflow, "triangles", PLACES, (25.0,), 1e-6),
+    "mom6": (lambda: samples.c_grid("mom6"), "roms", PLACES, (0.0, 7.0, 25.0), 2e-5),
+    "mom6, not symmetric": (lambda: samples.c_grid("mom6", symmetric=False), "roms", PLACES, (7.0,), 2e-5),
+    "mitgcm": (samples.c_grid, "roms", PLACES, (0.0, 7.0, 25.0), 2e-5),
+    "nemo": (samples.nemo, "roms", AMID, (0.0, 7.0, 25.0), 1e-5),
+    "pop": (samples.pop, "curvilinear", AMID, (0.0, 7.0, 25.0), 1e-6),
+}  # fmt: skip
+LAND = {"roms": lambda: roms(land=[(3, 4)]), "croco": lambda: roms(croco=True)}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_current_is_the_models(name):
+    make, kind, places, depths, atol = MODELS[name]
+    for depth in depths:
+        ocean = check(make(), *places, depth, 0.5, atol=atol)
+    assert ocean.kind == kind
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if " " not in name] + [*LAND])
+def test_what_is_written_is_the_same_current(tmp_path, name):
+    """The form of all models is that which is written; any part of it is that part of the whole."""
+    rng = np.random.default_rng(0)
+    with open_ocean((LAND.get(name) or MODELS[name][0])()) as one:
+        whole, form = to_cf(one), one.form
+        for variable, values in whole.data_vars.items():
+            part = {dim: rng.integers(0, size, 2) if k % 2 else slice(0, size, 2) if k else int(size - 1)
+                    for k, (dim, size) in enumerate(values.sizes.items())}  # fmt: skip
+            np.testing.assert_allclose(form[variable].isel(part), values.isel(part), rtol=1e-6)
+        compare(one, write_dataset(whole, tmp_path / "cf.nc"))
+
+
+REAL = [
+    ["currents/norfjords160_roms_native_24h.nc"],
+    ["currents/norkyst_v3_800m_5h.nc"],
+    ["elsewhere/creofs_selfe_noaa.nc"],
+    ["elsewhere/arctic20_polar_stereographic.nc"],
+    ["elsewhere/dflowfm_simplebox_projected.nc"],
+    ["elsewhere/mom5_access_om2_u.nc", "elsewhere/mom5_access_om2_v.nc"],
+]
+
+
+@pytest.mark.parametrize("names", REAL, ids=lambda names: names[0].split("/")[1])
+def test_real_files_are_the_same_current_when_they_are_written(tmp_path, shared, names):
+    with open_ocean([shared / "data" / name for name in names]) as one:
+        compare(one, write_dataset(to_cf(one), tmp_path / "cf.nc"))
+
+
+def compare(one, written, count=300):
+    """Both at random places, depths and early times within the first."""
+    rng = np.random.default_rng(0)
+    with open_ocean(written) as two:
+        np.testing.assert_allclose(two.times, one.times)
+        assert (two.levels is None) == (one.levels is None)
+        lon, lat = one.longitude.ravel(), one.latitude.ravel()
+        if one.kind != "regular":
+            pick = rng.integers(0, len(lon), count)
+            lon, lat = lon[pick], lat[pick]
+        else:
+            lon, lat = rng.uniform(lon.min(), lon.max(), count), rng.uniform(lat.min(), lat.max(), count)
+        depth, when = (
+            rng.uniform(0.0, 30.0, count),
+            rng.uniform(*one.times[[0, min(2, len(one.times) - 1)]], count),
+        )
+        first, second = (np.stack(ocean.at(lon, lat, depth, when)[:2]) for ocean in (one, two))
+    np.testing.assert_array_equal(np.isfinite(first), np.isfinite(second))
+    assert np.isfinite(first).any()
+    np.testing.assert_allclose(second, first, atol=2e-6)
+
+
+def test_the_summary_and_the_command(tmp_path, call):
+    path = write(regular(), tmp_path / "made.nc")
+    with open_ocean(path) as ocean:
+        found = summary_of(ocean)
+    assert found["points"] == "6 x 8"
+    assert found["longitude"] == f"{LON:.4f} to {LON + 0.07:.4f}"
+    assert found["latitude"] == f"{LAT:.4f} to {LAT + 0.05:.4f}"
+    assert (found["times"], found["from"]) == (3, "2020-01-01T00:00:00Z")
+    assert found["levels"] == "3, 0 to 30 m"
+    code, out, _ = call("currents", path, "--json", "--to", tmp_path / "cf.nc")
+    assert code == 0
+    assert json.loads(out) == found | {"notes": []}
+    with open_ocean(tmp_path / "cf.nc") as again:
+        assert again.times[0] == START
+    code, _, err = call("currents", tmp_path / "none.nc")
+    assert (code, err) == (2, f"auvplan: {tmp_path / 'none.nc'}: no such file\n")
+
+
+def on_grid(found, site):
+    """Longitude, latitude and bearing of true north at the nodes of a local grid."""
+    axes = [found.origin[k] + found.spacing[k] * np.arange(found.field.u.shape[2 + k]) for k in range(2)]
+    places = site.to_geographic(*np.meshgrid(*axes, indexing="ij"))
+    return *places, site.true_north(*places)
+
+
+@pytest.mark.filterwarnings("ignore:.*reaches 9.5 m/s:auvplan.errors.ScenarioWarning")
+def test_vectors_are_turned_into_the_local_frame():
+    path = regular(LON + 0.5 * np.arange(10), LAT + 0.5 * np.arange(8))
+    site = Site(LON + 0.4, LAT + 1.5)
+    found = read_current(path, site, lower=(-20e3, 0, 0), upper=(20e3, 150e3, 10), spacing=10e3)
+    lon, lat, bearing = on_grid(found, site)
+    assert np.abs(bearing).max() > 0.03
+    e, n = flow(lon, lat, 10.0, 3.0)
+    expected = n * np.cos(bearing) - e * np.sin(bearing), n * np.sin(bearing) + e * np.cos(bearing)
+    np.testing.assert_allclose(found.field.u[-1, 1], expected[0], atol=2e-6)
+    np.testing.assert_allclose(found.field.v[-1, 1], expected[1], atol=2e-6)
+    # A velocity keeps its size and, going by where it leads, its direction.
+    x, y = site.to_local(lon + 1e-5 * e / np.cos(np.deg2rad(lat)), lat + 1e-5 * n)
+    here = site.to_local(lon, lat)
+    way = np.arctan2(y - here[1], x - here[0])
+    np.testing.assert_allclose(np.cos(way - np.arctan2(expected[1], expected[0])), 1.0, atol=3e-5)
+
+
+# Components on the edges of cells.
+
+
+@pytest.mark.parametrize("transform", [1, 2])
+def test_roms_on_its_levels(transform):
+    data = roms(transform)
+    with open_ocean(data) as ocean:
+        assert (ocean.kind, ocean.levels) == ("roms", None)
+        lon, lat, floor = (data[name].values[1:-1, 1:-1] for name in ("lon_rho", "lat_rho", "h"))
+        for s, curve in zip(data["s_rho"].values, data["Cs_r"].values, strict=True):
+            # Written out once more, from the definition of z as height above the datum.
+            if transform == 1:
+                still = 20.0 * s + (floor - 20.0) * curve
+                z = still + 0.4 * (1.0 + still / floor)
+            else:
+                z = 0.4 + (0.4 + floor) * (20.0 * s + floor * curve) / (20.0 + floor)
+            found = ocean.at(lon, lat, 0.4 - z, START)[:2]
+            np.testing.assert_allclose(found, np.multiply(flow(lon, lat), 1.0 + s), atol=1e-6)
+        np.testing.assert_allclose(ocean.at(lon, lat, 0.0, START)[2], 1e-3)
+
+
+def test_roms_ends_at_the_sea_bed_below_the_surface():
+    data = roms()
+    with open_ocean(data) as ocean:
+        lon, lat, floor = (float(data[name][4, 5]) for name in ("lon_rho", "lat_rho", "h"))
+        above, below = ocean.at([lon, lon], lat, [floor + 0.39, floor + 0.41], START)[0]
+        assert np.isfinite(above)
+        assert np.isnan(below)
+        lowest = s_depths(
+            data["s_rho"].values[:1], data["Cs_r"].values[:1], 20.0, 2, np.array([floor]), np.array([[0.4]])
+        )
+        assert above == ocean.at(lon, lat, float(lowest[0, 0, 0]), START)[0]
+
+
+def test_roms_land_stays_missing():
+    data = roms(land=[(3, 4), (3, 5), (6, 8)])
+    with open_ocean(data) as ocean:
+        lon, lat = (data[name].values for name in ("lon_rho", "lat_rho"))
+        found = np.isfinite(ocean.at(lon, lat, 1.0, START)[0])
+        assert (found == (data["mask_rho"].values > 0)).all()
+        # Beside land one face is left: half a cell off, of a field that is linear.
+        e, _, _ = ocean.at(lon[3, 6], lat[3, 6], 1.0, START)
+        assert abs(e - ocean.at(lon[2, 6], lat[2, 6], 1.0, START)[0]) < 0.1
+
+
+def test_roms_without_an_angle_follows_the_rows_of_its_grid():
+    data = roms()
+    lon, lat = (data[name].values[INNER] + 1e-4 for name in ("lon_rho", "lat_rho"))
+    with open_ocean(data) as stated, open_ocean(data.drop_vars("angle")) as untold:
+        pair = [np.stack(ocean.at(lon, lat, 3.0, START)[:2]) for ocean in (stated, untold)]
+    np.testing.assert_allclose(pair[1], pair[0], atol=3e-3 * np.abs(pair[0]).max())
+
+
+def test_walls_of_mitgcm_hold_zeros():
+    """On MITgcm's edges beside land is 0, which is no current; hFacC tells land by level."""
+    open_ = np.ones((3, 7, 9))
+    open_[:, :, :3] = 0.0
+    open_[1, :, 7:] = 0.0
+    walls = open_ * np.roll(open_, 1, axis=2), open_ * np.roll(open_, 1, axis=1)
+    data = samples.c_grid(walls=walls).assign(hFacC=(("depth", "YC", "XC"), 0.3 * open_))
+    with open_ocean(data) as ocean:
+        assert np.isnan(ocean.at(MERIDIANS[1], PARALLELS[3], 0.0, START)[0])
+        assert np.isnan(ocean.at(MERIDIANS[8], PARALLELS[3], 10.0, START)[0])
+        beside = ocean.at(MERIDIANS[6], PARALLELS[3], 10.0, START)[0]
+        np.testing.assert_allclose(beside, flow(MERIDIANS[6] - 0.005, PARALLELS[3], 10.0)[0])
+    check(data, MERIDIANS[4], PARALLELS[3], 10.0, 0.0)
+
+
+def test_nemo_needs_its_mesh_file():
+    *parts, grid = samples.nemo()
+    with pytest.raises(
+        CurrentError, match=r"nav_l.. differs, as on the edges of cells: name the model's mesh"
+    ):
+        open_ocean(parts)
+    with open_ocean([*parts, grid]) as ocean:
+        assert np.isnan(ocean.at(*(grid[name].values[0, 0, 0] for name in ("glamt", "gphit")), 0.0, START)[0])
+
+
+# Directions of axes.
+
+
+@pytest.mark.parametrize("standard", ["", "sea_water_{}_velocity"])
+def test_curvilinear_components_along_the_grid_are_turned(standard):
+    lon, lat, angle = turned_grid()
+    dims, parts = ("time", "y", "x"), samples.along(*flow(lon, lat), angle)
+    fields = {
+        name: (
+            dims,
+            part[None],
+            {"units": "m/s"} | ({"standard_name": standard.format(axis)} if standard else {}),
+        )
+        for name, part, axis in zip("ab" if standard else "uv", parts, "xy", strict=True)
+    }
+    places = {"lon": (dims[1:], lon, samples.EASTWARD), "lat": (dims[1:], lat, samples.NORTHWARD)}
+    places |= {"time": ("time", [0.0], HOURS)}
+    turn = {"angle": (dims[1:], np.rad2deg(angle), {"units": "degrees"})}
+    assert check(xr.Dataset(fields | places | turn), *AMID, 0.0, 0.0).kind == "curvilinear"
+    data = xr.Dataset(fields | places)
+    if not standard:
+        refused(data, "angle, which tells how, is missing")
+        return
+    ocean = check(data, *AMID, 0.0, 0.0, atol=2e-3)
+    assert any("angle is not given" in note for note in ocean.notes)
+
+
+def test_eastward_on_s_levels_is_not_turned_again():
+    data = roms()
+    lon, lat = data["lon_rho"].values, data["lat_rho"].values
+    dims, speed = ("ocean_time", "s_rho", "eta_rho", "xi_rho"), {"units": "meter second-1"}
+    parts = (np.broadcast_to(part, (len(TIMES), 6, *lon.shape)) for part in flow(lon, lat))
+    fields = {
+        name: (dims, part, speed) for name, part in zip(("u_eastward", "v_northward"), parts, strict=True)
+    }
+    with open_ocean(data.assign(fields).drop_vars(["u", "v"])) as ocean:
+        assert ocean.kind == "curvilinear"
+        for depth in (0.0, 3.0, 30.0):
+            np.testing.assert_allclose(ocean.at(*AMID, depth, START)[:2], flow(*AMID), atol=1e-6)
+
+
+UTM = 3e5 + 500.0 * np.arange(8), 6.6e6 + 500.0 * np.arange(7)
+POLAR = CRS.from_user_input("+proj=stere +lat_0=90 +lat_ts=60 +lon_0=58 +a=6371000 +b=6371000")
+PLANE = 1e6 + 4e3 * np.arange(8), -1.2e6 + 4e3 * np.arange(7)
+
+
+def in_plane(made, change=lambda data: data, atol=1e-6, **options):
+    """Compare what is read of a grid along the axes of a projection with what it stands for."""
+    data, lon, lat, east, north = made
+    with open_ocean(change(data), **options) as ocean:
+        found = ocean.at(lon[2:5, 2:5], lat[2:5, 2:5], 10.0, START + 3600.0)[:2]
+        np.testing.assert_allclose(found, [part[1, 1, 2:5, 2:5] for part in (east, north)], atol=atol)
+        return ocean
+
+
+def cf(crs):
+    return {key: value for key, value in crs.to_cf().items() if key != "crs_wkt"}
+
+
+@pytest.mark.parametrize("stated", ["wkt", "epsg", "cf", "setting"])
+def test_metres_of_a_projection_alone(stated):
+    crs = CRS.from_epsg(32633)
+    epsg = {"grid_mapping_name": "unknown", "epsg": np.int32(32633)}
+    mapping = {"wkt": {"crs_wkt": crs.to_wkt()}, "epsg": epsg, "cf": cf(crs), "setting": {}}[stated]
+    made = samples.projected(crs, *UTM, mapping)
+    in_plane(made, crs=32633 if stated == "setting" else None)
+    wrong, words = {
+        "setting": (None, r"that the file does not name: say current\.crs"),
+    }.get(stated, (32632, r"not WGS 84 / UTM zone 32N as current\.crs says"))
+    with pytest.raises(CurrentError, match=words):
+        open_ocean(made[0], crs=wrong)
+
+
+def test_a_turned_pole():
+    pole = {"grid_north_pole_latitude": 40.0, "grid_north_pole_longitude": -170.0}
+    crs = CRS.from_cf({"grid_mapping_name": "rotated_latitude_longitude", **pole})
+    made = samples.projected(crs, -3.0 + 0.05 * np.arange(8), 9.0 + 0.05 * np.arange(7), cf(crs))
+    np.testing.assert_allclose(in_plane(made).longitude, made[1], atol=1e-9)
+
+
+def test_axes_in_hundreds_of_kilometres():
+    """TOPAZ and others of the Arctic count in units of 100 km."""
+    in_plane(samples.projected(POLAR, *PLANE, cf(POLAR), "100 km", 1e5))
+    refused(
+        samples.projected(POLAR, *PLANE, cf(POLAR), "cells")[0], "x has units 'cells', which are no length"
+    )
+
+
+@pytest.fixture(scope="module")
+def polar():
+    """A polar stereographic grid with longitude and latitude too; x and y are given as axes."""
+    data, lon, lat, *parts = samples.projected(POLAR, *PLANE, cf(POLAR))
+    places = {"lon": (("y", "x"), lon, samples.EASTWARD), "lat": (("y", "x"), lat, samples.NORTHWARD)}
+    return data.assign(places), lon, lat, *parts
+
+
+@pytest.mark.parametrize("order", [("time", "depth", "y", "x"), ("x", "y", "depth", "time")])
+@pytest.mark.parametrize("falling", [[], ["x"], ["y"]])
+@pytest.mark.parametrize("mapped", [True, False])
+def test_x_runs_where_its_coordinate_says(polar, order, falling, mapped):
+    def change(data):
+        data = data.isel(dict.fromkeys(falling, slice(None, None, -1))).transpose(*order)
+        return data if mapped else data.drop_vars("crs")
+
+    # By the places alone the ellipsoid counts, which the model's sphere has not.
+    in_plane(polar, change, 1e-6 if mapped else 2e-3)
+
+
+def test_a_projection_that_does_not_fit_the_places_is_left_out(polar):
+    data, *known = polar
+    data = data.copy(deep=True)
+    data["crs"].attrs["straight_vertical_longitude_from_pole"] = 0.0
+    ocean = in_plane((data, *known), atol=2e-3)
+    assert any("do not follow the places of the grid's points: left out" in note for note in ocean.notes)
+
+
+def test_fvcom_in_metres():
+    """Longitude and latitude are left at zero, as FVCOM does in Cartesian runs."""
+    assert check(fvcom(crs=32632), *PLACES, 20.0, 0.5, atol=1e-5, crs=32632).kind == "triangles"
+
+
+# Changes of a file that say the same.
+
+
+def without_places(data, where, value):
+    """As models leave coordinates of points on land."""
+    places = {name: data[name].where(~where, value) for name in ("lon_rho", "lat_rho")}
+    return data.assign(places)
+
+
+def with_a_block_at_zero(data):
+    where = np.zeros(data["lon_rho"].shape, bool)
+    where[2:4, 3:6] = True
+    return without_places(data, where, 0.0)
+
+
+def beside_rivers(data):
+    """The one-dimensional part of D-Flow, whose topology comes first in the file."""
+    network = {"cf_role": "mesh_topology", "topology_dimension": np.int32(1), "node_coordinates": "rx ry"}
+    rivers = {
+        "river": ((), np.int32(0), network),
+        "rx": ("r_node", np.arange(3.0), samples.LONGITUDE),
+        "ry": ("r_node", np.arange(3.0), samples.LATITUDE),
+        "river_u": (("time", "r_node"), np.zeros((3, 3)), {**data["ucx"].attrs, "mesh": "river"}),
+    }
+    return xr.Dataset(rivers).merge(data)
+
+
+INNER = np.s_[2:6, 2:9]
+#: A data set, a change that says the same, the nodes near which both are compared, a note.
+SAME = {
+    "zeros behind the mask": (roms(land=[(4, 4), (5, 6)]), lambda d: d.fillna(0.0), np.s_[:], None),
+    "a mask that was never written": (roms(), lambda d: d.assign(mask_rho=0.0 * d["mask_rho"]), INNER,
+                                      "mask_rho says land everywhere: left out"),
+    "no places on land": (roms(land=[(0, 0), (0, 1), (1, 0)]),
+                          lambda d: without_places(d, d["mask_rho"] == 0, np.nan), np.s_[3:6, 4:8], None),
+    "places on land at zero": (roms(angle=0.1), with_a_block_at_zero, np.s_[5:],
+                               "far longer than usual: there are no cells there"),
+    "rivers beside the mesh": (ugrid(), beside_rivers, np.s_[:], None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SAME)
+def test_it_is_the_same_current(case):
+    data, change, nodes, note = SAME[case]
+    names = ("lon_rho", "lat_rho") if "lon_rho" in data else ("mesh_x", "mesh_y")
+    lon, lat = (data[name].values[nodes] for name in names)
+    with open_ocean(data) as one, open_ocean(change(data)) as other:
+        for k in range(2):
+            places = lon - 1e-4 * k * (lon - lon.mean()), lat - 1e-4 * k * (lat - lat.mean())
+            found = one.at(*places, 0.5, START)[:2]
+            assert np.isfinite(found).any()
+            np.testing.assert_array_equal(found, other.at(*places, 0.5, START)[:2])
+        assert note is None or any(note in line for line in other.notes)
+        if case == "places on land at zero":
+            assert other.geometry.locate(*(data[name].values[2:3, 4] for name in names)).outside.all()
+
+
+# Meshes.
+
+
+def test_fvcom_in_its_cells_and_on_the_local_grid():
+    """Velocities in cells, also where their middles are left at zero; times to the millisecond."""
+    data = fvcom()
+    with open_ocean(data) as ocean:
+        np.testing.assert_allclose(ocean.times, START + 3600.0 * TIMES, atol=1e-3)
+        check(data, ocean.longitude, ocean.latitude, 25.0, 1.0)
+        assert ocean.at(LON + 0.02, LAT + 0.02, 20.0, START)[2] == pytest.approx(2e-3)
+        # At the rim, beyond the middles of cells, the cell's own value holds.
+        corner = np.argmin(np.hypot(ocean.longitude - LON, ocean.latitude - LAT))
+        e, _, _ = ocean.at(LON + 1e-5, LAT + 1e-5, 5.0, START)
+        near = ocean.at(ocean.longitude, ocean.latitude, 5.0, START)[0]
+        assert e in near
+        assert e == pytest.approx(near[corner], abs=0.05)
+        assert np.isnan(ocean.at(LON + 0.02, LAT + 0.02, 51.0, START)[0])
+    site = Site(LON + 0.035, LAT + 0.03)
+    found = read_current(data, site, lower=(-2500, -1200, 0), upper=(2500, 1200, 30))
+    np.testing.assert_allclose(found.field.w, -2e-3, rtol=1e-6)
+    np.testing.assert_allclose(found.sea_floor, 50.0)
+    lon, lat, bearing = on_grid(found, site)
+    e, n = flow(lon, lat, 20.0, 1.0)
+    k = int(np.flatnonzero(np.asarray(found.field.depths) == 20.0)[0])
+    inner, u = np.s_[2:-2, 2:-2], n * np.cos(bearing) - e * np.sin(bearing)
+    np.testing.assert_allclose(np.asarray(found.field.u)[1, k][inner], u[inner], atol=1e-4)
+
+
+def test_holes_of_a_mesh_are_land():
+    hole = 28
+    lon, lat, _ = mesh()
+    data = fvcom(hole)
+    with open_ocean(data) as ocean:
+        assert np.isnan(ocean.at(lon[hole], lat[hole], 5.0, START)[0])
+        with pytest.raises(CurrentError, match=r"outside the data, by up to .* west"):
+            ocean.at(LON - 0.02, LAT + 0.02, 5.0, START)
+    found = read_current(data, Site(LON + 0.035, LAT + 0.03), lower=(-2000, -1000, 0), upper=(2000, 1000, 5))
+    assert 0.5 < found.water.mean() < 1.0
+
+
+@pytest.mark.parametrize(("make", "floor"), [(lambda: samples.nodes("schism"), 10.5), (samples.dflow, 51.0)])
+def test_the_water_ends_at_the_bed_of_a_mesh(make, floor):
+    """By the lowest height of SCHISM's levels, and by the altitude of D-Flow's cells."""
+    with open_ocean(make()) as ocean:
+        found = ocean.at(LON + 0.0123, LAT + 0.02, [5.0, floor - 0.1, floor + 0.1], START)[0]
+        assert np.isfinite(found).tolist() == [True, True, False]
+        if floor == 51.0:
+            np.testing.assert_allclose(ocean.sea_floor(*PLACES), 50.0)
+
+
+def test_zeros_below_the_bed_are_a_mask():
+    data = regular(depth=[0.0, 10.0, 30.0, 60.0])
+    stated = {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
+    data["deptho"] = (("latitude", "longitude"), np.full((6, 8), 25.0), stated)
+    for name in ("uo", "vo"):
+        data[name][:, 2:] = 0.0
+    with open_ocean(data) as ocean:
+        place = PLACES[0][0], PLACES[1][0]
+        held = np.stack(ocean.at(*place, 10.0, START)[:2])
+        np.testing.assert_allclose(np.stack(ocean.at(*place, 24.0, START)[:2]), held)
+        assert np.isnan(ocean.at(*place, 26.0, START)[0])
+
+
+@pytest.mark.parametrize(("mask", "wet"), [("wet_nodes", 1), ("dryFlagNode", 0)])
+def test_flats_that_fall_dry_have_no_current_then(mask, wet):
+    flags = np.full((3, len(mesh()[0])), wet, np.int32)
+    flags[1] = 1 - wet
+    with open_ocean(ugrid().assign({mask: (("time", "n_node"), flags)})) as ocean:
+        places = ocean.longitude[20], ocean.latitude[20]
+        assert np.isfinite(ocean.at(*places, 0.0, ocean.times[0])[0])
+        assert np.isnan(ocean.at(*places, 0.0, ocean.times[1])[0])
+
+
+def test_a_node_far_away_makes_no_cells():
+    data = ugrid()
+    data["mesh_x"].values[20] = -120.0
+    lon, lat, _ = mesh()
+    ocean = check(data, np.delete(lon, 20)[30:40], np.delete(lat, 20)[30:40], 0.0, 0.0)
+    assert any("far longer than usual" in note for note in ocean.notes)
+    assert ocean.geometry.locate(np.array([-60.0]), lat[20:21]).weight.sum() == 0.0
+
+
+def test_corners_count_from_one_also_where_the_last_node_is_lost():
+    data = fvcom().isel(nele=slice(0, 30))
+    assert data["nv"].values.max() < data.sizes["node"]
+    ocean = check(data, data["lonc"].values, data["latc"].values, 25.0, 0.5)
+    assert ocean.geometry.cells.corners.min() == 0
+
+
+def test_middles_of_cells_by_the_topology():
+    """D-Flow's are no means of the corners; UGRID names them, whatever their attributes are."""
+    data = ugrid("face")
+    data["mesh"].attrs["face_coordinates"] = "face_a face_b"
+    with open_ocean(data) as plain:
+        lon, lat = plain.longitude + 2e-4, plain.latitude - 1e-4
+    stated = {"face_a": ("n_face", lon, {"standard_name": "latitude"}), "face_b": ("n_face", lat)}
+    with open_ocean(data.assign(stated)) as ocean:
+        np.testing.assert_allclose(ocean.longitude, lon)
+        np.testing.assert_allclose(ocean.latitude, lat)
