@@ -1,6 +1,6 @@
 """A model's current: which variables it is, at which places and levels, and what is read of some of them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -183,14 +183,15 @@ class Part:
     def values(self, name: str, *extra: str) -> Array:
         """Return a variable [T or 1, *extra, P]; the mean of a cell's nodes where it is given at these."""
         source = self.model.source
-        dims, picks = source.along(name, *extra), self.window.picks.values()
+        dims = source.along(name, *extra)
         if dims[len(extra) :] == source.dims:
-            chosen = dict(zip(source.dims, picks, strict=True))
+            chosen = dict(zip(source.dims, self.window.picks.values(), strict=True))
             values = source.series.at(self.frames, name, chosen, dims)
             return values.reshape(*values.shape[: len(dims) - len(source.dims) + 1], -1)
         assert isinstance(source.geometry, Triangles)
         assert source.geometry.cells is not None
-        return cell_means(source.geometry.cells, source.series.at(self.frames, name, {}, dims), *picks)
+        corners = source.series.at(self.frames, name, {}, dims)
+        return cell_means(source.geometry.cells, corners, self.window.used)
 
     @cached_property
     def water(self) -> NDArray[np.bool_] | None:
@@ -258,7 +259,7 @@ class Part:
         values = self._read(part, self.window.picks) if part.edge is None else self._between_edges(part)
         return values[:, part.levels.order].reshape(*values.shape[:2], -1)
 
-    def _read(self, part: Component, picks: dict[str, Pick]) -> Array:
+    def _read(self, part: Component, picks: Mapping[str, Pick]) -> Array:
         """[T, K, *points] of a component where it lies, in the file's order of levels."""
         level = () if part.levels.dim is None else (part.levels.dim,)
         chosen = part.fixed | dict(zip(part.dims, picks.values(), strict=True))
@@ -273,25 +274,20 @@ class Part:
         """
         axis, grid = part.edge, self.model.source.geometry
         assert axis is not None
-        dim, count, picks = grid.dims[axis], grid.shape[axis] - 1, self.window.picks
-        run = picks[dim]
-        assert isinstance(run, slice)
-        first, last = max(run.start - 1, 0), min(run.stop, count)
-        values = self._read(part, picks | {dim: slice(first, last)})
-        rows, columns = (picks | {dim: slice(first, last + 1)}).values()
-        sizes = rows.stop - rows.start, columns.stop - columns.start
-        corners = [
-            j * grid.shape[1] + i for j, i in ((rows.start, columns.start), (rows.stop - 1, columns.stop - 1))
-        ]
-        beside = replace(self, window=grid.window(np.array(corners)))
+        width, count, dim = grid.shape[1], grid.shape[axis] - 1, grid.dims[axis]
+        ends = np.stack(np.divmod(self.window.used[[0, -1]], width))
+        first, last = ends[axis].tolist()
+        ends[axis] = max(first - 1, 0), min(last + 1, count)
+        beside = replace(self, window=grid.window(ends[0] * width + ends[1]))
+        values = self._read(part, beside.window.picks | {dim: slice(*ends[axis].tolist())})
         wet = beside.water if beside.deep is None else beside.deep
         if wet is not None:
             # Without fill values the walls of land hold zeros, which are no current.
-            water = np.moveaxis(wet.reshape(*wet.shape[:-1], *sizes), axis - 2, 0)
+            water = np.moveaxis(wet.reshape(*wet.shape[:-1], *(ends[:, 1] - ends[:, 0] + 1)), axis - 2, 0)
             values = np.where(np.moveaxis(water[1:] & water[:-1], 0, axis - 2), values, np.nan)
         # The grid's own rim has an edge on one side only.
         pad = [(0, 0)] * 4
-        pad[2 + axis] = (int(run.start == 0), int(run.stop > count))
+        pad[2 + axis] = (int(first == 0), int(last == count))
         edges = np.moveaxis(np.pad(values, pad, constant_values=np.nan), 2 + axis, -1)
         pair = np.stack([edges[..., :-1], edges[..., 1:]])
         there = np.isfinite(pair)

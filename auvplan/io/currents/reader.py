@@ -381,7 +381,7 @@ def _gridded(
 
 def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Array, Array]:
     """East, north and up [T, D, M] m/s of a block of times."""
-    found = np.full((3, len(block.east), len(wanted), matrix.shape[0]), np.nan)
+    found = np.full((3, len(block.east), len(wanted), len(matrix.indptr) - 1), np.nan)
     for k, depth in enumerate(wanted):
         level = at_depth((block.east, block.north), block.depths, np.full(1, depth), block.floor)
         found[:2, :, k] = mix(matrix, *level)

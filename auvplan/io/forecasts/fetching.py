@@ -112,7 +112,7 @@ def _fetched(
 ) -> xr.Dataset:
     """Return the values of variables at indices as the server stores them."""
     wanted = {
-        name: {dim: picks.get(str(dim), np.arange(size)) for dim, size in remote.raw[name].sizes.items()}
+        name: {str(dim): picks.get(str(dim), np.arange(size)) for dim, size in remote.raw[name].sizes.items()}
         for name in names
     }
     shapes = {name: [len(each) for each in own.values()] for name, own in wanted.items()}

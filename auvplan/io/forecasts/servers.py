@@ -262,7 +262,7 @@ def _answering(request: Request, timeout: float) -> Iterator[None]:
 
 def _status(error: Any) -> str:
     """Return what to say of a status that is an error, with the words of the server's message."""
-    status, said = None, ""
+    status, said = 0, ""
     if error.response is not None:
         status, (_, mark, rest) = error.response.status_code, error.response.text.partition('message="')
         words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
