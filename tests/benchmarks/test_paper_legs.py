@@ -9,7 +9,7 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.records import LegRecord
 from auvplan.view.scene import boundaries, until_next
 from benchmarks.paper import legs
-from tests.io.sample_run import SPEED, make_plan, make_run
+from tests.io.sample_run import make_plan, make_run
 
 START, GOAL = np.array([300.0, 300.0, 20.0]), np.array([1500.0, 700.0, 20.0])
 
@@ -23,15 +23,22 @@ def line(start=START, goal=GOAL, count: int = 20) -> np.ndarray:
     return start + (goal - start) * np.linspace(0.0, 1.0, count)[:, None]
 
 
-def one_leg() -> LegRecord:
-    return make_run((0, 1)).legs[0]
+@pytest.fixture
+def run():
+    return make_run((0, 1))
 
 
-def test_times_along_and_across_a_uniform_current():
+@pytest.fixture
+def leg(run) -> LegRecord:
+    return run.legs[0]
+
+
+@pytest.mark.parametrize(
+    ("water", "seconds"), [((0.0, 0.0), 400.0), ((0.5, 0.0), 1000.0 / 3.0), ((0.0, 1.5), 500.0)]
+)
+def test_times_along_and_across_a_uniform_current(water, seconds):
     north = line(np.zeros(3), np.array([1000.0, 0.0, 0.0]))
-    assert legs.time_along(north, stream(0.0, 0.0), 2.5) == pytest.approx(400.0)
-    assert legs.time_along(north, stream(0.5, 0.0), 2.5) == pytest.approx(1000.0 / 3.0, rel=1e-6)
-    assert legs.time_along(north, stream(0.0, 1.5), 2.5) == pytest.approx(500.0, rel=1e-6)
+    assert legs.time_along(north, stream(*water), 2.5) == pytest.approx(seconds, rel=1e-6)
 
 
 def test_the_rest_of_a_plan_begins_at_the_vehicle_and_ends_at_the_goal():
@@ -42,8 +49,7 @@ def test_the_rest_of_a_plan_begins_at_the_vehicle_and_ends_at_the_goal():
     np.testing.assert_allclose(rest[[0, -1]], [here, GOAL])
 
 
-def test_followed_plans_leave_out_retries_and_what_was_planned_over():
-    leg = one_leg()
+def test_followed_plans_leave_out_retries_and_what_was_planned_over(leg):
     first, window = leg.plans
     hoped, warm = replace(first), replace(window, cause="hazard")
     # A second try was followed, the hope after it was not; the first plan for a hazard was planned over.
@@ -53,83 +59,62 @@ def test_followed_plans_leave_out_retries_and_what_was_planned_over():
     assert LegRecord(0, 1, 1.0, 0.0, 0.0).followed_plans == []
 
 
-def test_a_plan_ends_where_the_next_one_replaces_it():
-    plans = one_leg().plans
-    executed, given_up = until_next(plans, 0)
-    np.testing.assert_allclose(executed[0], plans[0].positions[0])
-    np.testing.assert_allclose(executed[-1], plans[1].positions[0])
-    np.testing.assert_allclose(given_up[0], plans[1].positions[0])
-    np.testing.assert_allclose(given_up[-1], plans[0].positions[-1])
-    whole, nothing = until_next(plans, 1)
-    assert len(whole) == len(plans[1].positions)
-    assert len(nothing) == 0
+def test_a_plan_ends_where_the_next_one_replaces_it(leg):
+    first, second = leg.plans
+    executed, given_up = until_next(leg.plans, 0)
+    np.testing.assert_allclose(executed[[0, -1]], [first.positions[0], second.positions[0]])
+    np.testing.assert_allclose(given_up[[0, -1]], [second.positions[0], first.positions[-1]])
+    whole, nothing = until_next(leg.plans, 1)
+    assert (len(whole), len(nothing)) == (len(second.positions), 0)
 
 
-def test_a_re_plan_gains_what_its_path_is_shorter_by_in_still_water():
-    run, still = make_run((0, 1)), stream(0.0, 0.0)
-    leg = run.legs[0]
-    leg.plans = [replace(plan, current=still) for plan in leg.plans]
-    old, new = leg.plans
-
-    def length(positions):
-        return np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()
-
-    expected = 1.0 - length(new.positions) / length(legs.rest_of(old, new.positions[0]))
-    assert expected > 0.01
-    assert legs.replan_gain(run) == pytest.approx(expected, rel=1e-6)
+def test_a_re_plan_gains_what_its_path_is_shorter_by_in_still_water(run, leg):
+    old, new = leg.plans = [replace(plan, current=stream(0.0, 0.0)) for plan in leg.plans]
+    paths = new.positions, legs.rest_of(old, new.positions[0])
+    after, before = (np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)
+    assert after < 0.99 * before
+    assert legs.replan_gain(run) == pytest.approx(1.0 - after / before, rel=1e-6)
     leg.plans = leg.plans[:1]
     assert np.isnan(legs.replan_gain(run))
 
 
-def test_displacement_is_the_farthest_step_aside():
-    leg = one_leg()
-    leg.plans[0] = make_plan(START, GOAL, 0.0, "leg", 0.0)
-    leg.plans[1] = make_plan(START, GOAL, 100.0, "window", 60.0)
+def test_displacement_is_the_farthest_step_aside(leg):
+    leg.plans = [make_plan(START, GOAL, 0.0, "leg", 0.0), make_plan(START, GOAL, 100.0, "window", 60.0)]
     course = (GOAL - START) / np.linalg.norm(GOAL - START)
-    aside = 60.0 * np.hypot(*course[1:])
-    assert legs.displacement(leg) == pytest.approx(aside, rel=0.02)
+    assert legs.displacement(leg) == pytest.approx(60.0 * np.hypot(*course[1:]), rel=0.02)
 
 
-def test_fitness_is_the_time_to_the_last_re_plan_and_its_cost():
-    leg = one_leg()
-    assert legs.fitness(leg) == pytest.approx(leg.plans[1].made_at - leg.plans[0].made_at + leg.plans[1].cost)
+def test_fitness_is_the_time_to_the_last_re_plan_and_its_cost(leg):
+    first, window = leg.plans
+    assert legs.fitness(leg) == pytest.approx(window.made_at - first.made_at + window.cost)
 
 
 def with_history(best: list[float], place: np.ndarray = START) -> LegRecord:
-    leg = one_leg()
+    leg = make_run((0, 1)).legs[0]
     first, window = leg.plans
-    window = replace(window, history=window.history | {"best": np.array(best)})
-    leg.plans = [first, replace(window, positions=line(place))]
+    history = window.history | {"best": np.array(best)}
+    leg.plans = [first, replace(window, history=history, positions=line(place))]
     return leg
 
 
-def test_kept_and_fresh_populations_are_compared_at_a_window_s_iterations():
+def test_kept_and_fresh_populations_are_compared_at_a_window_s_iterations_in_one_place():
     kept, fresh = with_history([900.0, 850.0, 800.0]), with_history([1500.0, 950.0, 870.0, 500.0])
     assert legs.warm_start(kept, fresh) == (800.0, 870.0, 0.5)
     assert legs.warm_start(fresh, kept) == (870.0, 800.0, 1.0)
-
-
-def test_re_plans_at_different_places_are_not_compared():
-    elsewhere = with_history([1.0, 1.0], START + 50.0)
-    assert np.isnan(legs.warm_start(with_history([1.0, 1.0]), elsewhere)).all()
+    assert np.isnan(legs.warm_start(kept, with_history([1.0, 1.0], START + 50.0))).all()
 
 
 def test_the_leg_shown_is_one_that_arrived_with_every_limit_kept():
     runs = [make_run((0, 1)) for _ in range(4)]
     for run, bend in zip(runs, (10.0, 200.0, 90.0, 50.0), strict=True):
-        run.legs[0].plans = [
-            make_plan(START, GOAL, 0.0, "leg", 0.0),
-            make_plan(START, GOAL, 9.0, "window", bend),
-        ]
-    runs[1].legs[0].plans[1] = replace(runs[1].legs[0].plans[1], feasible=False)
+        ahead, aside = make_plan(START, GOAL, 0.0, "leg", 0.0), make_plan(START, GOAL, 9.0, "window", bend)
+        run.legs[0].plans = [ahead, replace(aside, feasible=bend < 200.0)]
     assert legs.shown_leg(runs, largest=True) is runs[2]
     assert legs.shown_leg(runs) is runs[3]
 
 
-def test_boundaries_grow_until_the_vehicle_sees_the_obstacle_again():
-    run = make_run((0, 1))
+def test_boundaries_grow_until_the_vehicle_sees_the_obstacle_again(run, leg):
     run.scenario |= {"sensors": {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}}
-    leg = run.legs[0]
     begin, middle = float(leg.times[0]), float(leg.times[len(leg.times) // 2])
     assert boundaries(run, leg, begin)[1] == pytest.approx(leg.obstacle_radii)
     places, radii = boundaries(run, leg, begin + 60.0)
@@ -151,4 +136,3 @@ def test_a_dataset_of_legs_holds_the_figures_of_their_records():
     assert float(found["rate_time"][1, 0]) == pytest.approx(leg.t_path)
     assert (found["collisions"].values == 0).all()
     assert found["kept_cost"].values == pytest.approx(found["fresh_cost"].values)
-    assert SPEED == 2.5
