@@ -7,6 +7,7 @@ Real files lie in ``../shared/data``. The second table is that of ``python -m be
 """
 
 import json
+import re
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -34,63 +35,6 @@ WHY = {
     "dflowfm_simplebox_projected.nc": "axes are turned by true north on WGS 84, the other reading by that on "
     "the projection's Bessel ellipsoid: 1e-5 rad apart",
 }
-REFUSED = (
-    ("GRIB", "convert to NetCDF: the first line of the refusal says what it is"),
-    ("u and v on a curvilinear grid with neither angle, grid_mapping nor standard or long names that tell",
-     "refused: which way they point is not given"),
-    ("winds, ice drift, Stokes drift, extremes over a time", "passed over: they are no current"),
-    ("speed and direction", "refused with the formula of the components"),
-    ("members of an ensemble, runs of a forecast",
-     "refused until one is taken out, such as by `ncks -d member,0`"),
-    ("numbers of levels, pressures, heights above the bed in place of depths", "refused"),
-    ("stations, moorings, gliders", "refused: between them the current is not known"),
-    ("variables in groups", "refused until one is taken out, such as by `ncks -G : -g group`"),
-    ("metres of a projection that the file does not name", "refused until `current.crs` says it"),
-    ("times that count from no date", "refused until `current.epoch` says it"),
-    ("times that fall, depths or axes that rise and fall, grids and meshes that overlap", "refused"),
-    ("components on other points than each other, but on C-grids of ROMS, NEMO, MOM6, MITgcm", "refused"),
-    ("sea beds on meshes (SCHISM, FVCOM, D-Flow FM) as `bathymetry.file`", "refused; the current's own bed "
-     "is used"),
-    ("z-sigma levels of D-Flow FM and other mixed levels but those whose heights are given", "refused"),
-    ("pictures without a place on Earth", "refused but as `chart.source: picture`"),
-)  # fmt: skip
-
-
-HEAD = """# Files that are read, and how well
-
-{files} files of ocean models, sea beds and charts, {real} of them real or cuts of real ones, each
-read by auvplan and by other means: netCDF4, cftime and NumPy for currents, rasterio, netCDF4,
-pyogrio and shapely for the rest, or the closed form that a made file stands for. None of auvplan's
-readers has a part in the other reading (`benchmarks/file_references.py`, `file_rasters.py`,
-`file_models.py`). By `python -m benchmarks.files --out docs/files.md`, with the real files in
-`../shared/data`; {processor}, {cores} cores. What is not read stands below.
-
-## Currents
-
-Largest difference, m/s, of either component at up to {count} random places: at the file's points,
-levels and times; at its points between levels and times; inside its cells or triangles; and at all
-nodes of the local grid that the planner gets, which is in single precision, where no corner is
-land. Rows above {same} say why."""
-BEDS = """## Sea beds and charts
-
-Depths on the local grid by bilinear interpolation, m; passability of charts' pixels; colours of pictures."""
-MUTATED = """## Damaged and altered copies
-
-Copies of each real file, cut to four times and the variables of the current. Bytes: cut off,
-changed, zeroed. NetCDF: attributes taken away, changed or added (units, standard_name, positive,
-calendar, _FillValue, scale_factor, coordinates, grid_mapping and others); dimensions reversed,
-halved or permuted; variables renamed, dropped, reversed or transposed; NaN; times doubled or
-shuffled; longitudes in another turn; longitude and latitude under each other's names. Pictures:
-rows from the south, coordinate systems, no-data values, tiles and compression. Polygons: rings
-opened, reversed, moved by a turn, features dropped or doubled.
-
-A copy must be refused by one line within 30 s of processor time and 4 GB, or be read right: as the
-original where the change bears on nothing that is read or on bytes alone, else as the other reading
-of the copy. A current is compared at 40 points, levels and times of the copy. By `python -m
-benchmarks.mutated_files --out FILE` and `python -m benchmarks.files --mutated FILE --out
-docs/files.md`."""
-
-
 #: Columns of the tables; a row that is refused says why in the last one.
 CURRENTS = "file", "model", "", "nodes", "between levels and times", "inside cells", "planner's grid", ""
 PIXELS = "file", "what", "", "pixels equal", "largest difference", ""
@@ -285,29 +229,23 @@ def shown(value: float | None) -> str:
     return "-" if value is None else "0" if value == 0.0 else f"{value:.0e}"
 
 
-def mutated_table(counts: dict[str, Any]) -> list[str]:
-    """Markdown of what became of damaged and altered copies."""
-    rows = [
-        [kinds.get(key, 0) for key in ("copies", "refused", "right", "failed")] for kinds in counts.values()
-    ]
-    named = [*zip(counts, rows, strict=True), ("all", np.sum(rows, axis=0))]
-    lines = markdown(COPIES, [[name, *map(str, row)] for name, row in named])
-    return lines + [
-        f"\n{name}: {line}" for name, kinds in counts.items() for line in kinds.get("failures", [])
-    ]
+def copies_table(counts: dict[str, Any]) -> list[str]:
+    """What became of damaged and altered copies, and of each that failed."""
+    keys = "copies", "refused", "right", "failed"
+    rows = [[name, *(kinds.get(key, 0) for key in keys)] for name, kinds in counts.items()]
+    every = ["all", *np.sum([row[1:] for row in rows], axis=0)]
+    failures = [f"- {name}: {line}" for name, kinds in counts.items() for line in kinds.get("failures", [])]
+    return markdown(COPIES, [*rows, every]) + [""] * bool(failures) + failures
 
 
-def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any]) -> str:
-    about, every = machine(), [*rows, *pixels]
-    head = HEAD.format(
-        files=len(every), real=sum(row[2] != "made" for row in every), count=COUNT, same=f"{SAME:g}",
-        processor=about["processor"], cores=about["cores"],
-    )  # fmt: skip
-    tables = [head, markdown(CURRENTS, rows), BEDS, markdown(PIXELS, pixels)]
-    tables += ["## What is not read", markdown(("what", "instead"), REFUSED)]
-    tables += [MUTATED, mutated_table(counts)] if counts else []
-    texts = ("\n".join([part] if isinstance(part, str) else part) for part in tables)
-    return "\n\n".join(texts).replace("|  |", "| |").replace("|  |", "| |") + "\n"
+def fill(page: Path, blocks: dict[str, list[str]]) -> None:
+    """Put lines in the place of those below a comment with their name in a page, to the next heading."""
+    text = page.read_text(encoding="utf-8")
+    for name, lines in blocks.items():
+        body = "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
+        block = re.compile(rf"(<!-- {name} -->\n).*?(\n+(?=## )|\n*\Z)", re.DOTALL)
+        text = block.sub(lambda found, body=body: found[1] + body + found[2], text)
+    page.write_text(text, encoding="utf-8")
 
 
 def main(out: Path | None, only: str, mutated: Path | None) -> None:
@@ -320,13 +258,19 @@ def main(out: Path | None, only: str, mutated: Path | None) -> None:
                 rows[row_of].append(row_of(case, folder))
                 print(f"| {' | '.join(rows[row_of][-1])} |", flush=True)
     if out:
-        out.write_text(page(*rows.values(), json.loads(mutated.read_text()) if mutated else {}))
+        about, every = machine(), [*rows[compared], *rows[raster]]
+        real = sum(row[2] != "made" for row in every)
+        line = f"{len(every)} files, {real} of them real or cuts of real ones; {about['processor']}, "
+        blocks = {"files": [line + f"{about['cores']} cores."]}
+        blocks |= {"currents": markdown(CURRENTS, rows[compared]), "rasters": markdown(PIXELS, rows[raster])}
+        counts = json.loads(mutated.read_text()) if mutated else {}
+        fill(out, blocks | ({"copies": copies_table(counts)} if counts else {}))
 
 
 if __name__ == "__main__":
     launch(
         main,
-        out=(Path, "Markdown file to write"),
+        out=(Path, "page whose tables are filled in"),
         only=("", "part of the names of files"),
         mutated=(Path, "JSON file of benchmarks.mutated_files"),
     )
