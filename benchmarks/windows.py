@@ -11,7 +11,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -25,6 +25,7 @@ from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.harness import grouped, launch, screen, show, track
 from benchmarks.labels import Windows, most_priority
+from benchmarks.mission_sets import Case
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -42,21 +43,6 @@ FAMILIES = "complete", "7-12 nearest"
 #: Of the timings.
 DEPARTURES, BENDS, INTERVAL = 24, 5, 900.0
 PERIOD, STREAM = 44_714.0, (0.5, 0.3)
-
-
-@dataclass(frozen=True)
-class Case:
-    """A mission with windows and steady travel times.
-
-    Attributes:
-        graph: N waypoints with a timetable of one departure.
-        time_available: T_available, s.
-    """
-
-    graph: MissionGraph
-    time_available: float
-    seed: int
-    family: str = ""
 
 
 #: Plans of one configuration on one kind of graph, what proved it, and timings.
@@ -83,7 +69,7 @@ def case(seed: int) -> Case:
     graph, opens, closes = _tasks(rng, positions, adjacency, available, tight)
     travel = np.where(adjacency, np.maximum(np.round(cdist(positions, positions) / SPEED), 1.0), np.inf)
     graph = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
-    return Case(graph, available, seed, FAMILIES[seed % 2])
+    return Case(f"{seed}", FAMILIES[seed % 2], graph, 0, SIZE - 1, available, SPEED)
 
 
 def _tasks(
@@ -121,8 +107,8 @@ PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
 def plan(case: Case, config: MissionConfig, key: int) -> MissionRoute:
-    asked = case.graph, 0, case.graph.size - 1, case.time_available
-    return plan_mission(*asked, speed=SPEED, key=jax.random.key(key), config=config)
+    asked = case.graph, case.start, case.goal, case.time_available
+    return plan_mission(*asked, speed=case.speed, key=jax.random.key(key), config=config)
 
 
 def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
@@ -149,7 +135,7 @@ def compared(count: int, first: int) -> tuple[list[dict[str, Any]], list[dict[st
         best = max(routes, key=lambda route: route.priority if route.feasible else -1.0)
         began = time.perf_counter()
         priority, bound = most(one, best.nodes.tolist() if best.feasible else [0])
-        proof = {"seed": one.seed, "family": one.family, "priority": priority, "bound": bound}
+        proof = {"seed": int(one.name), "family": one.family, "priority": priority, "bound": bound}
         found.append(proof | {"seconds": time.perf_counter() - began})
         made += [each | proof for each in plans]
     groups = grouped(made, lambda run: [(family, run["planner"]) for family in (run["family"], "all")])
@@ -207,7 +193,8 @@ def timings(repeats: int) -> list[dict[str, Any]]:
             measure(what, 1.0, lambda _, every=every: travel(every))
         else:
             found = graph.times_at(sea, ap.Vehicle(speed=SPEED), departures)
-        timed = Case(graph.with_timetable(Timetable(departures, found, opens, closes)), AVAILABLE[0], size)
+        tasks = graph.with_timetable(Timetable(departures, found, opens, closes))
+        timed = Case("", "", tasks, 0, size - 1, AVAILABLE[0], SPEED)
         what = f"plan, {size} waypoints, {DEPARTURES} departures, windows"
         measure(what, seconds, lambda key, timed=timed: plan(timed, MissionConfig(), key))
     return rows
