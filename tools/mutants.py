@@ -32,9 +32,7 @@ REASONS = ROOT / "tools" / "mutants.toml"
 #: Tests that go with each file: those that are meant to notice what is wrong with it.
 TARGETS = {
     "auvplan/check/run.py": (
-        "tests/check/test_check_limits.py",
-        "tests/check/test_check.py",
-        "tests/check/test_check_seabed.py",
+        "tests/check/test_check_limits.py", "tests/check/test_check.py", "tests/check/test_check_seabed.py",
         "tests/check/test_sources.py",
     ),
     "auvplan/path/clearance.py": ("tests/path/test_clearance.py", "tests/path/test_seabed.py"),
@@ -42,14 +40,11 @@ TARGETS = {
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
     "auvplan/executive/decide.py": ("tests/executive/test_decide.py",),
     "auvplan/executive/loop.py": (
-        "tests/executive/test_loop.py",
-        "tests/executive/test_clock.py",
-        "tests/executive/test_visits.py",
-        "tests/faults/test_rules.py",
-        "tests/executive/test_route_calls.py",
+        "tests/executive/test_loop.py", "tests/executive/test_clock.py", "tests/executive/test_visits.py",
+        "tests/faults/test_rules.py", "tests/executive/test_route_calls.py",
         "tests/executive/test_whole_lines.py",
     ),
-}
+}  # fmt: skip
 
 #: s, after which a run of tests counts as one that noticed: the mutant does not end.
 LIMIT = 400.0
@@ -168,18 +163,12 @@ def mutants_of(file: str, source: str) -> list[Mutant]:
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
         new = "left out" if isinstance(node, ast.stmt) else text[1:-1]
-        change = f"{_one_line(node)} -> {new}"
-        begin, end = (
-            starts[node.lineno - 1] + node.col_offset,
-            starts[node.end_lineno - 1] + node.end_col_offset,
-        )
+        change = f"{' '.join(ast.unparse(node).split())} -> {new}"
+        begin = starts[node.lineno - 1] + node.col_offset
+        end = starts[node.end_lineno - 1] + node.end_col_offset
         stated = lines[node.lineno - 1].decode().strip()
         found.append(Mutant(file, node.lineno, stated, change, begin, end, text))
     return found
-
-
-def _one_line(node: ast.expr | ast.stmt) -> str:
-    return " ".join(ast.unparse(node).split())
 
 
 def noticed(copied: Path, tests: tuple[str, ...], broken: bool = True) -> bool:
