@@ -3,9 +3,10 @@
 from dataclasses import asdict
 from typing import Any
 
-from benchmarks import path_replans, path_walks, paths, plans, scoring
+from benchmarks import path_replans, path_walks, plans, scoring
 from benchmarks.harness import grouped, launch, screen, show
-from benchmarks.path_problems import path_problems
+from benchmarks.paths import gaps
+from benchmarks.paths.problems import path_problems
 
 
 def against_references(quick: bool) -> list[dict[str, Any]]:
@@ -17,11 +18,11 @@ def against_references(quick: bool) -> list[dict[str, Any]]:
     chosen = [problem for members in families.values() for problem in (members[:2] if quick else members)]
     random = [problem for problem in chosen if problem.family != "literature"]
     asked = [("gap to the reference", chosen, ["default", "paper"], 1 if quick else 5)]
-    asked += [] if quick else [("the default without some of its parts", random, list(paths.VARIANTS), 1)]
+    asked += [] if quick else [("the default without some of its parts", random, list(gaps.VARIANTS), 1)]
     found = []
     for title, problems, presets, seeds in asked:
-        rows = paths.rows(paths.plan_all(problems, presets, seeds), "family")
-        paths.show_gaps(f"Paths: {title}", rows, **paths.COMPILING)
+        rows = gaps.rows(gaps.plan_all(problems, presets, seeds), "family")
+        gaps.show_gaps(f"Paths: {title}", rows, **gaps.COMPILING)
         found += rows
     return found
 

@@ -13,12 +13,12 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.path.bound import lower_bound
-from benchmarks.depth_problems import DEPTH_FAMILIES, have_levels
 from benchmarks.harness import clock, figures, grouped, launch, screen, show
-from benchmarks.path_problems import PRESETS
-from benchmarks.path_ruler import evaluate
-from benchmarks.references import STORED, STORED_DEEP, load, stored_reference
-from benchmarks.water_problems import FAMILIES
+from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels
+from benchmarks.paths.problems import PRESETS
+from benchmarks.paths.references import STORED, STORED_DEEP, load, stored_reference
+from benchmarks.paths.ruler import evaluate
+from benchmarks.paths.waters import FAMILIES
 from benchmarks.waters import posed
 
 #: Share of its time by which a path may beat a bound unnoticed: rounding of the ruler.

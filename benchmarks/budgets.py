@@ -20,7 +20,7 @@ import auvplan as ap
 from auvplan.mission import random_graph
 from auvplan.runtime import cores
 from benchmarks.harness import clock, figures, launch, show
-from benchmarks.path_problems import path_problems
+from benchmarks.paths.problems import path_problems
 
 #: s.
 BUDGETS = (0.05, 0.1, 0.2, 0.5, 1.0)

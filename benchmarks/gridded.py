@@ -17,7 +17,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
 from benchmarks.harness import launch, show, take_turns
-from benchmarks.path_problems import PRESETS
+from benchmarks.paths.problems import PRESETS
 
 ROUNDS = 15
 SIDE, DEEPEST = 10e3, 100.0

@@ -18,7 +18,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
 from benchmarks.harness import clock, launch, show, track
-from benchmarks.path_problems import PathProblem, random_problems
+from benchmarks.paths.problems import PathProblem, random_problems
 
 SITUATIONS = 50
 #: The plan that all others are compared with has the budget of this number of windows.

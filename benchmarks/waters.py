@@ -14,13 +14,13 @@ import jax
 import numpy as np
 
 from auvplan.runtime.compiled import drop_programs
-from benchmarks import references
-from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.harness import figures, grouped, launch, screen, show, track
-from benchmarks.path_problems import PRESETS, PathProblem, have_charts, literature
-from benchmarks.path_ruler import World, evaluate
-from benchmarks.paths import Run, beside, plan_one, show_gaps, summed
-from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
+from benchmarks.paths import references
+from benchmarks.paths.depths import DEPTH_FAMILIES, depth_problem, have_levels
+from benchmarks.paths.gaps import Run, beside, plan_one, show_gaps, summed
+from benchmarks.paths.problems import PRESETS, PathProblem, have_charts, literature
+from benchmarks.paths.ruler import World, evaluate
+from benchmarks.paths.waters import FAMILIES, KINDS, scaled, water_problem
 
 #: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
 SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0

@@ -41,7 +41,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
     },
     "Coast and sea bed": {
         "tests": "ocean/test_chart ocean/test_seabed path/test_seabed",
-        "independent": "check/test_check_seabed @water_land",
+        "independent": "check/test_check_seabed @waters",
         "fault": "faults/test_machine",
     },
     "Obstacles and clearance": {
@@ -182,7 +182,7 @@ def cell(capability: str, kind: str) -> str:
         tests = [test for test in tests if drawn(test) == (kind == "property")]
     benchmarks = [place[1:] for place in places if place[0] == "@"]
     for name in benchmarks:
-        if not (ROOT / "benchmarks" / f"{name}.py").is_file():
+        if not any((ROOT / "benchmarks" / file).is_file() for file in (f"{name}.py", f"{name}/__main__.py")):
             raise SystemExit(f"{name}: no such benchmark")
     return ", ".join([str(len(tests))] * bool(tests) + [f"`{name}`" for name in benchmarks])
 

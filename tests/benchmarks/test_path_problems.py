@@ -9,10 +9,10 @@ import pytest
 from scipy import ndimage
 
 import auvplan as ap
-from benchmarks.depth_problems import DEPTH_FAMILIES, PITCH, EkmanCurrent, LayeredCurrent, have_levels, way
-from benchmarks.path_problems import PIXELS, literature
-from benchmarks.path_ruler import World, evaluate, velocity_at
-from benchmarks.water_problems import KINDS, TidalCurrent, scaled
+from benchmarks.paths.depths import DEPTH_FAMILIES, PITCH, EkmanCurrent, LayeredCurrent, have_levels, way
+from benchmarks.paths.problems import PIXELS, literature
+from benchmarks.paths.ruler import World, evaluate, velocity_at
+from benchmarks.paths.waters import KINDS, TidalCurrent, scaled
 from benchmarks.waters import posed
 
 pytestmark = pytest.mark.slow

@@ -9,14 +9,14 @@ pytest.importorskip("numba", reason="needs numba: pip install 'auvplan[bench]'")
 
 import auvplan as ap
 from benchmarks.bounds import bounds
-from benchmarks.depth_problems import LayeredCurrent, depth_problem, way
-from benchmarks.path_grid import Grid, passages, ways
-from benchmarks.path_problems import PathProblem, unlimited_vehicle
-from benchmarks.path_ruler import World, evaluate
-from benchmarks.path_tighten import tighten
 from benchmarks.path_walks import walks
-from benchmarks.references import STORED_DEEP, Reference, depth_reference, load, store, stored_reference
-from benchmarks.water_problems import FAMILIES, scaled, water_problem
+from benchmarks.paths.depths import LayeredCurrent, depth_problem, way
+from benchmarks.paths.grid import Grid, passages, ways
+from benchmarks.paths.problems import PathProblem, unlimited_vehicle
+from benchmarks.paths.references import STORED_DEEP, Reference, depth_reference, load, store, stored_reference
+from benchmarks.paths.ruler import World, evaluate
+from benchmarks.paths.tighten import tighten
+from benchmarks.paths.waters import FAMILIES, scaled, water_problem
 
 pytestmark = pytest.mark.slow
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from benchmarks.path_problems import PathProblem, unlimited_vehicle
-from benchmarks.path_ruler import LIMIT_TOLERANCE, evaluate
+from benchmarks.paths.problems import PathProblem, unlimited_vehicle
+from benchmarks.paths.ruler import LIMIT_TOLERANCE, evaluate
 
 SIDE, SPEED = 4000.0, 2.0
 START, GOAL = (0.0, 500.0, 20.0), (1000.0, 500.0, 20.0)

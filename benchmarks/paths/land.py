@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.ocean.whitsunday import classes
-from benchmarks.path_problems import PIXELS, SITES, classes_of, have_charts
+from benchmarks.paths.problems import PIXELS, SITES, classes_of, have_charts
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]

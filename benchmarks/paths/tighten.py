@@ -13,11 +13,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_grid import Grid, limits_of, motion, packed, strikes, tabulated
-from benchmarks.path_polish import Polished, spread
-from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, evaluate, velocity_at
-from benchmarks.water_problems import without_tide
+from benchmarks.paths.grid import Grid, limits_of, motion, packed, strikes, tabulated
+from benchmarks.paths.polish import Polished, spread
+from benchmarks.paths.problems import PathProblem
+from benchmarks.paths.ruler import World, evaluate, velocity_at
+from benchmarks.paths.waters import without_tide
 
 Array = NDArray[np.floating]
 

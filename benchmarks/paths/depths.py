@@ -24,9 +24,9 @@ from auvplan.io.currents import read_current
 from auvplan.ocean.currents import Current, Velocity
 from auvplan.site import Site
 from benchmarks.machine import SHARED
-from benchmarks.path_problems import PIXELS, PathProblem, unlimited_vehicle
-from benchmarks.path_ruler import World, evaluate, velocity_at
-from benchmarks.water_problems import tide
+from benchmarks.paths.problems import PIXELS, PathProblem, unlimited_vehicle
+from benchmarks.paths.ruler import World, evaluate, velocity_at
+from benchmarks.paths.waters import tide
 
 Array = NDArray[np.floating]
 Rng = np.random.Generator

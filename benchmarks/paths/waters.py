@@ -23,8 +23,8 @@ import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
 from auvplan.ocean.deviation import deviation
-from benchmarks import water_land as land
-from benchmarks.path_problems import (
+from benchmarks.paths import land
+from benchmarks.paths.problems import (
     OBSTACLES,
     PIXELS,
     PathProblem,
@@ -61,7 +61,7 @@ class Kind:
     """How the problems of a family are drawn.
 
     Attributes:
-        land: ``(rng, gap) -> (water, ends)`` on the unit square, see `water_land`.
+        land: ``(rng, gap) -> (water, ends)`` on the unit square, see `land`.
         obstacles: least and greatest number of fixed obstacles.
         radii: least and greatest radius of these, in units of the side.
         moving: whether obstacles move, one of them into the best passage at the time of arrival.

@@ -20,9 +20,9 @@ from scipy import ndimage
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import Spheres, World, upright_max, velocity_at
-from benchmarks.water_problems import TidalCurrent, without_tide
+from benchmarks.paths.problems import PathProblem
+from benchmarks.paths.ruler import Spheres, World, upright_max, velocity_at
+from benchmarks.paths.waters import TidalCurrent, without_tide
 
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]

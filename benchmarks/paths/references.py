@@ -1,8 +1,8 @@
 """The quickest paths known of the problems, and their files, so that they are computed once.
 
-`python -m benchmarks.references` computes those of `path_problems` on a fine grid, whose best passages are
-followed by a descent each, and stores them. Those of random waters are tightened from the best paths of two
-grids; their relative difference is the error. Nothing of the planner takes part.
+`python -m benchmarks.paths.references` computes those of `path_problems` on a fine grid, whose best passages
+are followed by a descent each, and stores them. Those of random waters are tightened from the best paths of
+two grids; their relative difference is the error. Nothing of the planner takes part.
 """
 
 import json
@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness import launch, screen, show
-from benchmarks.path_grid import Grid, passages, ways
-from benchmarks.path_polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
-from benchmarks.path_problems import PathProblem, have_charts, path_problems
-from benchmarks.path_ruler import LIMIT_TOLERANCE, Score, World
-from benchmarks.path_tighten import tighten
-from benchmarks.vertical_plane import vertical
+from benchmarks.paths.grid import Grid, passages, ways
+from benchmarks.paths.polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
+from benchmarks.paths.problems import PathProblem, have_charts, path_problems
+from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World
+from benchmarks.paths.tighten import tighten
+from benchmarks.paths.vertical import vertical
 
 Array = NDArray[np.floating]
 
 #: Files of the references of `path_problems`, and of random waters without and with depth.
 STORED_PATHS, STORED, STORED_DEEP = (
-    Path(__file__).with_name(f"{name}_references.json") for name in ("path", "water", "depth")
+    Path(__file__).with_name(f"{name}.json") for name in ("known", "waters", "depths")
 )
 
 #: Passages that are descended into, and how many of them are followed finely.

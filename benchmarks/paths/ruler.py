@@ -17,7 +17,7 @@ from auvplan import PathConfig
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.obstacles import CONFIDENCE
-from benchmarks.path_problems import PathProblem
+from benchmarks.paths.problems import PathProblem
 
 Array = NDArray[np.floating]
 

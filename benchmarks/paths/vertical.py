@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 
 from auvplan.ocean.currents import is_steady
-from benchmarks.path_grid import levels_through, limits_of
-from benchmarks.path_polish import Polished
-from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, evaluate, velocity_at
-from benchmarks.water_problems import TidalCurrent, without_tide
+from benchmarks.paths.grid import levels_through, limits_of
+from benchmarks.paths.polish import Polished
+from benchmarks.paths.problems import PathProblem
+from benchmarks.paths.ruler import World, evaluate, velocity_at
+from benchmarks.paths.waters import TidalCurrent, without_tide
 
 #: Stations of the vertical plane between start and goal, those beyond either, and levels.
 _STATIONS, _BEYOND, _LEVELS = 240, 6, 161

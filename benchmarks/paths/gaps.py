@@ -1,8 +1,4 @@
-"""Path planning against global references: ``python -m benchmarks.paths [--each]``.
-
-The gap of a plan is travel time / reference - 1, both measured by `path_ruler`. A plan that breaks a limit
-has no gap and lowers the feasible share. Times are of one plan, the compilation apart.
-"""
+"""How far plans are above the references of their problems: runs, and what they come to."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -12,10 +8,10 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from benchmarks.harness import clock, figures, grouped, launch, screen, show, track
-from benchmarks.path_problems import PRESETS, PathProblem, have_charts, path_problems
-from benchmarks.path_ruler import World, evaluate
-from benchmarks.references import stored_times
+from benchmarks.harness import clock, figures, grouped, show, track
+from benchmarks.paths.problems import PRESETS, PathProblem
+from benchmarks.paths.references import stored_times
+from benchmarks.paths.ruler import World, evaluate
 
 
 def _plainer(iterations: int | None = None, **changes: Any) -> ap.PathConfig:
@@ -107,25 +103,3 @@ def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int
         for preset in presets:
             runs += plan_one(problem, preset, references.get(problem.name), world, range(seeds))
     return runs
-
-
-def main(seeds: int, only: list[str], preset: list[str], each: bool) -> dict[str, Any]:
-    if not have_charts():
-        screen.print("problems on real coast: left out, the shared maps were not found")
-    chosen = [one for one in path_problems() if not only or {one.family, one.name} & set(only)]
-    runs = plan_all(chosen, preset, seeds)
-    families, problems = rows(runs, "family"), rows(runs, "problem")
-    if each:
-        show_gaps("Each problem: gap to the reference", problems, **COMPILING)
-    show_gaps("Paths: gap to the reference", families, **COMPILING)
-    return {"seeds": seeds, "families": families, "problems": problems, "runs": runs}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(5, "plans of each problem"),
-        only=((), "families or problems, such as coast or open-03"),
-        preset=(("default", "paper"), "to plan with", [*PRESETS, *VARIANTS]),
-        each=(False, "a row for each problem too"),
-    )

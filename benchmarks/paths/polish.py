@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 
 from auvplan.ocean.currents import is_steady
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_problems import OBSTACLES, PathProblem
-from benchmarks.path_ruler import LIMIT_TOLERANCE, Score, World, evaluate
+from benchmarks.paths.problems import OBSTACLES, PathProblem
+from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World, evaluate
 
 Array = NDArray[np.floating]
 
@@ -222,7 +222,7 @@ def _cost(
 
 
 def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.Array:
-    """m, bilinear, as `path_ruler.Raster.at`."""
+    """m, bilinear, as `ruler.Raster.at`."""
     raster, origin, pixel, _ = coast
     north, east = raster.shape
     i = jnp.clip((x - origin[0]) / pixel - 0.5, 0.0, north - 1.0)
