@@ -96,16 +96,17 @@ def read_jobs(dataset: xr.Dataset) -> list[Job] | None:
     stated = _saved(dataset, "jobs")
     if stated is None:
         return None
-    found = []
-    for job in (*stated["points"], *stated["lines"]):
-        places = job["positions"] if "positions" in job else [job["position"]]
-        priority, duration = float(job["priority"]), float(job["duration"])
-        windows, falls = (
+    return [
+        Job(
+            job["name"],
+            np.asarray(job["positions"] if "positions" in job else [job["position"]], float),
+            float(job["priority"]),
+            float(job["duration"]),
             _spans(job["windows"]),
             [(float(moment), float(after)) for moment, after in job["falls"]],
         )
-        found.append(Job(job["name"], np.asarray(places, float), priority, duration, windows, falls))
-    return found
+        for job in (*stated["points"], *stated["lines"])
+    ]
 
 
 def read_obstacles(dataset: xr.Dataset, notes: list[str]) -> list[Cylinder]:
@@ -166,7 +167,6 @@ def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
     """Yield jobs that the graph of the run has in another place, of other worth or with other windows."""
     names = waypoint_names(dataset)
     places = dataset["waypoint_position"].values.astype(float)
-    worth, lasts = (dataset[f"waypoint_{name}"].values for name in ("priority", "duration"))
     for job in jobs:
         wanted = [f"{job.name}[{k}]" for k in range(1, len(job.places) + 1)] if job.is_line else [job.name]
         nodes = [
@@ -179,13 +179,9 @@ def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
             yield f"job {job.name!r} is not where the graph has it"
             continue
         chain = [own[0] for own in nodes]
-        if job.is_line:
-            tasks = [dataset[f"task_{name}"].values for name in ("priority", "duration")]
-            given = [sum(float(task[i, j]) for i, j in pairwise(chain)) for task in tasks]
-        else:
-            given = [float(worth[chain[0]]), float(lasts[chain[0]])]
-        wanted_of = zip(("priority", "duration"), given, (job.priority, job.duration), strict=True)
-        for name, own, value in wanted_of:
+        for name, value in (("priority", job.priority), ("duration", job.duration)):
+            at, along = (dataset[f"{of}_{name}"].values for of in ("waypoint", "task"))
+            own = sum(float(along[i, j]) for i, j in pairwise(chain)) if job.is_line else float(at[chain[0]])
             if not np.isclose(own, value, rtol=1e-5, atol=TIME_TOLERANCE / 10.0):
                 yield f"job {job.name!r}: its {name} is {value:g}, {own:g} in the graph"
         if not job.is_line and "window_opens" in dataset:
@@ -201,10 +197,8 @@ def _window_faults(dataset: xr.Dataset, job: Job, node: int) -> Iterator[str]:
     def held(span: tuple[float, float], others: Spans) -> bool:
         return any(a - TIME_TOLERANCE <= span[0] and span[1] <= b + TIME_TOLERANCE for a, b in others)
 
-    narrowed = bool(_saved(dataset, "closures"))
-    if not all(held(span, wanted) for span in given) or not (
-        narrowed or all(held(span, given) for span in wanted)
-    ):
+    whole = bool(_saved(dataset, "closures")) or all(held(span, given) for span in wanted)
+    if not (whole and all(held(span, wanted) for span in given)):
         yield f"job {job.name!r}: its windows are not those of the graph"
 
 

@@ -20,9 +20,7 @@ TIME_TOLERANCE = 0.01
 #: A leg begins and ends within this distance of its waypoints and of the leg before, m.
 PLACE_TOLERANCE = 2.0
 
-_SUMMARY_FIELDS = (
-    "t_available", "t_mission", "t_residual", "success", "tasks", "total_priority", "legs", "cpu",
-)  # fmt: skip
+_SUMMARY_FIELDS = ("t_available", "t_mission", "t_residual", "success", "tasks", "total_priority")
 _LEG_FIELDS = ("from", "to", "t_expected", "t_path", "t_task", "priority", "arrived")
 _VARIABLES = {
     "time": ("obs",), "x": ("obs",), "y": ("obs",), "depth": ("obs",), "leg_index": ("obs",),
@@ -85,37 +83,35 @@ def require(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> None:
     Raises:
         ResultError: a field, variable or attribute is missing or of the wrong kind; one line that names it.
     """
-    summary_file, mission_file = folder / SUMMARY, folder / MISSION
-    rows = summary.get("legs")
-    tables: list[tuple[Any, tuple[str, ...], str]] = [(summary, _SUMMARY_FIELDS, "")]
-    if isinstance(rows, list):
-        tables += [(row, _LEG_FIELDS, f"legs[{k}].") for k, row in enumerate(rows)]
-    tables.append((summary.get("cpu"), ("charged_s",), "cpu."))
-    for table, names, prefix in tables:
+
+    def need(fine: Any, file: str, words: str) -> None:
+        if not fine:
+            raise ResultError(f"{folder / file}: {words}")
+
+    def need_fields(table: Any, names: tuple[str, ...], prefix: str = "", kind: Any = int | float) -> None:
         for name in names:
-            if not isinstance(table, Mapping) or name not in table:
-                raise ResultError(f"{summary_file}: {prefix}{name} is missing")
-            if name in ("legs", "cpu"):
-                if not isinstance(table[name], list | Mapping):
-                    raise ResultError(f"{summary_file}: {name} is not a table")
-            elif not isinstance(table[name], int | float):
-                raise ResultError(f"{summary_file}: {prefix}{name} is not a number")
+            need(isinstance(table, Mapping) and name in table, SUMMARY, f"{prefix}{name} is missing")
+            what = "number" if kind == int | float else "table"
+            need(isinstance(table[name], kind), SUMMARY, f"{prefix}{name} is not a {what}")
+
+    need_fields(summary, _SUMMARY_FIELDS)
+    need_fields(summary, ("legs", "cpu"), kind=list | Mapping)
+    for k, row in enumerate(summary["legs"] if isinstance(summary["legs"], list) else ()):
+        need_fields(row, _LEG_FIELDS, f"legs[{k}].")
+    need_fields(summary["cpu"], ("charged_s",), "cpu.")
     needed = dict(_VARIABLES)
     for group in _TOGETHER:
         if any(name in dataset for name in group):
             needed |= group
     for name, dims in needed.items():
-        if name not in dataset:
-            raise ResultError(f"{mission_file}: variable {name} is missing")
-        if dataset[name].dims != dims:
-            raise ResultError(
-                f"{mission_file}: variable {name} has dimensions {dataset[name].dims}, not {dims}"
-            )
+        need(name in dataset, MISSION, f"variable {name} is missing")
+        there = dataset[name].dims
+        need(there == dims, MISSION, f"variable {name} has dimensions {there}, not {dims}")
     for name in (*_ATTRIBUTES, *(("seabed_clearance",) if "seabed_depth" in dataset else ())):
-        if name not in dataset.attrs:
-            raise ResultError(f"{mission_file}: attribute {name} is missing")
-    if (dataset["row_size"] < 0).any() or dataset["row_size"].sum() != dataset.sizes["obs"]:
-        raise ResultError(f"{mission_file}: row_size does not add up to the number of observations")
+        need(name in dataset.attrs, MISSION, f"attribute {name} is missing")
+    rows = dataset["row_size"]
+    whole = (rows >= 0).all() and rows.sum() == dataset.sizes["obs"]
+    need(whole, MISSION, "row_size does not add up to the number of observations")
 
 
 def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
@@ -216,8 +212,7 @@ def place_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
 
 def time_faults(dataset: xr.Dataset, summary: dict[str, Any], legs: list[Leg]) -> Iterator[str]:
     """Times that do not add up, in the file or in the summary."""
-    charged, now = float(summary["cpu"]["charged_s"]), 0.0
-    spent = 0.0
+    charged, now, spent = float(summary["cpu"]["charged_s"]), 0.0, 0.0
     for leg in (leg for leg in legs if leg.executed):
         taken = leg.times[-1] - leg.times[0]
         if not _same(taken, leg.t_path):
@@ -226,8 +221,7 @@ def time_faults(dataset: xr.Dataset, summary: dict[str, Any], legs: list[Leg]) -
         # Between two legs nothing but waiting passes, and planning where it is charged.
         if gap < -TIME_TOLERANCE or gap > charged + TIME_TOLERANCE or not np.isfinite(gap):
             yield f"{leg}: begins at {leg.times[0]:.2f} s, the last leg and its task end at {now:.2f} s"
-        task = leg.t_task if leg.arrived else 0.0
-        waited = leg.t_wait if leg.arrived else 0.0
+        task, waited = (leg.t_task, leg.t_wait) if leg.arrived else (0.0, 0.0)
         now = leg.times[-1] + waited + task
         spent += leg.t_hold + leg.t_path + waited + task
     total = spent + charged
@@ -249,13 +243,6 @@ def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg])
     if len(rows) != len(legs):
         yield f"{len(rows)} legs in {SUMMARY}, {len(legs)} in {MISSION}"
     booked = list(_leg_figures(dataset, legs))
-    for row, leg, figures in zip(rows, legs, booked, strict=False):
-        for name, value in figures.items():
-            if not _agrees(row.get(name, value), value):
-                yield f"{leg}: {name} is {row[name]} in {SUMMARY}, {value:g} by {MISSION}"
-    for name, value in _totals(summary, dataset, legs, booked).items():
-        if not _agrees(summary.get(name, value), value):
-            yield f"{name} is {summary[name]} in {SUMMARY}, {value:g} by {MISSION}"
     made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
     computing = {
         "charged_s": float(dataset.attrs["charged_compute"]),
@@ -263,9 +250,15 @@ def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg])
         "mission_s": made.sum(),
         "mission_replans_s": made[1:].sum(),
     }
-    for name, value in computing.items():
-        if not _agrees(summary["cpu"].get(name, value), value):
-            yield f"cpu.{name} is {summary['cpu'][name]} in {SUMMARY}, {value:g} by {MISSION}"
+    tables: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
+        *((f"{leg}: ", row, figures) for row, leg, figures in zip(rows, legs, booked, strict=False)),
+        ("", summary, _totals(summary, dataset, made, booked)),
+        ("cpu.", summary["cpu"], computing),
+    ]
+    for prefix, stated, figures in tables:
+        for name, value in figures.items():
+            if not _agrees(stated.get(name, value), value):
+                yield f"{prefix}{name} is {stated[name]} in {SUMMARY}, {value:g} by {MISSION}"
     if summary.get("priority_bound", np.inf) < summary["total_priority"] - 1e-6:
         yield f"priority_bound, {summary['priority_bound']:g}, is less than the total priority"
 
@@ -298,12 +291,11 @@ def _plans(dataset: xr.Dataset) -> tuple[NDArray[Any], ...]:
 
 
 def _totals(
-    summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], booked: list[dict[str, float]]
+    summary: dict[str, Any], dataset: xr.Dataset, made: Array, booked: list[dict[str, float]]
 ) -> dict[str, float]:
-    """Return what the summary says of the whole mission, from the file."""
-    made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
+    """Return what the summary says of the whole mission, from the file; `made`: s that routes took [R]."""
     found: dict[str, float] = {
-        "path_calls": len(legs),
+        "path_calls": len(booked),
         "path_replans": sum(figures["path_replans"] for figures in booked),
         "mission_replans": max(len(made) - 1, 0),
         "revisits": sum(figures["revisit"] for figures in booked if figures["arrived"]),

@@ -33,7 +33,7 @@ from auvplan.check.legs import (
     site_faults,
     time_faults,
 )
-from auvplan.check.sources import Source, read_sources
+from auvplan.check.sources import read_sources
 from auvplan.check.tasks import tally_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, Walk, events
 from auvplan.check.windows import window_faults
@@ -135,8 +135,7 @@ def check_run(folder: str | Path, sources: bool = False) -> CheckReport:
 
 def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = False) -> CheckReport:
     """`check_run` on a summary and a dataset as `save_run` writes them."""
-    legs = list(read_legs(dataset))
-    report = CheckReport()
+    legs, report = list(read_legs(dataset)), CheckReport()
     report.faults += site_faults(dataset)
     report.faults += source_faults(dataset, report.notes)
     report.faults += graph_faults(dataset, legs)
@@ -157,15 +156,21 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     for leg in legs:
         if not leg.executed or (walk := _walk(leg, speed, report)) is None:
             continue
-        booked = _ground(leg, walk, coast, bed, report)
+        track = _Track(leg, walk, report)
+        if coast is not None:
+            track.book("land", coast.on_land(walk.positions), "on land")
+            track.fault("outside the chart", coast.outside(walk.positions))
+        if bed is not None:
+            track.pass_over(bed)
         if shore is not None:
-            nearest = float(shore.distances(leg.positions).min())
-            report.coast_clearance = min(report.coast_clearance, nearest)
+            track.near("coast_clearance", shore.distances(leg.positions))
         for area in closed:
-            _look_at_area(leg, walk, area, booked, report)
-        _pass_obstacles(leg, walk, known, _met(dataset, leg), report)
+            track.pass_through(area)
+        track.pass_by(known, _met(dataset, leg))
         if places is not None:
-            _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), files, report)
+            here = *places(*walk.positions[:, :2].T), walk.positions[:, 2]
+            for source in files:
+                track.book(source.kind, source.blocked(*here), f"{_WHERE[source.kind]} of {source.name}")
     if summary.get("collisions", 0) and not report.collisions:
         report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
@@ -202,118 +207,92 @@ def _walk(leg: Leg, speed: float, report: CheckReport) -> Walk | None:
     return walk
 
 
-def _ground(
-    leg: Leg, walk: Walk, coast: Coast | None, bed: Bed | None, report: CheckReport
-) -> dict[str, Mask]:
-    """Book land and sea bed of the run's file; return where a walk was on "land" and below the "sea bed"."""
-    booked = {kind: np.zeros(len(walk.positions), bool) for kind in ("land", "sea bed")}
-    if coast is not None:
-        booked["land"] = coast.on_land(walk.positions)
-        _book(leg, walk, "land", booked["land"], "on land", report)
-        for first, last in events(coast.outside(walk.positions)):
-            report.faults.append(f"{leg}: outside the chart {walk.between(first, last)}")
-    if bed is not None:
-        booked["sea bed"] = _sound(leg, walk, bed, report)
-    return booked
+#: What a collision with land and with the sea bed is counted as, and where it is.
+_COUNTED = {"land": "coast", "sea bed": "seabed"}
+_WHERE = {"land": "on land", "sea bed": "below the sea bed"}
 
 
-def _pass_obstacles(leg: Leg, walk: Walk, known: Sequence[Cylinder], met: Mask, report: CheckReport) -> None:
-    """Book stretches inside obstacles that were met and that were known; `met`: which of a leg's were not."""
-    clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
-    # What stands for a known obstacle encloses it: that itself is looked at below.
-    apart = clearance[:, met] if known else clearance
-    report.obstacle_clearance = min(report.obstacle_clearance, apart.min(initial=np.inf))
-    report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
-    for number, inside in enumerate((clearance < 0.0).T):
-        for first, last in events(inside):
-            report.obstacle_hits += 1
-            report.faults.append(f"{leg}: inside obstacle {number} {walk.between(first, last)}")
-    for obstacle in known:
-        distance = obstacle.distance(walk.positions, walk.times)
-        report.obstacle_clearance = min(report.obstacle_clearance, float(distance.min()))
-        report.obstacle_metres += float(walk.metres[distance < 0.0].sum())
-        for first, last in events(distance < 0.0):
-            report.obstacle_hits += 1
-            report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
-        for end, begins, ends in _stays(leg):
-            moments = np.linspace(begins, ends, 2 + int(ends - begins))
-            places = np.broadcast_to(leg.positions[end], (len(moments), 3))
-            distance = obstacle.distance(places, moments)
-            report.obstacle_clearance = min(report.obstacle_clearance, float(distance.min()))
-            if (inside := distance[1:-1] < 0.0).any():
-                report.obstacle_hits += 1
-                when = moments[1:-1][inside][0]
-                report.faults.append(
-                    f"{leg}: {obstacle.name!r} comes over it where it stays, at {when:.0f} s"
-                )
+class _Track:
+    """A leg under check: what its walk meets goes into the report."""
 
+    def __init__(self, leg: Leg, walk: Walk, report: CheckReport) -> None:
+        self.leg, self.walk, self.report = leg, walk, report
+        # Where it is known to be on land and below the sea bed.
+        self.booked = {kind: np.zeros(len(walk.positions), bool) for kind in _COUNTED}
+        # Ends of the leg, 0 or -1, at which the vehicle stays, and s from when to when.
+        begins, ends = float(leg.times[0]), float(leg.times[-1])
+        stays = (0, begins - leg.t_hold, begins), (-1, ends, ends + leg.t_wait + leg.t_task)
+        self.stays = [stay for stay in stays if stay[2] > stay[1]]
 
-def _stays(leg: Leg) -> list[tuple[int, float, float]]:
-    """Ends of a leg, 0 or -1, at which a vehicle stays, and s from when to when."""
-    begins, ends = float(leg.times[0]), float(leg.times[-1])
-    stays = [(0, begins - leg.t_hold, begins), (-1, ends, ends + leg.t_wait + leg.t_task)]
-    return [stay for stay in stays if stay[2] > stay[1]]
+    def fault(self, words: str, inside: Mask) -> int:
+        """Report a fault for every stretch of the walk [n] that is inside; return how many there are."""
+        stretches = list(events(inside))
+        self.report.faults += [
+            f"{self.leg}: {words} {self.walk.between(first, last)}" for first, last in stretches
+        ]
+        return len(stretches)
 
+    def near(self, name: str, distances: Array) -> None:
+        """Take account of distances, m, in the least of this name."""
+        least = min(getattr(self.report, name), float(distances.min(initial=np.inf)))
+        setattr(self.report, name, least)
 
-def _book(leg: Leg, walk: Walk, kind: str, inside: Mask, where: str, report: CheckReport) -> None:
-    """Book the stretches of a walk that count as on land or below the sea bed; `where` says it in words."""
-    stretches = list(events(inside))
-    metres = float(walk.metres[inside].sum())
-    if kind == "land":
-        report.coast_hits += len(stretches)
-        report.coast_metres += metres
-    else:
-        report.seabed_hits += len(stretches)
-        report.seabed_metres += metres
-    report.faults += [f"{leg}: {where} {walk.between(first, last)}" for first, last in stretches]
+    def collide(self, kind: str, inside: Mask, words: str) -> None:
+        """Count the stretches inside as hits of a kind, "coast", "obstacle" or "seabed"."""
+        hits, metres = f"{kind}_hits", f"{kind}_metres"
+        setattr(self.report, hits, getattr(self.report, hits) + self.fault(words, inside))
+        walked = getattr(self.report, metres) + float(self.walk.metres[inside].sum())
+        setattr(self.report, metres, walked)
 
+    def book(self, kind: str, inside: Mask, words: str) -> None:
+        """Count what is on "land" or below the "sea bed", and is not known to be yet."""
+        self.collide(_COUNTED[kind], inside & ~self.booked[kind], words)
+        self.booked[kind] = self.booked[kind] | inside
 
-def _look_again(
-    leg: Leg,
-    walk: Walk,
-    booked: dict[str, Mask],
-    places: tuple[Array, Array],
-    sources: Sequence[Source],
-    report: CheckReport,
-) -> None:
-    """Book what a walk meets of land and sea bed in the scenario's files and is not booked yet."""
-    for source in sources:
-        blocked = source.blocked(*places, walk.positions[:, 2])
-        where = f"{'on land' if source.kind == 'land' else 'below the sea bed'} of {source.name}"
-        _book(leg, walk, source.kind, blocked & ~booked[source.kind], where, report)
-        booked[source.kind] = booked[source.kind] | blocked
+    def pass_over(self, bed: Bed) -> None:
+        """Look at the sea bed."""
+        altitude = bed.altitude(self.walk.positions)
+        self.near("seabed_altitude", altitude)
+        self.book("sea bed", altitude < 0.0, "below the sea bed")
+        for first, last in events((altitude < bed.clearance - ALTITUDE_TOLERANCE) & (altitude >= 0.0)):
+            least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
+            self.report.faults.append(f"{self.leg}: {least} {self.walk.between(first, last)}")
+        self.fault("beyond the known sea bed", bed.outside(self.walk.positions))
 
+    def pass_through(self, area: ClosedArea) -> None:
+        """Look for the leg, and stays at its ends, in an area while it is closed."""
+        inside, words = area.holds(self.walk.positions), f"in the closed area {area.name!r}"
+        if area.spans is None:
+            self.book("land", inside, words)
+            return
+        self.fault(words, inside & area.closed(self.walk.times, self.walk.times))
+        for end, begins, ends in self.stays:
+            if inside[end] and area.closed(np.array([begins]), np.array([ends])).any():
+                stay = f"stays {words} between {begins:.0f} and {ends:.0f} s"
+                self.report.faults.append(f"{self.leg}: {stay}")
 
-def _look_at_area(
-    leg: Leg, walk: Walk, area: ClosedArea, booked: dict[str, Mask], report: CheckReport
-) -> None:
-    """Book where a leg, or a stay at one of its ends, is in an area while it is closed."""
-    inside = area.holds(walk.positions)
-    words = f"in the closed area {area.name!r}"
-    if area.spans is None:
-        _book(leg, walk, "land", inside & ~booked["land"], words, report)
-        booked["land"] = booked["land"] | inside
-        return
-    for first, last in events(inside & area.closed(walk.times, walk.times)):
-        report.faults.append(f"{leg}: {words} {walk.between(first, last)}")
-    for end, begins, ends in _stays(leg):
-        if inside[end] and area.closed(np.array([begins]), np.array([ends])).any():
-            report.faults.append(f"{leg}: stays {words} between {begins:.0f} and {ends:.0f} s")
-
-
-def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> Mask:
-    """Book what a walk meets of the sea bed, and return where it is below it."""
-    altitude = bed.altitude(walk.positions)
-    below = altitude < 0.0
-    near = (altitude < bed.clearance - ALTITUDE_TOLERANCE) & ~below
-    report.seabed_altitude = min(report.seabed_altitude, float(altitude.min()))
-    _book(leg, walk, "sea bed", below, "below the sea bed", report)
-    for first, last in events(near):
-        least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
-        report.faults.append(f"{leg}: {least} {walk.between(first, last)}")
-    for first, last in events(bed.outside(walk.positions)):
-        report.faults.append(f"{leg}: beyond the known sea bed {walk.between(first, last)}")
-    return below
+    def pass_by(self, known: Sequence[Cylinder], met: Mask) -> None:
+        """Look at obstacles: those of the leg, of which `met` [M] were not known before, and the known."""
+        leg, walk, report = self.leg, self.walk, self.report
+        clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
+        # What stands for a known obstacle encloses it: that itself is looked at below.
+        self.near("obstacle_clearance", clearance[:, met] if known else clearance)
+        report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
+        for number, inside in enumerate((clearance < 0.0).T):
+            report.obstacle_hits += self.fault(f"inside obstacle {number}", inside)
+        for obstacle in known:
+            distance = obstacle.distance(walk.positions, walk.times)
+            self.near("obstacle_clearance", distance)
+            self.collide("obstacle", distance < 0.0, f"inside {obstacle.name!r}")
+            for end, begins, ends in self.stays:
+                moments = np.linspace(begins, ends, 2 + int(ends - begins))
+                places = np.broadcast_to(leg.positions[end], (len(moments), 3))
+                distance = obstacle.distance(places, moments)
+                self.near("obstacle_clearance", distance)
+                if (inside := distance[1:-1] < 0.0).any():
+                    report.obstacle_hits += 1
+                    comes = f"comes over it where it stays, at {moments[1:-1][inside][0]:.0f} s"
+                    report.faults.append(f"{leg}: {obstacle.name!r} {comes}")
 
 
 def _counted(count: int, noun: str) -> str:

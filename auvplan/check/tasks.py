@@ -7,7 +7,7 @@ the jobs that the run was planned for where it has some, else from the graph tha
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -41,14 +41,6 @@ class Earned:
     tasks: int
 
 
-class Book(Protocol):
-    """Tasks that are still to be done."""
-
-    def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
-        """Take what a leg that arrived does off the book; of a task along its way a share is done."""
-        ...
-
-
 def tally_faults(
     summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], notes: list[str]
 ) -> Iterator[str]:
@@ -64,7 +56,7 @@ def tally_faults(
         yield from job_faults(dataset, jobs)
     elif settings.get("mission", {}).get("jobs") is not None:
         notes.append(f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows")
-    book: Book = _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
+    book = _book_of(dataset, jobs, once)
     under_way = _under_way(settings)
     adjacency = dataset["adjacency"].values.astype(bool)
     visited, refused = {int(dataset.attrs["start"])}, set()
@@ -93,9 +85,13 @@ def tally_faults(
     if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= slack:
         given = f"{summary['tasks']} tasks of priority {summary['total_priority']:g}"
         yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
-    asked = settings.get("mission", {}).get("line_tolerance")
-    yield from line_faults(summary, dataset, legs, asked)
+    yield from line_faults(summary, dataset, legs, settings.get("mission", {}).get("line_tolerance"))
     yield from _route_faults(dataset, legs, jobs, once)
+
+
+def _book_of(dataset: xr.Dataset, jobs: list[Job] | None, once: bool) -> "_GraphBook | _JobBook":
+    """Return the tasks that are to be done."""
+    return _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
 
 
 def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, once: bool) -> Iterator[str]:
@@ -106,11 +102,9 @@ def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, 
     falling = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
     start, under_way = int(dataset.attrs["start"]), _under_way(scenario_of(dataset))
     fastest = float(dataset.attrs.get("vehicle_surge_max", np.inf))
-    free = np.ones(dataset["adjacency"].shape)
-    if "task_followable" in dataset:
-        free = dataset["task_followable"].values
+    free = dataset.get("task_followable", xr.ones_like(dataset["adjacency"], float)).values
     for number, made_at in enumerate(dataset["route_made_at"].values):
-        book: Book = _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
+        book = _book_of(dataset, jobs, once)
         visited, total = {start}, 0.0
         done = [leg for leg in legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
         ahead = _expected_legs(dataset, number, legs[0])
@@ -180,7 +174,7 @@ def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tup
 
 @dataclass
 class _GraphBook:
-    """Tasks on the edges of a graph and at its waypoints."""
+    """Tasks on the edges of a graph and at its waypoints that are still to be done."""
 
     priority: Array  # [N, N], of the edges alone; s
     duration: Array
@@ -198,7 +192,10 @@ class _GraphBook:
         return cls(priority, duration, at[0], at[1], once)
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
-        """Both tasks, each the first time; none at all where a waypoint is merely passed."""
+        """Take what a leg that arrived does off the book; of a task along its way a share is done.
+
+        Both tasks, each the first time; none at all where a waypoint is merely passed.
+        """
         edge = (leg.start, leg.goal)
         if revisit and self.once:
             return Earned(0.0, 0.0, 0)
@@ -210,21 +207,31 @@ class _GraphBook:
         return Earned(float(priority), float(duration), int(priority > 0.0))
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Task:
-    """A task at a place, or along the straight line between two; [3] m, a share of its job, s."""
+    """A task at a place, or along the straight line between two."""
 
     job: Job
-    ends: tuple[Array, ...]
-    share: float = 1.0
+    ends: tuple[Array, ...]  # [3] m
+    share: float = 1.0  # of its job
 
     @property
-    def priority(self) -> float:
-        return self.share * self.job.priority
+    def is_point(self) -> bool:
+        return len(self.ends) == 1
 
-    @property
-    def duration(self) -> float:
-        return self.share * self.job.duration
+    def is_done_by(self, leg: Leg) -> bool:
+        """Return whether a leg ends at its place, or leads along its line, either way."""
+        first, last = leg.positions[0], leg.positions[-1]
+        if self.is_point:
+            return near(last, self.ends[0])
+        a, b = self.ends
+        return (near(first, a) and near(last, b)) or (near(first, b) and near(last, a))
+
+    def worth(self, leg: Leg, share: float) -> float:
+        """Return its priority at the time when a leg does it, or a share of it along a line."""
+        begins = float(leg.times[-1]) + (leg.t_wait if self.is_point else 0.0)
+        worth = self.share * self.job.worth(begins)
+        return worth if self.is_point else share * worth
 
 
 @dataclass
@@ -240,31 +247,23 @@ class _JobBook:
         start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
         return cls([task for job in jobs for task in _tasks(job)], waypoint_names(dataset), start)
 
-    def _worth(self, task: _Task, leg: Leg, share: float) -> float:
-        """Return the priority of a task at the time when a leg does it, or a share of it along a line."""
-        begins = float(leg.times[-1]) + (leg.t_wait if len(task.ends) == 1 else 0.0)
-        worth = task.share * task.job.worth(begins)
-        return worth if len(task.ends) == 1 else share * worth
-
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Return every task that lies where the leg ends, or along it.
 
         Of tasks in one place it is the one that the leg's last waypoint is named after.
         """
-        done = [task for task in self.left if _does(leg, task.ends)]
-        here = [task for task in done if len(task.ends) == 1]
-        own = [task for task in here if leg.goal < len(self.names) and task.job.name == self.names[leg.goal]]
-        at_start = near(leg.positions[-1], self.start)
-        others = [task for task in here if not any(task is one for one in own)] if own or at_start else []
-        done = [task for task in done if not any(task is other for other in others)]
+        done = [task for task in self.left if task.is_done_by(leg)]
+        name = self.names[leg.goal] if leg.goal < len(self.names) else None
+        own = [task for task in done if task.is_point and task.job.name == name]
+        if own or near(leg.positions[-1], self.start):
+            done = [task for task in done if not task.is_point or task in own]
         if share == 0.0:  # the line was passed, and nothing of it done
-            done = [task for task in done if len(task.ends) == 1]
-        self.left = [task for task in self.left if not any(task is other for other in done)]
+            done = [task for task in done if task.is_point]
+        self.left = [task for task in self.left if task not in done]
         open_ = {task.job.name for task in self.left}
-        complete = {task.job.name for task in done if task.priority > 0.0} - open_
-        return Earned(
-            sum(self._worth(t, leg, share) for t in done), sum(t.duration for t in done), len(complete)
-        )
+        complete = {task.job.name for task in done if task.share * task.job.priority > 0.0} - open_
+        priority = sum(task.worth(leg, share) for task in done)
+        return Earned(priority, sum(task.share * task.job.duration for task in done), len(complete))
 
 
 def _tasks(job: Job) -> Iterator[_Task]:
@@ -274,12 +273,3 @@ def _tasks(job: Job) -> Iterator[_Task]:
     lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
     for ends, length in zip(pairwise(job.places), lengths, strict=True):
         yield _Task(job, ends, float(length / lengths.sum()))
-
-
-def _does(leg: Leg, ends: tuple[Array, ...]) -> bool:
-    """Return whether a leg ends at the place of a task, or leads along its line, either way."""
-    first, last = leg.positions[0], leg.positions[-1]
-    if len(ends) == 1:
-        return near(last, ends[0])
-    a, b = ends
-    return (near(first, a) and near(last, b)) or (near(first, b) and near(last, a))

@@ -40,7 +40,7 @@ class Walk:
             obstacles: [n, M, 3] m.
         """
         everything = np.concatenate([positions[:, None], obstacles], axis=1)
-        moves = _lengths(np.diff(everything, axis=0)).max(axis=1)
+        moves = np.linalg.norm(np.diff(everything, axis=0), axis=-1).max(axis=1)
         steps = np.clip(np.ceil(moves / STEP), 1, _STEPS_MAX).astype(int)
         first = np.concatenate([[0], np.cumsum(steps)])
         # Where on the scale of observations each step ends: whole numbers are observations.
@@ -48,13 +48,9 @@ class Walk:
         below = np.minimum(scale.astype(int), max(len(times) - 2, 0))
         above, share = np.minimum(below + 1, len(times) - 1), scale - below
         places = _between(positions, below, above, share[:, None])
-        metres = np.concatenate([[0.0], _lengths(np.diff(places, axis=0))])
-        return cls(
-            _between(times, below, above, share),
-            places,
-            _between(obstacles, below, above, share[:, None, None]),
-            metres,
-        )
+        metres = np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=-1)])
+        met = _between(obstacles, below, above, share[:, None, None])
+        return cls(_between(times, below, above, share), places, met, metres)
 
     def between(self, first: int, last: int) -> str:
         """Return words for the stretch from point `first` to point `last`."""
@@ -98,9 +94,7 @@ class Coast:
 
     def outside(self, positions: Array) -> Mask:
         """Return whether positions [n, 3] lie beyond the chart, [n]."""
-        place = positions[:, :2] - self.corner
-        beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)
-        return np.any(beyond, axis=1)
+        return _beyond(positions, self.corner, self.size, self.land.shape)
 
     def on_land(self, positions: Array) -> Mask:
         """Return whether the pixels under positions [n, 3] are land, [n]."""
@@ -122,10 +116,6 @@ class Coast:
         return np.minimum(found, self.reach)
 
 
-#: Depth of pixels whose depth is not known, m: the surface.
-_DRY = 0.0
-
-
 @dataclass(frozen=True)
 class Bed:
     """Depth of the sea bed at pixels' centres; pixel (i, j) begins at corner + (i, j) * size."""
@@ -141,13 +131,12 @@ class Bed:
         depth = dataset["seabed_depth"].values.astype(float)
         corner, size = dataset["seabed_origin"].values.astype(float), float(dataset["seabed_pixel_size"])
         clearance = float(dataset.attrs["seabed_clearance"])
-        return cls(np.where(np.isfinite(depth), depth, _DRY), corner, size, clearance)
+        dry = np.where(np.isfinite(depth), depth, 0.0)  # as shallow as can be where it is not known
+        return cls(dry, corner, size, clearance)
 
     def outside(self, positions: Array) -> Mask:
         """Return whether positions [n, 3] lie beyond the raster, [n]."""
-        place = positions[:, :2] - self.corner
-        beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.depth.shape) + _EDGE)
-        return np.any(beyond, axis=1)
+        return _beyond(positions, self.corner, self.size, self.depth.shape)
 
     def altitude(self, positions: Array) -> Array:
         """Altitude of positions [n, 3] above the bed, [n] m, negative below it; bilinear between centres."""
@@ -166,8 +155,10 @@ def events(inside: Mask) -> Iterator[tuple[int, int]]:
     return zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)
 
 
-def _lengths(vectors: Array) -> Array:
-    return np.linalg.norm(vectors, axis=-1)
+def _beyond(positions: Array, corner: Array, size: float, shape: tuple[int, ...]) -> Mask:
+    """Return whether positions [n, 3] lie beyond a raster, [n]."""
+    place = positions[:, :2] - corner
+    return np.any((place < -_EDGE) | (place > size * np.asarray(shape) + _EDGE), axis=1)
 
 
 def _between(values: Array, below: NDArray[np.int_], above: NDArray[np.int_], share: Array) -> Array:

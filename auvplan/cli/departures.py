@@ -1,10 +1,9 @@
 """The command that says when to leave."""
 
 import csv
-import json
+import io
 import math
 import warnings
-from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from rich.table import Table
 
 from auvplan.cli import shared
 from auvplan.errors import ScenarioError
+from auvplan.runtime.files import DEPARTED, DEPARTURES, output_folder, write_atomically, write_json
 from auvplan.runtime.formatting import counted, figure
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
@@ -52,7 +52,7 @@ def departures(
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.executive.departures import plan_departures
     from auvplan.executive.planning import load_area_at
-    from auvplan.runtime.files import DEPARTED, DEPARTURES, output_folder
+    from auvplan.scenario.provenance import source_files
 
     area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
@@ -73,9 +73,17 @@ def departures(
             move(done / total if known else None, words)
 
         found = plan_departures(settings, departs, key=key, folder=folder, area=area, progress=progress)
+    rows, plain = _rows(found), settings.model_dump(mode="json")
+    origin = {
+        "scenario": plain,
+        "seed": seed,
+        "versions": {"auvplan": version("auvplan")},
+        "files": [asdict(file) for file in source_files(plain, folder)],
+        "notes": list(area.notes),
+    }
     files = [
-        write_departures(found, out / DEPARTURES),
-        _write_origin(settings, folder, seed, area.notes, out / DEPARTED),
+        _write_csv(rows, out / DEPARTURES),
+        write_json(out / DEPARTED, origin),
         save(plot_departures(found), out / "departures.png"),
         write_departures_report(out),
     ]
@@ -86,7 +94,7 @@ def departures(
                 "seed": seed,
                 "feasible": int(found.feasible.sum()),
                 "best": found.best,
-                "departures": _rows(found),
+                "departures": rows,
                 "notes": list(area.notes),
                 "files": [str(file) for file in files],
             }
@@ -182,45 +190,6 @@ def _duration(text: str) -> float | None:
     return None if math.isnan(seconds) else seconds
 
 
-def write_departures(found: Any, path: Path) -> Path:
-    """Write departures as CSV, times in UTC where they have a date.
-
-    Args:
-        found: `Departures`.
-        path: of the file.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    from auvplan.runtime.files import write_atomically
-
-    def write(temporary: Path) -> None:
-        with temporary.open("w", newline="", encoding="utf-8") as file:
-            rows = _rows(found)
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
-
-    return write_atomically(path, write)
-
-
-def _write_origin(settings: Any, folder: Path, seed: int, notes: Iterable[str], path: Path) -> Path:
-    """Write what departures were planned from: the scenario, its files, the seed and versions."""
-    from auvplan.runtime.files import write_atomically
-    from auvplan.scenario.provenance import source_files
-
-    scenario = settings.model_dump(mode="json")
-    stated = {
-        "scenario": scenario,
-        "seed": seed,
-        "versions": {"auvplan": version("auvplan")},
-        "files": [asdict(file) for file in source_files(scenario, folder)],
-        "notes": list(notes),
-    }
-    text = json.dumps(stated, indent=2) + "\n"
-    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
-
-
 def _rows(found: Any) -> list[dict[str, Any]]:
     """Return what is known of each departure by column; what does not hold of it is None."""
     rows = []
@@ -235,29 +204,33 @@ def _rows(found: Any) -> list[dict[str, Any]]:
             "time_s": round(float(found.time[k]), 1) if feasible else None,
         }
         if found.plans is None:
-            nodes = found.routes[k] or []
-            row["tasks"] = int(found.tasks[k]) if feasible else None
             priority = float(found.priority[k])
             whole = int(priority) if priority.is_integer() else priority
+            row["tasks"] = int(found.tasks[k]) if feasible else None
             row["total_priority"] = whole if feasible else None
+            nodes = found.routes[k] or []
             row["waypoints"] = " > ".join(found.names[node] if found.names else str(node) for node in nodes)
         else:
-            row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else None
             clear = float(found.plans.clearance[k])
+            row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else None
             row["clearance_m"] = round(clear, 1) if feasible and math.isfinite(clear) else None
         rows.append(row | {"current_m_s": round(float(found.current[k]), 3), "reason": found.reasons[k]})
     return rows
 
 
-def _cell(value: Any) -> Any:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "" if value is None else value
+def _write_csv(rows: list[dict[str, Any]], path: Path) -> Path:
+    """Write a table of departures."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: str(v).lower() if isinstance(v, bool) else v for name, v in row.items()})
+    return write_atomically(path, lambda part: part.write_text(text.getvalue(), "utf-8", newline=""))
 
 
 def _table(found: Any, name: str) -> Table:
     """Return a row for each departure; the best one is marked."""
-    leg = found.plans is not None
+    leg, all_feasible = found.plans is not None, found.feasible.all()
     table = Table(title=f"{name}: {found.feasible.sum()} of {counted(len(found), 'departure')} feasible")
     figures = ("travel time, s", "length, m", "clearance, m") if leg else ("time, s", "tasks", "priority")
     table.add_column("departure", no_wrap=True)
@@ -265,17 +238,17 @@ def _table(found: Any, name: str) -> Table:
     for column in figures:
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("current, m/s", justify="right")
-    if not found.feasible.all():
+    if not all_feasible:
         table.add_column("why not", overflow="fold", min_width=24)
     for k in range(len(found)):
-        cells = [found.moment(k), "no", "", "", "", f"{found.current[k]:.2f}"]
+        best, cells = k == found.best, ["no", "", "", ""]
         if found.feasible[k]:
-            best = k == found.best
-            clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open") if leg else ""
             rest = str(found.tasks[k]), figure(found.priority[k])
             if leg:
+                clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open")
                 rest = f"{found.plans.length[k]:.0f}", clear
-            cells[1:5] = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
-        reason = [] if found.feasible.all() else [found.reasons[k]]
-        table.add_row(*cells, *reason, style="bold green" if k == found.best else None)
+            cells = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
+        reason = [] if all_feasible else [found.reasons[k]]
+        style = "bold green" if best else None
+        table.add_row(found.moment(k), *cells, f"{found.current[k]:.2f}", *reason, style=style)
     return table

@@ -38,9 +38,8 @@ def execute(
     link: Annotated[
         str,
         typer.Option(
-            "--link",
             help="The vehicle: sim, mavlink:ADDRESS as pymavlink takes it, such as "
-            "mavlink:udpin:0.0.0.0:14550, imc:HOST:PORT or imc:tcp:HOST:PORT.",
+            "mavlink:udpin:0.0.0.0:14550, imc:HOST:PORT or imc:tcp:HOST:PORT."
         ),
     ] = "sim",
     out: shared.OutOption = Path("out/execute"),
@@ -48,37 +47,30 @@ def execute(
     scale: Annotated[
         float | None,
         typer.Option(
-            "--scale",
             help="Seconds of the vehicle's time in one of the clock's, for simulated vehicles. "
-            "1 if absent; for sim as fast as it goes.",
+            "1 if absent; for sim as fast as it goes."
         ),
     ] = None,
     link_loss: Annotated[
         LinkLoss | None,
         typer.Option(
-            "--link-loss",
-            help="What ArduSub is set to do when it hears nobody: continue or surface. If absent, as it is.",
+            help="What ArduSub is set to do when it hears nobody: continue or surface. If absent, as it is."
         ),
     ] = None,
     speed: Annotated[
         shared.SpeedHeld | None,
         typer.Option(
-            "--speed",
             help="What the vehicle holds its speed over: ground, for which it is given what each line is "
-            "planned to make, or water, such as one without a bottom lock. If absent, ground, but for sim.",
+            "planned to make, or water, such as one without a bottom lock. If absent, ground, but for sim."
         ),
     ] = None,
     notices: Annotated[
         Path | None,
-        typer.Option(
-            "--notices", help="File of JSON lines, read as it grows, that report obstacles and currents."
-        ),
+        typer.Option(help="File of JSON lines, read as it grows, that report obstacles and currents."),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(
-            "--limit", metavar="NAME=VALUE", help="Another limit, such as silence=30. See the page."
-        ),
+        typer.Option(metavar="NAME=VALUE", help="Another limit, such as silence=30. See the page."),
     ] = None,
     changes: shared.SetOption = None,
     quiet: shared.QuietOption = False,
@@ -160,11 +152,7 @@ def _keep(record: "ExecutionRecord", out: Path) -> None:
 
 
 def _check_ended(out: Path) -> None:
-    """See that no execution is under way in a folder, or was broken off.
-
-    Raises:
-        AuvplanError: one is; one line.
-    """
+    """Raise AuvplanError where an execution is under way in a folder, or was broken off."""
     from auvplan.link.record import UNDER_WAY
     from auvplan.runtime.files import EXECUTION
 
@@ -181,11 +169,7 @@ def _check_ended(out: Path) -> None:
 
 
 def _limits(texts: list[str]) -> "Limits":
-    """Return limits with those of `--limit` in place of their own.
-
-    Raises:
-        AuvplanError: one is unknown or no number; one line.
-    """
+    """Return limits with those of `--limit` in place of their own; raise AuvplanError where one is none."""
     from auvplan.link import Limits
 
     kinds = {field.name: type(field.default) for field in fields(Limits)}

@@ -19,24 +19,22 @@ def export(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the files; the result's own if absent.")
+        Path | None, typer.Option(help="Folder for the files; the result's own if absent.")
     ] = None,
     as_simulated: Annotated[
         bool, typer.Option("--as-simulated", help="Export the paths of a simulated mission all the same.")
     ] = False,
     fence_points: Annotated[
-        int, typer.Option("--fence-points", min=0, help="Points of fences that the autopilot holds (.plan).")
+        int, typer.Option(min=0, help="Points of fences that the autopilot holds (.plan).")
     ] = 70,
     slow: Annotated[
-        float,
-        typer.Option("--slow", min=0.0, help="Share of its speed over ground below which a leg is noted."),
+        float, typer.Option(min=0.0, help="Share of its speed over ground below which a leg is noted.")
     ] = 0.5,
     speed: Annotated[
         SpeedHeld,
         typer.Option(
-            "--speed",
             help="Speeds in .plan and IMC files: ground, what each line is planned to make over it, "
-            "or water, that of the plan through the water, for a vehicle without a bottom lock.",
+            "or water, that of the plan through the water, for a vehicle without a bottom lock."
         ),
     ] = SpeedHeld.GROUND,
     quiet: QuietOption = False,

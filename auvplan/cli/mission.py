@@ -1,12 +1,12 @@
 """Commands for one mission or one leg."""
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from auvplan.cli import shared
 from auvplan.errors import ScenarioError
@@ -104,7 +104,8 @@ def _run(
     if as_json:
         shared.print_json(run.summary() | {"sheet": sheet})
     elif not quiet:
-        _print_summary(run.summary(), sheet["facts"])
+        title = f"{scenario.name}, seed {seed}: {run.reason}"
+        shared.print_facts(title, _facts(run.summary(), sheet["facts"]))
         if drawn:
             shared.list_files("pictures", drawn)
         if pictures != Pictures.NONE:
@@ -142,29 +143,25 @@ def _print_certificate(route: Any) -> None:
     )
 
 
-def _print_summary(summary: dict[str, Any], facts: dict[str, str]) -> None:
-    title = f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}"
-    table = Table(title=title, show_header=False)
-    table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
+def _facts(summary: dict[str, Any], facts: dict[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the main figures of a run, from its summary and its sheet."""
+    yield "mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s"
     used = f", {summary['reserve_used']:.0f} s of the reserve used" if summary["reserve_used"] else ""
-    table.add_row("time left", f"{summary['t_residual']:.0f} s{used}")
+    yield "time left", f"{summary['t_residual']:.0f} s{used}"
     if summary["priority_bound"]:  # one leg has no task
-        table.add_row("tasks, total priority", f"{summary['tasks']}, {figure(summary['total_priority'])}")
-        table.add_row("bound on total priority", figure(summary["priority_bound"]))
-    table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
-    table.add_row("mission re-plans", str(summary["mission_replans"]))
+        yield "tasks, total priority", f"{summary['tasks']}, {figure(summary['total_priority'])}"
+        yield "bound on total priority", figure(summary["priority_bound"])
+    yield "path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}"
+    yield "mission re-plans", str(summary["mission_replans"])
     costs = f"{summary['cost_mission']:.1f}, {summary['cost_total']:.1f}"
-    table.add_row("mission cost (Eq. 15), total (Eq. 16)", costs)
-    table.add_row("collisions", str(summary["collisions"]))
+    yield "mission cost (Eq. 15), total (Eq. 16)", costs
+    yield "collisions", str(summary["collisions"])
     if forecast := summary["forecast"]:
         planned, executed = forecast["planned_s"], forecast["executed_s"]
-        table.add_row("travel time, planned and simulated", f"{planned:.0f} s, {executed:.0f} s")
-        table.add_row("forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)")
-    for name in ("in depth", "paths"):
-        if name in facts:
-            table.add_row(name, facts[name])
+        yield "travel time, planned and simulated", f"{planned:.0f} s, {executed:.0f} s"
+        yield "forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)"
+    yield from ((name, facts[name]) for name in ("in depth", "paths") if name in facts)
     cpu = summary["cpu"]
     routes = f"routes {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
-    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {routes}")
-    table.add_row("compilation", f"{cpu['compile_s']:.1f} s")
-    shared.console.print(table)
+    yield "planning time", f"paths {cpu['path_s']:.2f} s, {routes}"
+    yield "compilation", f"{cpu['compile_s']:.1f} s"

@@ -1,7 +1,7 @@
 """Commands that show results: figures, a film, a page."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -22,9 +22,7 @@ def plot(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(
-            "--seed", help="Of a study: mission whose re-plans are drawn; by default a representative one."
-        ),
+        typer.Option(help="Of a study: mission whose re-plans are drawn; by default a representative one."),
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -45,25 +43,15 @@ def plot(
             raise StudyError(f"{folder}: no mission of seed {seed} in the study")
         pictures = plot.draw_study(dataset, folder, seed)
     else:
-        number, run = _number(leg), restore_run(folder)
+        try:
+            number = leg if leg is None or leg == "all" else int(leg)
+        except ValueError:
+            raise ScenarioError(f"--leg {leg!r}: give the number of a done leg, from 1, or all") from None
+        run = restore_run(folder)
         with progress_bar("drawing", quiet) as progress:
             pictures = plot.draw_run(run, folder, leg=number, progress=progress)
     if not quiet:
         list_files("pictures", pictures)
-
-
-def _number(leg: str | None) -> int | Literal["all"] | None:
-    """Return the leg asked for.
-
-    Raises:
-        ScenarioError: it is neither a number nor all.
-    """
-    if leg is None or leg == "all":
-        return leg
-    try:
-        return int(leg)
-    except ValueError:
-        raise ScenarioError(f"--leg {leg!r}: give the number of a done leg, from 1, or all") from None
 
 
 def animate(

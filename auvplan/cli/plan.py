@@ -1,7 +1,7 @@
 """The commands that plan a mission for a vehicle, and say how often the plan holds."""
 
-import json
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,9 +23,8 @@ def plan(
     depart: Annotated[
         str,
         typer.Option(
-            "--depart",
             help="Departure: a date and time (UTC unless it says otherwise), or hours after the scenario's "
-            "departure, such as 3 or +3h.",
+            "departure, such as 3 or +3h."
         ),
     ] = "0",
     seed: shared.SeedOption = 0,
@@ -71,8 +70,10 @@ def plan(
 
         sheet = sheet_of(run)
         save_run(run, partial, sheet=sheet.plain())
-        names = _pictures(run, pictures)
+        names = ["mission.png"] if run.legs and pictures != Pictures.NONE else []
         if names:
+            if len(run.legs) > 1 and pictures == Pictures.ALL:
+                names.append("timeline.png")
             from auvplan.plot.run import draw_run
             from auvplan.plot.sheet import write_pdf
 
@@ -98,14 +99,6 @@ def plan(
         raise typer.Exit(1)
 
 
-def _pictures(run: "MissionRun", choice: Pictures) -> list[str]:
-    """Pictures of a plan: the map, and the route where there are several legs."""
-    if choice == Pictures.NONE or not run.legs:
-        return []
-    several = choice == Pictures.ALL and len(run.legs) > 1
-    return ["mission.png", "timeline.png"] if several else ["mission.png"]
-
-
 def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
     """Write what ground stations and maps open, and say what was left out."""
     if run.site is None:
@@ -121,10 +114,7 @@ def print_sheet(sheet: "MissionSheet") -> None:
     """The mission sheet in the terminal."""
     for line in sheet.warnings:
         shared.complain(f"warning: {line}")
-    facts = Table(title=sheet.title, show_header=False)
-    for name, value in sheet.facts.items():
-        facts.add_row(name, value)
-    shared.console.print(facts)
+    shared.print_facts(sheet.title, sheet.facts.items())
     headings, rows = sheet.table(brief=True)
     stops = Table()
     for name in headings:
@@ -157,7 +147,7 @@ def rehearse(
     from auvplan.cli.study import run_with_bar
     from auvplan.executive.planning import plan_scenario
     from auvplan.report import write_study_report
-    from auvplan.runtime.files import REHEARSAL, write_atomically
+    from auvplan.runtime.files import REHEARSAL, write_json
     from auvplan.study import Design
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room
@@ -172,13 +162,13 @@ def rehearse(
         how = {"resume": resume, "force": force, "workers": workers}
         executed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
     found = rehearsal_of(planned, executed)
-    text = json.dumps(found, indent=2) + "\n"
-    write_atomically(out / REHEARSAL, lambda part: part.write_text(text, encoding="utf-8"))
+    write_json(out / REHEARSAL, found)
     page = write_study_report(out)
     if as_json:
         shared.print_json(found)
     elif not quiet:
-        shared.console.print(_rehearsal_table(settings.name, found))
+        count = counted(found["missions"], "simulated mission")
+        shared.print_facts(f"{settings.name}: the plan in {count}", _facts(found))
         allowance = settings.planning.allowance
         if found["all_planned_tasks"] < 0.8 * found["missions"]:
             shared.say(
@@ -189,28 +179,27 @@ def rehearse(
         shared.name_page(page)
 
 
-def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
+def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the main figures of a rehearsal."""
     count, share = found["missions"], found["on_time_percent"]
     plan, figures = found["plan"], found["figures"]
-    table = Table(title=f"{name}: the plan in {counted(count, 'simulated mission')}", show_header=False)
-    table.add_row("on time", f"{found['on_time']} (95 %: {share['low']:.0f} to {share['high']:.0f} %)")
-    table.add_row("on time with all planned tasks done", str(found["all_planned_tasks"]))
+    yield "on time", f"{found['on_time']} (95 %: {share['low']:.0f} to {share['high']:.0f} %)"
+    yield "on time with all planned tasks done", str(found["all_planned_tasks"])
     tasks, priority = (figures[of]["mean"] for of in ("tasks", "total_priority"))
-    table.add_row("tasks, planned and simulated", f"{plan['tasks']}, {tasks:.1f} on average")
+    yield "tasks, planned and simulated", f"{plan['tasks']}, {tasks:.1f} on average"
     priorities = f"{figure(plan['total_priority'])}, {figure(priority)} on average"
-    table.add_row("total priority, planned and simulated", priorities)
+    yield "total priority, planned and simulated", priorities
     for job in found["jobs"]:
         if job["planned"] and job["done"] < count:
-            table.add_row(f"planned task {job['name']}", f"done in {job['done']}")
-    table.add_row("collisions", str(found["collisions"]))
-    for of, words in (
-        ("coast_clearance_m", "least distance to the coast"),
-        ("obstacle_clearance_m", "least distance to an obstacle"),
-        ("seabed_altitude_m", "least height above the sea bed"),
+            yield f"planned task {job['name']}", f"done in {job['done']}"
+    yield "collisions", str(found["collisions"])
+    for of, words, unit in (
+        ("coast_clearance_m", "least distance to the coast", "m"),
+        ("obstacle_clearance_m", "least distance to an obstacle", "m"),
+        ("seabed_altitude_m", "least height above the sea bed", "m"),
+        ("t_residual_s", "least time left", "s"),
     ):
         if figures[of]:
-            table.add_row(words, f"{figures[of]['least']:.0f} m")
-    table.add_row("least time left", f"{figures['t_residual_s']['least']:.0f} s")
+            yield words, f"{figures[of]['least']:.0f} {unit}"
     for reason, times in Counter(found["failures"]).items():
-        table.add_row("failed", f"{times}: {reason}")
-    return table
+        yield "failed", f"{times}: {reason}"

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from auvplan.cli.shared import JsonOption, console, print_json
 from auvplan.errors import ScenarioError
+from auvplan.runtime.files import write_json
 from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def init(
         ),
     ] = None,
     size: Annotated[
-        float | None, typer.Option("--size", metavar="KM", help="With --at: the area's sides; 10 if absent.")
+        float | None, typer.Option(metavar="KM", help="With --at: the area's sides; 10 if absent.")
     ] = None,
     times: Annotated[
         bool, typer.Option("--times", help="One with tides, time windows and a channel that closes instead.")
@@ -50,14 +51,12 @@ def init(
 
     if times and (at is not None or size is not None):
         raise ScenarioError("--times goes without --at and --size")
-    if times:
-        written = write_example_of_times(folder, force)
-    elif at is not None:
-        written = _begin_at(folder, at, 10.0 if size is None else size, force)
-    elif size is not None:
+    if size is not None and at is None:
         raise ScenarioError("--size goes with --at alone")
+    if at is not None:
+        written = _begin_at(folder, at, 10.0 if size is None else size, force)
     else:
-        written = write_example(folder, force)
+        written = (write_example_of_times if times else write_example)(folder, force)
     for path in written:
         typer.echo(f"wrote {path}")
     scenario = folder / SCENARIO
@@ -85,14 +84,12 @@ def schema(
     out: Annotated[Path | None, typer.Option("--out", help="File to write; printed if absent.")] = None,
 ) -> None:
     """Print the JSON Schema of scenario files: fields, units, defaults and limits, for editors."""
-    from auvplan.runtime.files import write_atomically
     from auvplan.scenario.file import scenario_schema
 
-    text = json.dumps(scenario_schema(), indent=2) + "\n"
     if out is None:
-        typer.echo(text, nl=False)
+        typer.echo(json.dumps(scenario_schema(), indent=2))
     else:
-        write_atomically(out, lambda part: part.write_text(text, encoding="utf-8"))
+        write_json(out, scenario_schema())
 
 
 def validate(
@@ -119,16 +116,12 @@ def validate(
             continue
         if len(bad) > 1:
             typer.echo()
-        if found.faults and not single:
-            typer.echo(f"{found.source}: {counted(len(found.faults), 'fault')}")
-        for line in found.lines:
-            typer.echo(line)
-        if not found.faults:
-            typer.echo(f"{found.source}: valid")
-        for line in found.warnings:
-            typer.echo(f"warning: {line}")
-        for note in found.notes if not found.faults else ():
-            typer.echo(f"note: {note}")
+        faulty, count = bad[-1], counted(len(found.faults), "fault")
+        lines = [f"{found.source}: {count}"] if faulty and not single else []
+        lines += found.lines if faulty else [f"{found.source}: valid"]
+        lines += [f"warning: {line}" for line in found.warnings]
+        lines += [f"note: {note}" for note in found.notes if not faulty]
+        typer.echo("\n".join(lines))
         if plot is None:
             continue
         if found.scenario is None or found.area is None:
@@ -145,15 +138,9 @@ def validate(
 
 def _plain(found: "Examination") -> dict[str, Any]:
     """Return what was found in a scenario, ready for JSON."""
-    faults = [
-        {"field": fault.field, "reason": fault.reason}
-        | dict(zip(("line", "column"), fault.place or (None, None), strict=True))
-        for fault in found.faults
-    ]
-    return {
-        "scenario": str(found.source),
-        "valid": not faults,
-        "faults": faults,
-        "warnings": found.warnings,
-        "notes": found.notes,
-    }
+    faults = []
+    for fault in found.faults:
+        line, column = fault.place or (None, None)
+        faults.append({"field": fault.field, "reason": fault.reason, "line": line, "column": column})
+    stated = {"scenario": str(found.source), "valid": not faults, "faults": faults}
+    return stated | {"warnings": found.warnings, "notes": found.notes}

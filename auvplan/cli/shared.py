@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Pictures
@@ -19,6 +20,8 @@ from auvplan.runtime.formatting import counted
 
 console = Console()
 errors = Console(stderr=True)
+#: s, between two lines of progress in a log.
+APART = 10.0
 #: What was warned of, which notes need not repeat.
 warned: set[str] = set()
 
@@ -48,18 +51,14 @@ SetOption = Annotated[
         help="Another value of the scenario's setting, such as vehicle.speed=2. May be given several times.",
     ),
 ]
-
 BoundsOption = Annotated[
     bool,
     typer.Option("--bounds", help="Also say how much longer than the quickest possible the paths can be."),
 ]
-
 ResumeOption = Annotated[
     bool, typer.Option("--resume", help="Continue the study in the folder, or extend it with more missions.")
 ]
-
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the study in the folder.")]
-
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
 ]
@@ -93,31 +92,22 @@ def load(
     from auvplan.scenario.file import read_scenario
     from auvplan.scenario.scenario import change_scenario
 
-    changes: dict[str, Any] = {}
-    options: dict[str, str] = {}
-    for option, field, value in (
-        ("--preset", "planning.preset", preset),
-        ("--objective", "planning.objective", objective),
-    ):
-        if value is not None:
-            changes[field], options[field] = value, option
+    options = {"planning.preset": ("--preset", preset), "planning.objective": ("--objective", objective)}
+    changes = {field: value for field, (_, value) in options.items() if value is not None}
+    named = {field: options[field][0] for field in changes}
     for text in settings or ():
         field, value = _setting(text)
-        if options.get(field) == "--set":
+        if named.get(field) == "--set":
             raise ScenarioError(f"--set: {field} is given twice")
-        changes[field], options[field] = value, "--set"
+        changes[field], named[field] = value, "--set"
     if leg:
         changes |= {"mission.waypoints": 2, "mission.jobs": None}
     folder = Path(source).parent if Path(source).is_file() else Path(".")
-    return change_scenario(read_scenario(source), changes, "command line", options), folder
+    return change_scenario(read_scenario(source), changes, "command line", named), folder
 
 
 def _setting(text: str) -> tuple[str, Any]:
-    """Field and value of "section.field=value", whose value is YAML.
-
-    Raises:
-        ScenarioError: the text has not this form.
-    """
+    """Return field and value of "section.field=value", whose value is YAML."""
     from auvplan.scenario.yaml_lines import YamlError, read_yaml
 
     field, mark, given = text.partition("=")
@@ -164,6 +154,14 @@ def complain(text: str) -> None:
     errors.print(f"auvplan: {text}", soft_wrap=True, highlight=False, markup=False, emoji=False)
 
 
+def print_facts(title: str | None, facts: Iterable[tuple[str, str]]) -> None:
+    """Print names and values as a table."""
+    table = Table(title=title, show_header=False)
+    for fact in facts:
+        table.add_row(*fact)
+    console.print(table)
+
+
 def list_files(what: str, files: Iterable[Path]) -> None:
     """Print where files were written, a line each."""
     console.print(f"{what}:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
@@ -188,36 +186,6 @@ def _finite(data: Any) -> Any:
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
-class _Lines:
-    """Progress as plain lines, for logs: one a tenth of the work or a minute, at least 10 s apart."""
-
-    APART, LONGEST, STEP = 10.0, 60.0, 0.1
-
-    def __init__(self, title: str) -> None:
-        self._share, self._words = 0.0, title
-        self._ended, self._thread = Event(), Thread(target=self._tell, daemon=True)
-
-    def __enter__(self) -> "_Lines":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
-
-    def move(self, share: float | None, words: str) -> None:
-        """Say how far the work has come; whether a line is due is another matter."""
-        self._share, self._words = share or 0.0, words
-
-    def _tell(self) -> None:
-        stated, when, before = "", -math.inf, 0.0
-        while not self._ended.wait(self.APART):
-            share, words, now = self._share, self._words, time.monotonic()
-            if words != stated and (share - before >= self.STEP or now - when >= self.LONGEST):
-                complain(words)
-                stated, when, before = words, now, share
-
-
 @contextmanager
 def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advance]:
     """Show how far a command has come on standard error: a bar on a terminal, else plain lines.
@@ -237,20 +205,22 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
         return
     from auvplan.runtime.compiled import listening
 
-    shown: dict[str, Any] = {"share": None, "said": False}
+    come, said = None, False
     with _moving(title, of) as move:
 
         def advance(share: float | None, words: str) -> None:
-            shown["share"] = share
+            nonlocal come
+            come = share
             move(share, words)
 
         def compiling(begun: int, done: int) -> None:
-            if not shown["said"]:
-                shown["said"] = True
+            nonlocal said
+            if not said:
+                said = True
                 line = "compiling programs for this kind of scenario: up to a minute, once"
                 errors.print(line, highlight=False)
             if done < begun:
-                move(shown["share"], f"compiling, {counted(done, 'program')} done")
+                move(come, f"compiling, {counted(done, 'program')} done")
 
         with listening(compiling):
             yield advance
@@ -260,13 +230,8 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
 def _moving(title: str, of: str | None) -> Iterator[Advance]:
     """A bar on a terminal, else lines."""
     if not errors.is_terminal or errors.is_dumb_terminal:
-        with _Lines(title) as lines:
-
-            def tell(share: float | None, words: str) -> None:
-                percent = "" if share is None or of is None else f", {100.0 * share:.0f} % {of}".rstrip()
-                lines.move(share, words + percent)
-
-            yield tell
+        with _lines(title, of) as move:
+            yield move
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -278,6 +243,33 @@ def _moving(title: str, of: str | None) -> Iterator[Advance]:
         yield lambda share, words: bar.update(
             task, completed=share, total=None if share is None else 1.0, description=words
         )
+
+
+@contextmanager
+def _lines(title: str, of: str | None) -> Iterator[Advance]:
+    """Progress as plain lines, for logs: one a tenth of the work or a minute, at least `APART` s apart."""
+    now_at, ended = (0.0, title), Event()
+
+    def move(share: float | None, words: str) -> None:
+        nonlocal now_at
+        percent = "" if share is None or of is None else f", {100.0 * share:.0f} % {of}".rstrip()
+        now_at = share or 0.0, words + percent
+
+    def tell() -> None:
+        stated, when, before = "", -math.inf, 0.0
+        while not ended.wait(APART):
+            (share, words), now = now_at, time.monotonic()
+            if words != stated and (share - before >= 0.1 or now - when >= 60.0):
+                complain(words)
+                stated, when, before = words, now, share
+
+    thread = Thread(target=tell, daemon=True)
+    thread.start()
+    try:
+        yield move
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

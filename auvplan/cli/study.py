@@ -31,13 +31,13 @@ def montecarlo(
     changes: shared.SetOption = None,
     sweep: Annotated[
         list[str] | None,
-        typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
+        typer.Option(help="Vary a setting: section.name=value,value,... May be given twice."),
     ] = None,
     resume: shared.ResumeOption = False,
     force: shared.ForceOption = False,
     workers: shared.WorkersOption = None,
     dask: Annotated[
-        str | None, typer.Option("--dask", help="Dask scheduler, tcp://host:port or a scheduler file.")
+        str | None, typer.Option(help="Dask scheduler, tcp://host:port or a scheduler file.")
     ] = None,
     save_runs: Annotated[
         bool, typer.Option("--save-runs", help="Also save each mission whole, as the mission command does.")
@@ -78,12 +78,10 @@ def _table(case: dict[str, Any]) -> Table:
     from auvplan.study.statistics import DESCRIBED
 
     setting = ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
-    share = case["on_time_percent"]
-    table = Table(
-        title=(f"{setting}\n" if setting else "")
-        + f"{case['on_time']:,} of {counted(case['missions'], 'mission')} on time "
-        f"({share['low']:.1f} to {share['high']:.1f} %), {counted(case['collisions'], 'collision')}"
-    )
+    share, title = case["on_time_percent"], f"{setting}\n" if setting else ""
+    title += f"{case['on_time']:,} of {counted(case['missions'], 'mission')} on time "
+    title += f"({share['low']:.1f} to {share['high']:.1f} %), {counted(case['collisions'], 'collision')}"
+    table = Table(title=title)
     for column in ("figure", "mean", "95 % interval", "5 %", "median", "95 %"):
         table.add_column(column, justify="left" if column == "figure" else "right")
     for name, words in DESCRIBED.items():
@@ -129,15 +127,10 @@ def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
             words = f"{done:,} of {counted(total, 'mission')}"
             if fresh and elapsed > 0.0:
                 left = (total - done) * elapsed / fresh
-                words += f", {figure(fresh / elapsed, 2)} a second, {_lasting(left)} left"
+                minutes = round(left / 60.0)
+                wait = f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+                wait = f"{left:.0f} s" if left < 60.0 else wait
+                words += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
             move(share, words)
 
         yield advance
-
-
-def _lasting(seconds: float) -> str:
-    """Return a time to wait, to the minute where it is long."""
-    if seconds < 60.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

@@ -80,8 +80,7 @@ def chart(
             table.add_row(Text("    ", style=f"on {cluster.colour}"), *row)
         shared.console.print(table)
         shares = made.shares()
-        kinds = ("coast", "uncertain", "water")
-        shared.say(", ".join(f"{kind} {shares[kind]:.1%}" for kind in kinds))
+        shared.say(", ".join(f"{kind} {shares[kind]:.1%}" for kind in ("coast", "uncertain", "water")))
         shared.say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
         shared.say_notes(notes)
         shared.say(f"picture: {picture}")
@@ -91,11 +90,7 @@ def chart(
 
 
 def _colours(**given: list[str] | None) -> "ChartColours":
-    """Return the colours of the options.
-
-    Raises:
-        ScenarioError: one line that names the option; what is given is no colour.
-    """
+    """Return the colours of the options; raise ScenarioError that names the option of what is no colour."""
     from auvplan.ocean.palette import ChartColours, as_hex
 
     stated: dict[str, tuple[str, ...]] = {}
@@ -137,13 +132,13 @@ def currents(
         typer.Argument(help="Files of one current: NetCDF or Zarr; parts together.", show_default=False),
     ] = None,
     to: Annotated[
-        Path | None, typer.Option("--to", help="Write the current as one CF data set, on the model's points.")
+        Path | None, typer.Option(help="Write the current as one CF data set, on the model's points.")
     ] = None,
     crs: Annotated[
-        str | None, typer.Option("--crs", help="Projection of coordinates in metres, such as EPSG:32633.")
+        str | None, typer.Option(help="Projection of coordinates in metres, such as EPSG:32633.")
     ] = None,
     epoch: Annotated[
-        datetime | None, typer.Option("--epoch", help="UTC, the date that times without one count from.")
+        datetime | None, typer.Option(help="UTC, the date that times without one count from.")
     ] = None,
     source: Annotated[
         str | None,
@@ -167,7 +162,7 @@ def currents(
         str | None, typer.Option(metavar="MIN,MAX", help="With --from: m; all levels if absent.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="With --from: the file to write, such as forecast.nc.")
+        Path | None, typer.Option(help="With --from: the file to write, such as forecast.nc.")
     ] = None,
     timeout: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="With --from: s that the server may be silent.")
@@ -214,10 +209,7 @@ def currents(
         return
     if quiet:
         return
-    table = Table(show_header=False)
-    for name, value in found.items():
-        table.add_row(name.replace("_", " "), str(value))
-    shared.console.print(table)
+    shared.print_facts(None, ((name.replace("_", " "), str(value)) for name, value in found.items()))
     shared.say_notes(notes)
     for written in (out, to):
         if written is not None:
@@ -241,55 +233,33 @@ def check(
 ) -> None:
     """Check a result independently: re-check the whole track and every time."""
     from auvplan.check.run import check_run
-    from auvplan.study.store import is_study
+    from auvplan.study.store import is_study, saved_runs
 
-    if is_study(folder):
-        sound = _check_study(folder, sources, quiet, as_json)
-    else:
-        report = check_run(folder, sources)
-        sound = report.ok
-        if as_json:
-            shared.print_json(_plain(report))
-        elif not quiet:
-            shared.say(str(report))
-    if not sound:
+    study, talks = is_study(folder), not (quiet or as_json)
+    reports: dict[str, CheckReport] = {}
+    for run in saved_runs(folder) if study else [folder]:
+        report = reports[run.name] = check_run(run, sources)
+        if talks:
+            shared.say(f"{run.name}: {_in_a_line(report)}" if study else str(report))
+    faulty = sum(not report.ok for report in reports.values())
+    length, collisions = (sum(getattr(r, of) for r in reports.values()) for of in ("length", "collisions"))
+    if as_json:
+        runs = {name: {"ok": r.ok, "collisions": r.collisions} | asdict(r) for name, r in reports.items()}
+        whole = {"ok": not faulty, "collisions": collisions, "length": length, "runs": runs}
+        shared.print_json(whole if study else runs[folder.name])
+    elif talks and study:
+        met = f"{length / 1000.0:,.1f} km, {counted(collisions, 'collision')}"
+        shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
+    if faulty:
         raise typer.Exit(1)
 
 
-def _plain(report: "CheckReport") -> dict[str, Any]:
-    return {"ok": report.ok, "collisions": report.collisions} | asdict(report)
-
-
-def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> bool:
-    """Check all saved runs of a study, a line each, and return whether none has a fault."""
-    from auvplan.check.run import CheckReport, check_run
-    from auvplan.study.store import saved_runs
-
-    reports: dict[str, CheckReport] = {}
-    for run in saved_runs(folder):
-        report = reports[run.name] = check_run(run, sources)
-        if not quiet and not as_json:
-            met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m"
-            met += f", {counted(report.collisions, 'collision')}"
-            faults = "no faults" if report.ok else counted(len(report.faults), "fault")
-            first = "" if report.ok else f", first: {report.faults[0]}"
-            shared.say(f"{run.name}: {met}, {faults}{first}")
-    faulty = sum(not report.ok for report in reports.values())
-    length = sum(report.length for report in reports.values())
-    collisions = sum(report.collisions for report in reports.values())
-    if as_json:
-        shared.print_json(
-            {
-                "ok": not faulty,
-                "collisions": collisions,
-                "length": length,
-                "runs": {name: _plain(report) for name, report in reports.items()},
-            }
-        )
-    elif not quiet:
-        met = f"{length / 1000.0:,.1f} km, {counted(collisions, 'collision')}"
-        shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
-    return not faulty
+def _in_a_line(report: "CheckReport") -> str:
+    """Return what was found in one run of a study."""
+    met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {counted(report.collisions, 'collision')}"
+    if report.ok:
+        return f"{met}, no faults"
+    return f"{met}, {counted(len(report.faults), 'fault')}, first: {report.faults[0]}"
 
 
 def kept(clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False) -> None:

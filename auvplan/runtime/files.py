@@ -178,6 +178,12 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     return target
 
 
+def write_json(path: str | Path, data: Any, **options: Any) -> Path:
+    """Write plain data as JSON, indented by two; options as of `json.dumps`. Errors as `write_atomically`."""
+    text = json.dumps(data, **{"indent": 2} | options) + "\n"
+    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
 def folder_size(path: Path) -> int:
     """Return the bytes of a file, or of all files of a folder."""
     if path.is_dir():
