@@ -8,18 +8,8 @@ from importlib.metadata import version as _version
 import lazy_loader as _lazy_loader
 
 __version__ = _version("auvplan")
-_load, _, __all__ = _lazy_loader.attach_stub(__name__, __file__)
+__getattr__, _, __all__ = _lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]
-
-_RENAMED = {"MissionOrder": "MissionRoute", "load_waters": "load_area"}
-
-
-def __getattr__(name: str) -> object:
-    if name in _RENAMED:
-        from auvplan.runtime.deprecation import warn_renamed
-
-        warn_renamed(f"auvplan.{name}", f"auvplan.{_RENAMED[name]}")
-    return _load(_RENAMED.get(name, name))
 
 
 def __dir__() -> list[str]:

@@ -108,3 +108,16 @@ def call(capsys, monkeypatch):
         return stop.value.code or 0, *capsys.readouterr()
 
     return run
+
+
+@pytest.fixture
+def refused(call):
+    """A function that runs a command which refuses what it is given, and returns its one line on that."""
+
+    def run(*arguments):
+        code, out, err = call(*arguments)
+        assert (code, out) == (2, "")
+        assert len(err.strip().splitlines()) == 1
+        return err
+
+    return run

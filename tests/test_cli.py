@@ -35,57 +35,34 @@ def write(tmp_path, name="scenario.yaml", **sections):
 
 
 def test_mission_check_and_files(tmp_path, call):
-    code, out, err = call("mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3, "--certify")
+    code, said, err = call("mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3, "--certify")
     assert code == 0, err
-    assert "collisions" in out
-    assert "first route: total priority" in out
-    assert "mission cost (Eq. 15), total (Eq. 16)" in out
-    assert "gap 0.0%" in out, "two waypoints leave no choice"
+    for words in ("collisions", "first route: total priority", "mission cost (Eq. 15), total (Eq. 16)"):
+        assert words in said
+    assert "gap 0.0%" in said, "two waypoints leave no choice"
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    fields = ("t_available", "t_mission", "t_residual", "success", "tasks", "total_priority", "path_calls")
-    for field in (
-        *fields,
-        "mission_replans",
-        "cost_mission",
-        "cost_total",
-        "legs",
-        "cpu",
-        "collisions",
-        "seed",
-        "version",
-    ):
-        assert field in summary
-    assert summary["success"] is True
-    assert summary["seed"] == 3
+    fields = "t_available t_mission t_residual tasks total_priority path_calls mission_replans cost_mission"
+    assert {*fields.split(), "cost_total", "legs", "cpu", "collisions", "version"} <= set(summary)
+    assert (summary["success"], summary["seed"]) == (True, 3)
     assert {"from", "to", "t_expected", "t_path", "cpu_s"} <= set(summary["legs"][0])
-    for name in (
-        "mission.nc",
-        "mission.png",
-        "timeline.png",
-        "currents.png",
-        "obstacles.png",
-        "convergence.png",
-        "report.html",
-    ):
+    page = tmp_path / "out" / "report.html"
+    pictures = (f"{name}.png" for name in ("mission", "timeline", "currents", "obstacles", "convergence"))
+    for name in ("mission.nc", "report.html", *pictures):
         assert (tmp_path / "out" / name).stat().st_size > 1000
-    assert out.splitlines()[-2] == f"open {tmp_path / 'out' / 'report.html'}"
-    page = (tmp_path / "out" / "report.html").read_bytes()
-    code, out, _ = call("report", tmp_path / "out")
-    assert (code, out) == (0, f"open {tmp_path / 'out' / 'report.html'}\n")
-    assert (tmp_path / "out" / "report.html").read_bytes() == page
-    code, out, _ = call("check", tmp_path / "out")
+    assert said.splitlines()[-2] == f"open {page}"
+    before = page.read_bytes()
+    assert call("report", tmp_path / "out")[:2] == (0, f"open {page}\n")
+    assert page.read_bytes() == before
+    code, said, _ = call("check", tmp_path / "out")
     assert code == 0
-    assert "collisions: 0" in out
+    assert "collisions: 0" in said
 
 
 def test_path_and_quiet(tmp_path, call):
     arguments = ("path", write(tmp_path), "--out", tmp_path / "out", "--quiet")
-    code, out, err = call(*arguments)
-    assert code == 0, err
-    assert out == ""
+    assert call(*arguments) == (0, "", "")
     assert (tmp_path / "out" / "report.html").is_file()
-    code, _, err = call(*arguments, "--pictures", "none")
-    assert code == 0, err
+    assert call(*arguments, "--pictures", "none") == (0, "", "")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["mission.nc", "summary.json"]
 
 
@@ -118,65 +95,58 @@ def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, call):
         (("--dask", "tcp://127.0.0.1:1"), "cannot be reached"),
     ],
 )
-def test_bad_studies_are_one_line_and_exit_2(tmp_path, call, monkeypatch, arguments, words):
-    out = tmp_path / "mc"
+def test_bad_studies_are_one_line(tmp_path, refused, monkeypatch, arguments, words):
     monkeypatch.setattr(cluster, "PATIENCE", "1s")
-    code, _, err = call("montecarlo", write(tmp_path), "-n", 2, "--out", out, *arguments)
-    assert code == 2
-    assert words in err
-    assert len(err.strip().splitlines()) == 1
-    assert not (out / "missions.nc").exists()
+    assert words in refused("montecarlo", write(tmp_path), "-n", 2, "--out", tmp_path / "mc", *arguments)
+    assert not (tmp_path / "mc" / "missions.nc").exists()
 
 
-def test_chart_command(tmp_path, call):
-    picture = np.full((60, 80, 3), (60, 120, 200), np.uint8)
-    picture[:20] = (200, 180, 120)
-    Image.fromarray(picture).save(tmp_path / "map.png")
-    code, out, err = call("chart", tmp_path / "map.png", "--out", tmp_path / "chart")
-    assert code == 0, err
-    assert "coast 33.3" in out
-    assert (tmp_path / "chart" / "chart.png").is_file()
+@pytest.fixture
+def chart(tmp_path, call):
+    """A function that runs `chart` on a picture: what it says, and the scenario's section in that."""
+
+    def run(picture, *options, out=tmp_path / "out"):
+        path = tmp_path / "map.png"
+        if not isinstance(picture, np.ndarray):
+            path = picture
+        else:
+            Image.fromarray(picture).save(path)
+        code, said, err = call("chart", path, "--out", out, *options)
+        assert code == 0, err
+        return said, yaml.safe_load(said[said.index("chart:\n") :])["chart"]
+
+    return run
 
 
-def test_the_chart_command_proposes_what_colours_stand_for(tmp_path, call):
-    style = STYLES["white deep water"]
-    Image.fromarray(paint(style, 300)).save(tmp_path / "map.png")
-    code, out, err = call("chart", tmp_path / "map.png", "--out", tmp_path)
-    assert code == 0, err
-    row = next(line for line in out.splitlines() if "#ffffff" in line)
+def test_the_chart_command_proposes_what_colours_stand_for(tmp_path, chart):
+    said, section = chart(paint(STYLES["white deep water"], 300), out=tmp_path)
+    row = next(line for line in said.splitlines() if "#ffffff" in line)
     assert "water" in row
     assert '--land "#ffffff"' in row
-    assert "note: " in out
-    lines = out[out.index("chart:\n") :]
-    chart = yaml.safe_load(lines)["chart"]
-    assert chart["source"] == "image"
-    assert chart["image"] == str(tmp_path / "map.png")
-    assert chart["colours"]["water"] == ["#ffffff"]
+    assert "note: " in said
+    assert (section["source"], section["image"]) == ("image", str(tmp_path / "map.png"))
+    assert section["colours"]["water"] == ["#ffffff"]
     # The lines make a scenario of the same chart.
     area = {"lower": [0, 0, 0], "upper": [100, 100, 50]}
-    scenario = ap.Scenario.model_validate({"chart": chart, "area": area})
-    shares = ap.load_area(scenario, tmp_path).chart.shares()
-    assert f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}" in out
+    shares = ap.load_area(
+        ap.Scenario.model_validate({"chart": section, "area": area}), tmp_path
+    ).chart.shares()
+    assert f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}" in said
 
 
-def test_the_chart_command_takes_told_colours(tmp_path, call):
+def test_the_chart_command_takes_stated_colours(tmp_path, call, chart):
     style = STYLES["inverted"]
     Image.fromarray(paint(style, 300)).save(tmp_path / "map.png")
-    arguments = ["chart", tmp_path / "map.png", "--out", tmp_path / "out"]
-    code, out, err = call(*arguments)
-    assert code == 2
-    assert err.count("\n") == 1
+    code, said, err = call("chart", tmp_path / "map.png", "--out", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1)
     assert "chart.colours" in err
     assert (tmp_path / "out" / "chart.png").is_file(), "the clusters are drawn where they are refused, too"
-    assert "chart:" not in out
+    assert "chart:" not in said
     stated = [word for kind, (colour,) in style.named.items() for word in (f"--{kind}", colour)]
-    code, out, err = call(*arguments, *stated)
-    assert code == 0, err
-    assert yaml.safe_load(out[out.index("chart:\n") :])["chart"]["colours"] == {
-        kind: list(colours) for kind, colours in style.named.items()
-    }
+    said, section = chart(tmp_path / "map.png", *stated)
+    assert section["colours"] == {kind: list(colours) for kind, colours in style.named.items()}
     coast = (classes(300) == 0).mean()
-    assert float(re.search(r"coast ([\d.]+)%", out)[1]) == pytest.approx(100.0 * coast, abs=1.0)
+    assert float(re.search(r"coast ([\d.]+)%", said)[1]) == pytest.approx(100.0 * coast, abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -188,72 +158,46 @@ def test_the_chart_command_takes_told_colours(tmp_path, call):
         (["--water", "white", "--land", "#fff"], "#ffffff is given for water and for land"),
     ],
 )
-def test_colours_that_are_none(tmp_path, call, stated, words):
+def test_colours_that_are_none(tmp_path, refused, stated, words):
     Image.fromarray(paint(STYLES["grey"], 100)).save(tmp_path / "map.png")
-    code, _, err = call("chart", tmp_path / "map.png", "--out", tmp_path / "out", *stated)
-    assert code == 2
-    assert words in err
-    assert err.count("\n") == 1
+    assert words in refused("chart", tmp_path / "map.png", "--out", tmp_path / "out", *stated)
 
 
-def test_the_chart_command_leaves_the_picture_alone(tmp_path, call):
+def test_the_chart_command_leaves_the_picture_alone(tmp_path, chart):
     path = tmp_path / "chart.png"
     Image.fromarray(render(100)).save(path)
     before = path.read_bytes()
     for _ in range(2):
-        code, out, err = call("chart", path, "--out", tmp_path)
-        assert code == 0, err
-        assert "chart-drawn.png" in out
+        assert "chart-drawn.png" in chart(path, out=tmp_path)[0]
     assert path.read_bytes() == before
     assert sorted(file.name for file in tmp_path.iterdir()) == ["chart-drawn.png", "chart.png"]
 
 
-def test_pixels_are_as_large_as_the_file_tells(tmp_path, call):
+def test_pixels_are_as_large_as_the_file_states(tmp_path, chart):
     path = write_geotiff(
         tmp_path / "c.tif", render(100), corner=(5e5, 7_774_100.0), scale=(300, 300), epsg=32755
     )
-    arguments = ["chart", path, "--out", tmp_path / "out"]
-    code, out, err = call(*arguments)
-    assert code == 0, err
-    assert "pixels of 300" in out
-    chart = yaml.safe_load(out[out.index("chart:\n") :])["chart"]
-    assert (chart["source"], chart["file"]) == ("raster", str(path))
-    assert "note" not in out
-    code, out, err = call(*arguments, "--pixel-size", 25)
-    assert code == 0, err
-    assert "pixels of 25 m" in out
-    assert "has pixels of 300" in out
+    said, section = chart(path)
+    assert "pixels of 300" in said
+    assert (section["source"], section["file"]) == ("raster", str(path))
+    assert "note" not in said
+    said, _ = chart(path, "--pixel-size", 25)
+    assert "pixels of 25 m" in said
+    assert "has pixels of 300" in said
     Image.fromarray(render(100)).save(tmp_path / "w.png")
     (tmp_path / "w.pgw").write_text("40\n0\n0\n-40\n697205\n7774095\n")
-    code, out, err = call("chart", tmp_path / "w.png", "--out", tmp_path / "out")
-    assert code == 0, err
-    assert "pixels of 40 m" in out
-    assert "crs:" in out
-
-
-def test_scenarios_are_listed(call):
-    code, out, _ = call("scenarios")
-    assert code == 0
-    for name in ("whitsunday", "scenario-1", "scenario-2", "scenario-3"):
-        assert name in out
+    said, _ = chart(tmp_path / "w.png")
+    assert "pixels of 40 m" in said
+    assert "crs:" in said
 
 
 def test_help_names_every_command():
-    out = CliRunner().invoke(cli.app, ["--help"]).output
-    for command in (
-        "mission",
-        "path",
-        "departures",
-        "export",
-        "montecarlo",
-        "plot",
-        "report",
-        "chart",
-        "check",
-    ):
-        assert command in out
-    for command in ("init", "validate", "schema", "scenarios"):
-        assert command in out
+    said = CliRunner().invoke(cli.app, ["--help"]).output
+    commands = (
+        "mission path departures export montecarlo plot report chart check init validate schema scenarios"
+    )
+    for command in commands.split():
+        assert command in said
 
 
 @pytest.mark.slow
@@ -261,8 +205,7 @@ def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, call):
     strong = LEG["current"] | {"uniform": [-4.0, 0.0, 0.0]}
     code, _, err = call("mission", write(tmp_path, current=strong), "--out", tmp_path / "out")
     assert code == 1
-    assert "current" in err
-    assert "km" in err
+    assert all(words in err for words in ("current", "km"))
     assert "Traceback" not in err
 
 
@@ -304,12 +247,8 @@ BAD_FIELDS = [
 
 
 @pytest.mark.parametrize(("sections", "expected"), BAD_FIELDS, ids=[expected for _, expected in BAD_FIELDS])
-def test_bad_scenarios_exit_2_with_one_line(tmp_path, call, sections, expected):
-    code, out, err = call("mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet")
-    assert code == 2, err
-    assert expected in err
-    assert len(err.strip().splitlines()) == 1
-    assert "Traceback" not in out + err
+def test_bad_scenarios_are_one_line(tmp_path, refused, sections, expected):
+    assert expected in refused("mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet")
     assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
 
 
@@ -325,34 +264,17 @@ def test_bad_scenarios_exit_2_with_one_line(tmp_path, call, sections, expected):
         ("[" * 5000, "YAML|deeply"),
     ],
 )
-def test_hostile_yaml(tmp_path, call, text, expected):
-    import re
-
-    path = tmp_path / "bad.yaml"
-    path.write_text(text)
-    code, _, err = call("mission", path, "--out", tmp_path / "out")
-    assert code == 2
+def test_hostile_yaml(tmp_path, refused, text, expected):
+    (tmp_path / "bad.yaml").write_text(text)
+    err = refused("mission", tmp_path / "bad.yaml", "--out", tmp_path / "out")
     assert "bad.yaml" in err
     assert re.search(expected, err)
-    assert len(err.strip().splitlines()) == 1
 
 
-def test_unknown_scenario_lists_the_shipped_ones(tmp_path, call):
-    code, _, err = call("mission", "nowhere", "--out", tmp_path / "out")
-    assert code == 2
-    assert "nowhere" in err
-    assert "whitsunday" in err
-
-
-def test_output_folder_that_cannot_be_made(tmp_path, call):
+def test_what_is_not_there_or_in_the_way_is_named(tmp_path, refused):
+    assert all(
+        word in refused("mission", "nowhere", "--out", tmp_path / "out") for word in ("nowhere", "whitsunday")
+    )
     (tmp_path / "file").write_text("in the way")
-    code, _, err = call("mission", write(tmp_path), "--out", tmp_path / "file")
-    assert code == 2
-    assert "file" in err
-    assert len(err.strip().splitlines()) == 1
-
-
-def test_check_of_nothing(tmp_path, call):
-    code, _, err = call("check", tmp_path)
-    assert code == 2
-    assert len(err.strip().splitlines()) == 1
+    assert "file" in refused("mission", write(tmp_path), "--out", tmp_path / "file")
+    assert str(tmp_path) in refused("check", tmp_path)

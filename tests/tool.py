@@ -2,10 +2,22 @@
 
 import importlib.util
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@contextmanager
+def refused(kind: type[Exception], words: str) -> Iterator[None]:
+    """What is within raises an error of one line with these words, a pattern."""
+    with pytest.raises(kind, match=words) as caught:
+        yield
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def load_tool(name: str) -> ModuleType:

@@ -25,7 +25,6 @@ from auvplan.path import PathConfig
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import MISSIONS, expecting
-from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph
@@ -48,7 +47,6 @@ def seed_keys(seeds: Sequence[int]) -> jax.Array:
     return prng.of_seeds(seeds)
 
 
-@renamed_arguments(waters="area")
 def run_mission(
     scenario: Scenario,
     *,
@@ -74,7 +72,6 @@ def run_mission(
     return run_missions(scenario, keys=keys, seeds=seeds, folder=folder, area=area, progress=progress)[0]
 
 
-@renamed_arguments(waters="area")
 def run_missions(
     scenario: Scenario,
     *,

@@ -24,7 +24,6 @@ from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
 from auvplan.runtime.compiled import PLANS, expecting
-from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
@@ -36,7 +35,6 @@ _DATED = GriddedCurrent, HarmonicCurrent
 Progress = Callable[[float, str], None]
 
 
-@renamed_arguments(waters="area")
 def plan_scenario(
     scenario: Scenario,
     *,

@@ -11,9 +11,8 @@ import numpy as np
 
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning
 from auvplan.ocean.closures import Zone
-from auvplan.scenario.fields import check_what_is_left
+from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
-from auvplan.scenario.findings import Finding, finding_at, in_order
 from auvplan.scenario.plausibility import implausible, unreachable
 from auvplan.scenario.provenance import FILE_FIELDS
 from auvplan.scenario.scenario import Scenario
@@ -96,11 +95,11 @@ def examine_scenario(source: str | Path) -> Examination:
     Raises:
         ScenarioError: the file cannot be read as text; one line that names it.
     """
-    sound, found, document = check_scenario(source)
+    scenario, faults, taken, document = check_scenario(source)
+    found, sound = list(faults), None if faults else scenario
     folder = Path(source).parent if Path(source).is_file() else Path(".")
     missing = _missing(document, folder)
     found += missing.values()
-    scenario, _, taken = check_what_is_left(document, Scenario)
     sections = {str(path[0]) for path in taken if path not in _APART}
     if scenario is None or sections & {"site", "area"}:
         return Examination(str(source), tuple(in_order(found)))

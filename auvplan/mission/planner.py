@@ -20,7 +20,6 @@ from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.runtime.budget import Budget
-from auvplan.runtime.deprecation import renamed_arguments
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
@@ -33,7 +32,6 @@ _ITERATIONS = 256
 _SIZES = (16, 40, 64, 80, 100, 125, 160, 200, 250, 320, 400, 500)
 
 
-@renamed_arguments(known_order="known_route")
 def plan_mission(
     graph: MissionGraph,
     start: int,
@@ -189,7 +187,6 @@ def replan_mission(
     )
 
 
-@renamed_arguments(keys="key", populations="population", known_orders="known_routes")
 def plan_missions(
     graphs: MissionGraph,
     starts: Sequence[int] | np.ndarray,

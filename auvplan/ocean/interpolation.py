@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
 #: Uneven nodes up to which all are compared with, which beats a search; more would only make code longer.
 _FEW = 48

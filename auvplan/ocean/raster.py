@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
 
 @jax.custom_jvp

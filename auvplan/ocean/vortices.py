@@ -17,8 +17,7 @@ from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
-from auvplan.runtime.pytree import register_without_init
-from auvplan.runtime.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.pytree import instantiated, is_symbolic_zero, register_without_init
 
 #: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
 _LAMB_PEAK = 0.63817

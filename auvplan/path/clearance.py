@@ -18,7 +18,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import TINY, Axes, inner, norm
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.tangents import instantiated, is_symbolic_zero
+from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
 #: Obstacles passed in one go of the loop: fewer, longer steps; more only makes compilation longer.
 _UNROLL = 2

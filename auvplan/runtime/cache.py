@@ -38,7 +38,7 @@ _SILENT = "cache", "log", "dump", "dir", "profil", "traceback", "monitor", "dist
 HOME = Path(__file__).parents[1]
 
 #: Packages in it that no compiled program takes code from: what changes there leaves programs as they are.
-UNCOMPILED = "cli", "io", "paper", "plot", "report", "scenario", "study"
+UNCOMPILED = "check", "cli", "export", "io", "paper", "plot", "report", "scenario", "study", "view"
 
 _DIGEST = hashlib.sha256().digest_size
 
@@ -93,15 +93,12 @@ def kept(name: str, make: Callable[[], T], *parts: str) -> T:
 
 def holds(name: str, key: str) -> bool:
     """Return whether something is kept under a key."""
-    path = _path(name, key)
-    return path is not None and path.is_file()
+    return _path(name, key).is_file()
 
 
 def load(name: str, key: str) -> Any | None:
     """Return what was stored under a key; None where there is nothing, or nothing whole."""
     path = _path(name, key)
-    if path is None:
-        return None
     try:
         content = path.read_bytes()
     except OSError:
@@ -121,9 +118,9 @@ def load(name: str, key: str) -> Any | None:
 
 def store(name: str, key: str, value: Any) -> None:
     """Keep a value under a key, whole or not at all; where that cannot be done the log says why."""
-    path = _path(name, key)
-    if path is None:
+    if not enabled():
         return
+    path = _path(name, key)
     try:
         body = pickle.dumps(value)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -136,10 +133,8 @@ def store(name: str, key: str, value: Any) -> None:
 def discard(name: str, key: str, error: Exception) -> None:
     """Remove an entry that could not be used, and log it."""
     log.info("a stored %s is left out and made again: %s", name, error)
-    path = _path(name, key)
-    if path is not None:
-        with suppress(OSError):
-            path.unlink()
+    with suppress(OSError):
+        _path(name, key).unlink()
 
 
 def entries() -> Iterator[Entry]:
@@ -166,9 +161,9 @@ def trim(limit: int = LIMIT) -> list[Entry]:
     return removed
 
 
-def _path(name: str, key: str) -> Path | None:
-    place = folder()
-    return None if place is None else place / f"{name}-{key}.pickle"
+def _path(name: str, key: str) -> Path:
+    """Return the file of an entry; one that cannot be where nothing is kept."""
+    return (folder() or Path(os.devnull)) / f"{name}-{key}.pickle"
 
 
 @functools.cache
@@ -182,29 +177,23 @@ def _surroundings() -> str:
         for name, value in sorted(jax.config.values.items())
         if not any(word in name for word in _SILENT) and name != "jax_enable_x64"
     }
-    device = jax.devices()[0]
+    device, processor = jax.devices()[0], f"{platform.machine()} {platform.processor()}"
+    with suppress(OSError):  # make and instruction sets, where Linux lists them
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+        stated = ("model name", "flags", "Features", "CPU part")
+        processor = f"{platform.machine()} {[line for line in lines if line.startswith(stated)]}"
     parts = (
         platform.python_version(),
         jax.__version__,
         version("jaxlib"),
         device.platform,
         device.device_kind,
-        _processor(),
+        processor,
         os.environ.get("XLA_FLAGS", ""),
         settings,
         digest_of_sources(HOME),
     )
     return repr(parts)
-
-
-def _processor() -> str:
-    """Make and instruction sets of the CPU."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
-    except OSError:
-        return f"{platform.machine()} {platform.processor()}"
-    stated = ("model name", "flags", "Features", "CPU part")
-    return f"{platform.machine()} {[line for line in lines if line.startswith(stated)]}"
 
 
 def digest_of_sources(home: Path) -> str:

@@ -14,7 +14,8 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 import jax
@@ -41,18 +42,46 @@ MISSIONS, PLANS = "missions", "plans"
 
 _OCCASIONS = f"{__name__}.expecting"
 
-_count = 0
-_hits = 0
-_compiling = {"begun": 0, "done": 0}
+
+@dataclasses.dataclass
+class _Counts:
+    """What this process has compiled, and how long calls have waited for it."""
+
+    compiled: int = 0  # or taken from a cache
+    hits: int = 0  # in JAX's own cache
+    begun: int = 0  # programs to be stored
+    done: int = 0
+    waiting: int = 0  # calls that wait now
+    since: float = 0.0  # s, when the first of these began to
+    waited: float = 0.0  # s
+
+
+_counts, _counting = _Counts(), threading.Lock()
 _listeners: list[Callable[..., None]] = []
 _programs: list["Program"] = []
-_used: dict[str, str] = {}
+_used: dict[str, str] = {}  # names of the programs by their keys
 _thread = threading.local()
-_counting = threading.Lock()
-#: Calls that wait for a program now, since when, and for how long such have waited in all, s.
-_waiting, _waiting_since, _waited = 0, 0.0, 0.0
 _compilers = ThreadPoolExecutor(_THREADS, "auvplan-compile")
 _early: dict[str, Future[tuple[Callable[..., list], bytes] | None]] = {}
+
+
+class _Call(NamedTuple):
+    """What calls of a program are distinguished by."""
+
+    tree: Any  # form of the arguments
+    kinds: tuple  # shapes and types of their leaves
+    settings: tuple
+    precise: bool
+
+
+class _Ready(NamedTuple):
+    """An executable of flat arguments and results, and the form of the results."""
+
+    executable: Callable[..., list]
+    form: Any
+
+    def __call__(self, leaves: list) -> Any:
+        return self.form.unflatten(self.executable(*leaves))
 
 
 class Program:
@@ -79,8 +108,8 @@ class Program:
         self._options = options
         self._static = tuple(sorted(static_argnames))
         self._outlined = outlined
-        self._ready: dict[Any, Callable[[list], Any]] = {}
-        self._outlines: dict[Any, tuple[Any, list]] = {}
+        self._ready: dict[_Call, Callable[[list], Any]] = {}
+        self._outlines: dict[_Call, tuple[Any, list]] = {}
         self._lock = threading.Lock()
         _programs.append(self)
 
@@ -91,79 +120,73 @@ class Program:
         kinds = tuple(map(_kind, leaves))
         if None in kinds or jax.device_count() > 1 or jax.config.jax_disable_jit:  # type: ignore[attr-defined]
             return self._jitted(*args, **kwargs, **self._named(settings))
-        signature = tree, kinds, settings, jax.config.read("jax_enable_x64")
-        ready = self._ready.get(signature)
-        if ready is None:
-            if held() >= MOST:
-                drop_programs()
-            with self._lock:
-                ready = self._ready.get(signature)
-                if ready is None:
-                    if self._outlined and getattr(_thread, "compiling_ahead", False):
-                        outline = self._begun(signature, leaves)
-                        if outline is not None:
-                            return outline
-                    with _counted_as_compilation():
-                        self._ready[signature], result = self._prepared(signature, leaves)
-                    return result
+        call = _Call(tree, kinds, settings, jax.config.read("jax_enable_x64"))
+        if (ready := self._ready.get(call)) is not None:
+            return ready(leaves)
+        if held() >= MOST:
+            drop_programs()
+        with self._lock:
+            if (ready := self._ready.get(call)) is None:
+                if self._outlined and getattr(_thread, "compiling_ahead", False):
+                    outline = self._begun(call, leaves)
+                    if outline is not None:
+                        return outline
+                with _counted_as_compilation():
+                    self._ready[call], result = self._prepared(call, leaves)
+                return result
         return ready(leaves)
 
     @functools.cached_property
     def _jitted(self) -> Callable[..., Any]:
-        return jax.jit(
-            self._function, static_argnames=self._static, compiler_options=_known_options(**self._options)
-        )
+        return jax.jit(self._function, static_argnames=self._static, compiler_options=self._xla)
+
+    @property
+    def _xla(self) -> dict[str, Any]:
+        """XLA's options, those that its version knows: they come and go."""
+        return {name: value for name, value in self._options.items() if _knows(name, value)}
 
     def _named(self, settings: tuple) -> dict[str, Any]:
         return dict(zip(self._static, settings, strict=True))
 
-    def _prepared(self, signature: Any, leaves: list) -> tuple[Callable[[list], Any], Any]:
+    def _prepared(self, call: _Call, leaves: list) -> tuple[Callable[[list], Any], Any]:
         """An executable for one kind of call, from disk or else compiled and stored, and its first answer."""
-        tree, _, settings, _ = signature
-        key = self._key(*signature)
+        key = self._key(call)
         if not key:
-            plain = functools.partial(self._plain, tree, settings)
+
+            def plain(leaves: list) -> Any:
+                args, kwargs = call.tree.unflatten(leaves)
+                return self._jitted(*args, **kwargs, **self._named(call.settings))
+
             return plain, plain(leaves)
         _used.setdefault(key, self._name)
         early = _early.pop(key, None)
         try:
             if found := early.result() if early else _load(self._name, key):
-                executable, out_tree = found
-                ready = _Ready(executable, pickle.loads(out_tree))
+                ready = _Ready(found[0], pickle.loads(found[1]))
                 # Some executables load and do not run.
                 result = jax.block_until_ready(ready(leaves))
-                _book_one()
+                _counts.compiled += 1
                 return ready, result
         except Exception as error:  # whatever is wrong with it
             cache.discard(self._name, key, error)
-        ready = self._made(key, tree, settings, leaves)
+        lowered, form = self._lowered(call, leaves)
+        ready = _Ready(self._finished(key, lowered, form, len(leaves))[0], form)
         return ready, ready(leaves)
 
-    def _plain(self, tree: Any, settings: tuple, leaves: list) -> Any:
-        """Return the jitted function of flattened arguments."""
-        args, kwargs = tree.unflatten(leaves)
-        return self._jitted(*args, **kwargs, **self._named(settings))
-
-    def _begun(self, signature: Any, leaves: list) -> Any | None:
+    def _begun(self, call: _Call, leaves: list) -> Any | None:
         """Begin to compile what is neither stored nor begun, and return zeros in the form of its results."""
-        outline = self._outlines.get(signature)
-        if outline is None:
-            key = self._key(*signature)
+        if call not in self._outlines:
+            key = self._key(call)
             if not key or key in _early or cache.holds(self._name, key):
                 return None
-            lowered, form = self._lowered(signature[0], signature[2], leaves)
+            lowered, form = self._lowered(call, leaves)
             _used.setdefault(key, self._name)
             _early[key] = _compilers.submit(self._finished, key, lowered, form, len(leaves))
-            outline = self._outlines[signature] = form, lowered.out_info
-        form, kinds = outline
+            self._outlines[call] = form, lowered.out_info
+        form, kinds = self._outlines[call]
         return form.unflatten([_zeros(kind) for kind in kinds])
 
-    def _made(self, key: str, tree: Any, settings: tuple, leaves: list) -> "_Ready":
-        """Compile an executable, and store it where that can be done."""
-        lowered, form = self._lowered(tree, settings, leaves)
-        return _Ready(self._finished(key, lowered, form, len(leaves))[0], form)
-
-    def _lowered(self, tree: Any, settings: tuple, leaves: list) -> tuple[Any, Any]:
+    def _lowered(self, call: _Call, leaves: list) -> tuple[Any, Any]:
         """The program of flat arguments and results, ready to be compiled, and the form of its results.
 
         Flat, an executable is loaded without the classes that arguments and results are made of.
@@ -171,21 +194,21 @@ class Program:
         forms = []
 
         def flat(*leaves: Any) -> list[Any]:
-            args, kwargs = tree.unflatten(leaves)
-            found, form = jax.tree.flatten(self._function(*args, **kwargs, **self._named(settings)))
+            args, kwargs = call.tree.unflatten(leaves)
+            found, form = jax.tree.flatten(self._function(*args, **kwargs, **self._named(call.settings)))
             forms.append(form)
             return found
 
         flat.__name__ = self._function.__name__
-        return jax.jit(flat, compiler_options=_known_options(**self._options)).lower(*leaves), forms[0]
+        return jax.jit(flat, compiler_options=self._xla).lower(*leaves), forms[0]
 
     def _finished(self, key: str, lowered: Any, form: Any, count: int) -> tuple[Callable[..., list], bytes]:
         """Compile what is lowered, for `count` arguments; see `_load` for what is returned."""
-        before, pickled = _hits, pickle.dumps(form)
+        before, pickled = _counts.hits, pickle.dumps(form)
         _announce(begun=1)
         made = lowered.compile()
         _announce(done=1)
-        if _hits == before:  # what comes out of JAX's own cache cannot be stored again
+        if _counts.hits == before:  # what comes out of JAX's own cache cannot be stored again
             try:
                 payload, _, _ = serialize_executable.serialize(made)
                 cache.store(self._name, key, (payload, (count, form.num_leaves), pickled))
@@ -193,18 +216,14 @@ class Program:
                 cache.log.info("%s is not stored: %s", self._name, error)
         return made, pickled
 
-    def _key(self, tree: Any, kinds: tuple, settings: tuple, precise: bool) -> str | None:
-        """Return what the executable depends on, as a key.
-
-        None where that cannot be found out or nothing is stored.
-        """
-        if not cache.enabled():
-            return None
-        parts = [_tree_token(tree), _token(settings), _token(sorted(self._options.items()))]
-        stated = [part for part in parts if part is not None]
-        if len(stated) < len(parts):
-            return None
-        return cache.key_of(self._name, *stated, repr(kinds), repr(precise))
+    def _key(self, call: _Call) -> str | None:
+        """Return what the executable depends on, as a key; None where it has none, or nothing is stored."""
+        if cache.enabled():
+            with suppress(TypeError):  # of what has no token
+                options = sorted(self._options.items())
+                tokens = _tree_token(call.tree), _token(call.settings), _token(options)
+                return cache.key_of(self._name, *tokens, repr(call.kinds), repr(call.precise))
+        return None
 
     def drop(self) -> None:
         """Forget what was loaded and compiled."""
@@ -213,16 +232,6 @@ class Program:
             self._outlines.clear()
             if "_jitted" in self.__dict__:
                 self._jitted.clear_cache()
-
-
-class _Ready(NamedTuple):
-    """An executable of flat arguments and results, and the form of the results."""
-
-    executable: Callable[..., list]
-    form: Any
-
-    def __call__(self, leaves: list) -> Any:
-        return self.form.unflatten(self.executable(*leaves))
 
 
 def _load(name: str, key: str) -> tuple[Callable[..., list], bytes] | None:
@@ -270,12 +279,10 @@ def expecting(occasion: str, of: str = "") -> Iterator[None]:
     before = set(_used)
     yield
     if cache.enabled():
+        fresh = [(name, key) for key, name in _used.items() if key not in before]
         for place in _places(occasion, of):
             listed = cache.load(_OCCASIONS, place) or []
-            used = [(name, key) for name, key in listed if key in _used]
-            used += [
-                (name, key) for key, name in _used.items() if key not in before and (name, key) not in used
-            ]
+            used = list(dict.fromkeys([*((name, key) for name, key in listed if key in _used), *fresh]))
             if used != listed:
                 cache.store(_OCCASIONS, place, used)
 
@@ -285,9 +292,7 @@ def preload(occasion: str, of: str = "") -> None:
     if not cache.enabled():
         return
     lists = (cache.load(_OCCASIONS, place) for place in _places(occasion, of))
-    listed = [
-        (name, key) for name, key in next(filter(None, lists), ()) if key not in _used and key not in _early
-    ]
+    listed = [(name, key) for name, key in next(filter(None, lists), ()) if key not in {**_used, **_early}]
     if listed:
         pool = ThreadPoolExecutor(_THREADS, "auvplan-preload")
         for name, key in listed:
@@ -311,41 +316,40 @@ def _kind(leaf: Any) -> Any:
     return type(leaf) if isinstance(leaf, bool | int | float | complex) else None
 
 
-def _token(value: Any) -> str | None:
-    """Return a value in words that are the same in every process; None where there are none."""
+def _token(value: Any) -> str:
+    """Return a value in words that are the same in every process.
+
+    Raises:
+        TypeError: there are none.
+    """
     if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.dtype):
         return repr(value)
     if isinstance(value, enum.Enum):
         return f"{type(value).__qualname__}.{value.name}"
     if isinstance(value, tuple | list):
-        parts = [_token(item) for item in value]
+        parts = value
     elif isinstance(value, dict):
-        parts = [_token(item) for pair in value.items() for item in pair]
+        parts = chain.from_iterable(value.items())
     elif dataclasses.is_dataclass(value) and _is_ours(type(value)):
-        parts = [_token(getattr(value, field.name)) for field in dataclasses.fields(value)]
+        parts = (getattr(value, field.name) for field in dataclasses.fields(value))
     else:
-        return None
-    if None in parts:
-        return None
-    return f"{type(value).__qualname__}({','.join(map(str, parts))})"
+        raise TypeError(f"{type(value).__name__} has no token")
+    return f"{type(value).__qualname__}({','.join(map(_token, parts))})"
 
 
-def _tree_token(tree: Any) -> str | None:
+def _tree_token(tree: Any) -> str:
     """Return the form of a pytree in such words."""
     data = tree.node_data()
     if data is None:
         return "*"
     kind, aux = data
     if not _is_ours(kind):
-        return None
+        raise TypeError(f"{kind.__name__} has no token")
     if hasattr(kind, "fingerprint"):
-        own = tree.unflatten([None] * tree.num_leaves).fingerprint()
+        own = tree.unflatten([None] * tree.num_leaves).fingerprint()  # None, a TypeError below, without one
     else:
         own = _token(aux)
-    parts = [own, *map(_tree_token, tree.children())]
-    if None in parts:
-        return None
-    return f"{kind.__module__}.{kind.__qualname__}({','.join(map(str, parts))})"
+    return f"{kind.__module__}.{kind.__qualname__}({','.join([own, *map(_tree_token, tree.children())])})"
 
 
 def _is_ours(kind: type) -> bool:
@@ -372,12 +376,6 @@ def compiled(
 
 
 @functools.cache
-def _known_options(**options: Any) -> dict[str, Any]:
-    """Those of XLA's options that its version knows: they come and go."""
-    return {name: value for name, value in options.items() if _knows(name, value)}
-
-
-@functools.cache
 def _knows(name: str, value: Any) -> bool:
     """Return whether XLA compiles with an option, tried on a program of nothing."""
     try:
@@ -389,7 +387,7 @@ def _knows(name: str, value: Any) -> bool:
 
 def compilations() -> int:
     """Return how many programs this process has compiled, or taken from a cache, so far."""
-    return _count
+    return _counts.compiled
 
 
 def compile_seconds() -> float:
@@ -397,7 +395,7 @@ def compile_seconds() -> float:
 
     What `compiling_ahead` waits for does not count.
     """
-    return _waited
+    return _counts.waited
 
 
 def held() -> int:
@@ -424,9 +422,9 @@ def listening(tell: Callable[..., None]) -> Iterator[None]:
 def _announce(begun: int = 0, done: int = 0) -> None:
     """Count programs as begun or done, and notify the listeners."""
     with _counting:
-        _compiling["begun"] += begun
-        _compiling["done"] += done
-        now = dict(_compiling)
+        _counts.begun += begun
+        _counts.done += done
+        now = {"begun": _counts.begun, "done": _counts.done}
     for tell in tuple(_listeners):
         tell(**now)
 
@@ -434,37 +432,31 @@ def _announce(begun: int = 0, done: int = 0) -> None:
 @contextmanager
 def _counted_as_compilation() -> Iterator[None]:
     """Count the time until the end as `compile_seconds`, that of several threads at once but once."""
-    global _waiting, _waiting_since, _waited
     if getattr(_thread, "compiling_ahead", False):
         yield
         return
     with _counting:
-        _waiting_since = _waiting_since if _waiting else time.perf_counter()
-        _waiting += 1
+        if not _counts.waiting:
+            _counts.since = time.perf_counter()
+        _counts.waiting += 1
     try:
         yield
     finally:
         with _counting:
-            _waiting -= 1
-            if not _waiting:
-                _waited += time.perf_counter() - _waiting_since
+            _counts.waiting -= 1
+            if not _counts.waiting:
+                _counts.waited += time.perf_counter() - _counts.since
 
 
-def _book_one() -> None:
-    global _count
-    _count += 1
-
-
-def _book(event: str, duration_secs: float, **_: str | int) -> None:
+def _count_compilation(event: str, duration_secs: float, **_: str | int) -> None:
     if event == "/jax/core/compile/backend_compile_duration":
-        _book_one()
+        _counts.compiled += 1
 
 
-def _book_hit(event: str, **_: str | int) -> None:
-    global _hits
+def _count_hit(event: str, **_: str | int) -> None:
     if event == "/jax/compilation_cache/cache_hits":
-        _hits += 1
+        _counts.hits += 1
 
 
-monitoring.register_event_duration_secs_listener(_book)
-monitoring.register_event_listener(_book_hit)
+monitoring.register_event_duration_secs_listener(_count_compilation)
+monitoring.register_event_listener(_count_hit)

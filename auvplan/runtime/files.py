@@ -7,8 +7,9 @@ import secrets
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,38 +20,21 @@ from auvplan.errors import AuvplanError
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Names of the two files that hold a run.
-SUMMARY, MISSION = "summary.json", "mission.nc"
+#: Names of the two files that hold a run, and of the page that shows a result.
+SUMMARY, MISSION, REPORT = "summary.json", "mission.nc", "report.html"
 
-#: Name of the page that shows a result.
-REPORT = "report.html"
-
-#: Figures of a rehearsal, in the folder of its study.
-REHEARSAL = "rehearsal.json"
-
-#: Record of an execution on a vehicle.
-EXECUTION = "execution.json"
+#: Figures of a rehearsal, in the folder of its study, and the record of an execution on a vehicle.
+REHEARSAL, EXECUTION = "rehearsal.json", "execution.json"
 
 #: Departures as a table, and what they were planned from.
 DEPARTURES, DEPARTED = "departures.csv", "departures.json"
 
 #: Names of the other files of a run, as patterns.
 RESULTS = (
-    REPORT,
-    "itinerary.*",
-    "sheet.html",
-    "sheet.pdf",
-    "mission.png",
-    "timeline.png",
-    "currents.png",
-    "obstacles.png",
-    "convergence.png",
-    "currents-[0-9]*.png",
-    "obstacles-[0-9]*.png",
-    "convergence-[0-9]*.png",
-    "mission.gif",
-    "mission.mp4",
-)
+    REPORT, "itinerary.*", "sheet.html", "sheet.pdf",
+    "mission.png", "mission.gif", "mission.mp4", "timeline.png",
+    *(f"{name}{leg}.png" for name in ("currents", "obstacles", "convergence") for leg in ("", "-[0-9]*")),
+)  # fmt: skip
 
 #: Larger summaries are no summaries.
 _MAX_SUMMARY_BYTES = 50_000_000
@@ -68,7 +52,6 @@ _HEAPS = 64 << 20
 #: A file of results that claims more bytes of values than either of these, the latter times its own size, is
 #: none: it would fill the memory.
 _MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 27, 100
-
 
 #: Larger files are known by name and size alone, bytes.
 _HASHED = 500_000_000
@@ -122,7 +105,11 @@ def whole_result(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         yield partial
-        _take_over(partial, target)
+        # What makes earlier results a run goes first, and comes last.
+        for stale in chain.from_iterable(target.glob(name) for name in (SUMMARY, MISSION, *RESULTS)):
+            stale.unlink()
+        for file in sorted(partial.iterdir(), key=lambda file: (file.name == SUMMARY, file.name == MISSION)):
+            os.replace(file, target / file.name)
     except OSError as error:
         raise OutputError(f"cannot write to folder {path}: {_reason(error)}") from None
     finally:
@@ -138,16 +125,6 @@ def _alive(partial: Path) -> bool:
     except OSError:
         pass
     return True
-
-
-def _take_over(partial: Path, target: Path) -> None:
-    """Remove an earlier run's results, that which makes them a result first, and move the new ones in."""
-    for name in (SUMMARY, MISSION, *RESULTS):
-        for stale in target.glob(name):
-            stale.unlink()
-    fresh = sorted(partial.iterdir(), key=lambda file: (file.name == SUMMARY, file.name == MISSION))
-    for file in fresh:
-        os.replace(file, target / file.name)
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
@@ -306,15 +283,11 @@ def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
         path: of the file. What h5py raises on a damaged one is passed on.
         fault: raised with one line that names the file and, of HDF5, the variable.
     """
-    with open(path, "rb") as file:
-        start = file.read(4)
-    if not start.startswith(b"CDF"):
-        _require_whole_hdf5(path, fault)
-
-
-def _require_whole_hdf5(path: str | Path, fault: type[AuvplanError]) -> None:
     import h5py
 
+    with open(path, "rb") as content:
+        if content.read(3) == b"CDF":
+            return
     if _has_endless_heap(Path(path)):
         raise fault(f"{path}: damaged: a collection of its values has no end")
     with h5py.File(path, "r") as file:
@@ -335,8 +308,11 @@ def _require_whole_hdf5(path: str | Path, fault: type[AuvplanError]) -> None:
                 if isinstance(part, h5py.Group) and hash(part.id) not in seen:
                     seen.add(hash(part.id))
                     left.append((f"{where}/", part))
-                elif isinstance(part, h5py.Dataset) and _is_elsewhere(part):
-                    raise fault(f"{path}: the values of {where[:100]} lie in another file, which is not read")
+                elif isinstance(part, h5py.Dataset):
+                    sources = part.virtual_sources() if part.is_virtual else ()
+                    if part.external or any(source.file_name != "." for source in sources):
+                        line = f"the values of {where[:100]} lie in another file, which is not read"
+                        raise fault(f"{path}: {line}")
 
 
 def _has_endless_heap(path: Path) -> bool:
@@ -361,13 +337,6 @@ def _has_endless_heap(path: Path) -> bool:
     return False
 
 
-def _is_elsewhere(part: Any) -> bool:
-    """Return whether a variable's values lie in another file."""
-    if part.external:
-        return True
-    return part.is_virtual and any(source.file_name != "." for source in part.virtual_sources())
-
-
 def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
     """Write a NetCDF file, compressed, under a temporary name that is moved into place.
 
@@ -375,19 +344,12 @@ def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
         OutputError: the operating system refused; one line that names the file.
     """
     encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-    # HDF5 crashes the process where the disk is full: it writes to memory.
-    with _local_lock():
+    # HDF5 crashes the process where the disk is full: it writes to memory. On a Dask worker xarray would ask
+    # the cluster for a lock on the file by its name, and one in memory has none.
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="threads"):
         content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
     return write_atomically(path, lambda part: part.write_bytes(content))
-
-
-def _local_lock() -> AbstractContextManager[Any]:
-    """Keep xarray from asking a cluster for a lock on the file, as it does on a Dask worker.
-
-    It does so by the file's name, and one in memory has none that the cluster could know.
-    """
-    dask = sys.modules.get("dask")
-    return nullcontext() if dask is None else dask.config.set(scheduler="threads")
 
 
 def _encoding(variable: "xr.Variable") -> dict[str, Any]:

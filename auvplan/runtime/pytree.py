@@ -1,4 +1,4 @@
-"""Pytrees whose constructors complete what they are given; kinds of arrays in them."""
+"""Pytrees whose constructors complete what they are given; kinds of arrays in them, and their tangents."""
 
 from dataclasses import fields
 from typing import Any, TypeVar
@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 
 T = TypeVar("T", bound=type)
 
@@ -37,3 +38,24 @@ def register_without_init(cls: T) -> T:
 def row_kinds(tree: Any) -> Any:
     """Return the shapes and types that the rows of a batch have, without looking at its arrays."""
     return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf)[1:], jnp.result_type(leaf)), tree)
+
+
+def is_symbolic_zero(tangents: Any) -> bool:
+    """Return whether none of the arguments behind a tree of tangents is differentiated.
+
+    For rules of `jax.custom_jvp` with symbolic zeros, as is `instantiated`.
+    """
+    return all(isinstance(tangent, SymbolicZero) for tangent in jax.tree.leaves(tangents))
+
+
+def instantiated(tangents: Any, primals: Any) -> Any:
+    """Return the same tree of tangents with arrays in place of symbolic zeros."""
+
+    def dense(tangent: Any, primal: jax.Array) -> Any:
+        if not isinstance(tangent, SymbolicZero):
+            return tangent
+        if not jnp.issubdtype(primal.dtype, jnp.inexact):
+            return np.zeros(primal.shape, jax.dtypes.float0)  # what JAX asks for where nothing can change
+        return jnp.zeros_like(primal)
+
+    return jax.tree.map(dense, tangents, primals)

@@ -5,35 +5,101 @@ rest then lacks only because of what was taken out is not reported.
 """
 
 import difflib
+from collections.abc import Iterable
 from copy import deepcopy
-from typing import Any, TypeVar, get_args
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from auvplan.errors import AuvplanError, RuleError
-from auvplan.scenario.findings import Finding, finding_at, in_order
 from auvplan.scenario.places import SWAPPED, localised
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
-from auvplan.scenario.yaml_lines import Document, Path, short, value_at
+from auvplan.scenario.yaml_lines import Document, Path, Place, short, value_at
 
-#: Paths of the fields that a rule between fields looks at.
-Concerns = tuple[Path, ...]
+#: Characters of a reason that are shown.
+_LONGEST = 500
 
+Severity = Literal["error", "warning", "note"]
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Finding]]:
-    """Return a document as a model, or all that is wrong with its fields, in their order in the file."""
-    checked, faults, _ = check_what_is_left(document, model)
-    return (None if faults else checked), faults
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, may not be meant, or was assumed.
+
+    Attributes:
+        field: dotted, such as "mission.time_available"; empty for the file as a whole.
+        reason: one line.
+        place: line and column in the file, from 1, or None.
+        severity: an error stands in the way of a mission.
+    """
+
+    field: str
+    reason: str
+    place: Place | None = None
+    severity: Severity = "error"
+
+    def line(self, source: str) -> str:
+        """As compilers write it: `FILE:LINE:COL field: reason`; the reason alone of what is no field's."""
+        if self.severity != "error" and not self.field:
+            return self.reason
+        where = source if self.place is None else f"{source}:{self.place[0]}:{self.place[1]}"
+        return " ".join(f"{where} {self.field or 'scenario'}: {self.reason}".split())
 
 
-def check_what_is_left(
-    document: Document, model: type[_Model]
-) -> tuple[_Model | None, list[Finding], set[Path]]:
+def finding_at(
+    path: Path, reason: str, document: Document, place: Place | None = None, severity: Severity = "error"
+) -> Finding:
+    """Return a finding on a value in a document."""
+    line = " ".join(reason.split())
+    line = line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."
+    # One word that can be printed, whatever the keys hold.
+    parts = [str(part) for part in path]
+    parts = [one if one.isprintable() and len(one) <= 80 else ascii(one[:80])[1:-1] for one in parts]
+    return Finding(".".join(parts), line, place or document.place(path), severity)
+
+
+def in_order(findings: Iterable[Finding]) -> list[Finding]:
+    """As they stand in the file, those without a place last; each once."""
+    return sorted(dict.fromkeys(findings), key=lambda finding: finding.place or (1 << 30, 0))
+
+
+def first_of(findings: list[Finding], source: str, is_file: bool) -> str:
+    """Return the first finding on one line that names the file, and how many more there are."""
+    first, more = findings[0], len(findings) - 1
+    where = f"{source}:{first.place[0]}" if first.place is not None else source
+    line = f"{where}: {first.field or 'scenario'}: {first.reason}"
+    if not more:
+        return line
+    return f"{line} (and {more} more{f': auvplan validate {source} lists all' if is_file else ''})"
+
+
+@dataclass
+class _Fault:
+    """A value that pydantic, or a rule between fields, refuses."""
+
+    path: Path
+    kind: str
+    reasons: list[str]  # of each alternative
+    got: str = ""
+    concerns: tuple[Path, ...] = field(default=())  # the fields that a rule looks at
+
+    @property
+    def reason(self) -> str:
+        return " or ".join(self.reasons) + self.got
+
+    def follows(self, taken: set[Path]) -> bool:
+        """Return whether what was taken out may be all that is wrong."""
+        if self.kind == "rule":
+            return any(out[: len(of)] == of[: len(out)] for out in taken for of in self.concerns)
+        return self.path[:2] in taken or self.path[:1] in taken
+
+
+def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Finding], set[Path]]:
     """Return a document as a model without the values that are at fault, the faults, and what was taken out.
 
-    The model is None where nothing sound is left.
+    The faults are in their order in the file. The model is None where nothing sound is left.
     """
     faults = [finding_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
@@ -46,66 +112,51 @@ def check_what_is_left(
         try:
             return model.model_validate(plain), in_order(faults), taken
         except ValidationError as error:
-            found = _merged(error, plain, model)
+            found = _faults_of(error, plain, model)
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
             return None, in_order([*faults, finding_at((), line, document)]), taken
-        before = _count(plain), len(taken)
-        for path, reason, kind, concerns in found:
-            # What was taken out may be all that is wrong.
-            follows = path[:2] in taken or path[:1] in taken
-            if kind == "rule":
-                follows = any(out[: len(of)] == of[: len(out)] for out in taken for of in concerns)
-            if reason and not follows:
-                hint = _swap_hint(path, reason, document.data)
-                key = document.keys.get(path) if kind == "extra_forbidden" else None
-                faults.append(finding_at(path, reason + hint, document, key))
-        for path, _, kind, _ in found:
-            _take_out(plain, path, kind, taken)
-        if (_count(plain), len(taken)) == before:
+        for fault in found:
+            if fault.reason and not fault.follows(taken):
+                hint = _swap_hint(fault.path, fault.reason, document.data)
+                key = document.keys.get(fault.path) if fault.kind == "extra_forbidden" else None
+                faults.append(finding_at(fault.path, fault.reason + hint, document, key))
+        gone = [_take_out(plain, fault, taken) for fault in found]
+        if not any(gone):
             return None, in_order(faults), taken
 
 
-def _merged(
-    error: ValidationError, plain: dict[str, Any], model: type[BaseModel]
-) -> list[tuple[Path, str, str, Concerns]]:
-    """Path, reason, kind and fields concerned of the faults found; alternatives of one value become one."""
-    merged: dict[Path, tuple[list[str], str, str, Concerns]] = {}
+def _faults_of(error: ValidationError, plain: dict[str, Any], model: type[BaseModel]) -> list[_Fault]:
+    """Return what pydantic has found; alternatives of one value are one fault."""
+    merged: dict[Path, _Fault] = {}
     for found in error.errors(include_url=False):
-        path, reason, kind, got, concerns = _read_error(found, plain, model)
-        reasons, *_ = merged.setdefault(path, ([], kind, got, concerns))
-        if reason not in reasons:
-            reasons.append(reason)
-    return [
-        (path, " or ".join(reasons) + got, kind, concerns)
-        for path, (reasons, kind, got, concerns) in merged.items()
-    ]
+        fault = _read_error(found, plain, model)
+        known = merged.setdefault(fault.path, fault)
+        known.reasons += [reason for reason in fault.reasons if reason not in known.reasons]
+    return list(merged.values())
 
 
-def _read_error(
-    found: Any, plain: dict[str, Any], model: type[BaseModel]
-) -> tuple[Path, str, str, str, Concerns]:
-    """Path, reason, kind, what was got and fields concerned of one of pydantic's errors."""
-    path, kind = found["loc"], found["type"]
+def _read_error(found: Any, plain: dict[str, Any], model: type[BaseModel]) -> _Fault:
+    """Return one of pydantic's errors in our words."""
+    path, kind, message = found["loc"], found["type"], found["msg"]
     if kind == "value_error":
         error = found["ctx"]["error"]
         reason = error.reason if isinstance(error, AuvplanError) else str(error)
         if len(path) > 1 or not isinstance(error, RuleError):
             at = (*path, *error.field.split(".")) if isinstance(error, AuvplanError) and error.field else path
-            return _known_part(at, plain), reason, kind, "", ()
+            return _Fault(_known_part(at, plain), kind, [reason])
         concerns = tuple((*path, *name.split(".")) for name in (error.field, *error.concerns))
-        return concerns[0], reason, "rule", "", concerns
+        return _Fault(concerns[0], "rule", [reason], concerns=concerns)
     if kind == "extra_forbidden":
-        return path, unknown_key(path, model), kind, "", ()
+        return _Fault(path, kind, [unknown_key(path, model)])
+    if kind == "missing" and isinstance(path[-1], int):
+        return _Fault(path[:-1], "value", [f"has too few entries: {len(value_at(plain, path[:-1]))}"])
     if kind == "missing":
-        if isinstance(path[-1], int):
-            return path[:-1], f"has too few entries: {len(value_at(plain, path[:-1]))}", "value", "", ()
-        return path, "is missing", kind, "", ()
-    message = found["msg"]
+        return _Fault(path, kind, ["is missing"])
     if kind in ("model_type", "model_attributes_type"):
         message = "must be a section of fields"
     got = "" if isinstance(found["input"], dict | list | tuple) else f", got {short(found['input'])}"
-    return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got, ()
+    return _Fault(_known_part(path, plain), kind, [message.replace("Input should", "must", 1)], got)
 
 
 def unknown_key(path: Path, model: type[BaseModel]) -> str:
@@ -142,47 +193,45 @@ def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
 def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
     """Return what to add where longitude and latitude of the site or of a place are swapped; or nothing."""
     site = data.get("site")
-    if path == ("site", "latitude") and isinstance(site, dict):
-        turned = site | {"longitude": site.get("latitude"), "latitude": site.get("longitude")}
-        try:
-            SiteSettings.model_validate(turned)
-        except ValueError:
-            return ""
-        return SWAPPED
-    if path not in (("mission", "start"), ("mission", "goal")) or "outside the area" not in reason:
-        return ""
-    place = value_at(data, path)
-    if not isinstance(place, dict):
-        return ""
-    turned = place | {"longitude": place["latitude"], "latitude": place["longitude"]}
     try:
-        known = SiteSettings.model_validate(site).site
-        local = localised({"mission": {"start": turned}, "area": data.get("area", {})}, known)
-        area, start = Area.model_validate(local["area"]), local["mission"]["start"]
-        inside = all(a <= p <= b for a, p, b in zip(area.lower[:2], start, area.upper[:2], strict=False))
+        if path == ("site", "latitude") and isinstance(site, dict):
+            turned = {"longitude": site.get("latitude"), "latitude": site.get("longitude")}
+            SiteSettings.model_validate(site | turned)
+            return SWAPPED
+        if path in (("mission", "start"), ("mission", "goal")) and "outside the area" in reason:
+            place, known = value_at(data, path), SiteSettings.model_validate(site).site
+            area = Area.model_validate(localised({"area": data.get("area", {})}, known)["area"])
+            turned = known.to_local(place["latitude"], place["longitude"])
+            if all(a <= p <= b for a, p, b in zip(area.lower, turned, area.upper, strict=False)):
+                return ": with its longitude and latitude swapped it would lie within"
     except (TypeError, ValueError):  # one that is none either
-        return ""
-    return ": with its longitude and latitude swapped it would lie within" if inside else ""
+        pass
+    return ""
 
 
-def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) -> None:
-    """Remove the faulty value, or else its section."""
+def _take_out(plain: dict[str, Any], fault: _Fault, taken: set[Path]) -> bool:
+    """Remove a faulty value, or else its section; return whether it was there."""
+    path = fault.path
     section = plain.get(str(path[0])) if path else None
-    if kind == "missing" and isinstance(section, dict) and len(path) > 1:
-        section[path[1]] = 0.0
+    if isinstance(section, dict) and len(path) > 1 and fault.kind == "missing":
+        new, section[path[1]] = path[:2] not in taken, 0.0
         taken.add(path[:2])
-    elif isinstance(section, dict) and len(path) > 1 and path[1] in section:
+        return new
+    if isinstance(section, dict) and len(path) > 1 and path[1] in section:
         del section[path[1]]
         taken.add(path[:2])
-    elif path and path[0] in plain:
+        return True
+    if path and path[0] in plain:
         del plain[str(path[0])]
         taken.add(path[:1])
+        return True
+    return False
 
 
 def _known_part(path: Path, plain: dict[str, Any]) -> Path:
     """As much of a path as there is in the data: pydantic adds the names of alternatives."""
-    for length in range(len(path)):
-        inside, part = value_at(plain, path[:length]), path[length]
+    for length, part in enumerate(path):
+        inside = value_at(plain, path[:length])
         if isinstance(inside, list):
             known = isinstance(part, int) and part < len(inside)
         else:
@@ -190,7 +239,3 @@ def _known_part(path: Path, plain: dict[str, Any]) -> Path:
         if not known:
             return path[:length]
     return path
-
-
-def _count(plain: dict[str, Any]) -> int:
-    return sum(1 + (len(part) if isinstance(part, dict) else 0) for part in plain.values())

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.scenario.fields import check_fields
-from auvplan.scenario.findings import Finding, first_of
+from auvplan.scenario.fields import Finding, check_fields, first_of
 from auvplan.scenario.plausibility import implausible
 from auvplan.scenario.scenario import Scenario, warn_of_overrides
 from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
+from auvplan.scenario.yaml_lines import Path as YamlPath
+
+_SHIPPED = files("auvplan") / "data" / "scenarios"
 
 #: Larger files are no scenarios.
 _MAX_BYTES = 200_000
@@ -18,9 +20,11 @@ _MAX_BYTES = 200_000
 
 def shipped_scenarios() -> dict[str, Scenario]:
     """Return the scenarios that come with the package, by name."""
-    folder = files("auvplan") / "data" / "scenarios"
-    found = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
-    return {name.removesuffix(".yaml"): load_scenario(name.removesuffix(".yaml")) for name in found}
+    return {name: load_scenario(name) for name in _shipped_names()}
+
+
+def _shipped_names() -> list[str]:
+    return sorted(e.name.removesuffix(".yaml") for e in _SHIPPED.iterdir() if e.name.endswith(".yaml"))
 
 
 def load_scenario(source: str | Path = "whitsunday") -> Scenario:
@@ -46,8 +50,8 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
 
 def read_scenario(source: str | Path) -> Scenario:
     """`load_scenario` without a look at presets: for one whose settings are changed before it is used."""
-    scenario, faults, document = check_scenario(source)
-    if scenario is None:
+    scenario, faults, _, document = check_scenario(source)
+    if faults or scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
     doubtful = tuple(first_of([one], str(source), is_file=True) for one in implausible(scenario, document))
     for line in doubtful:
@@ -56,11 +60,11 @@ def read_scenario(source: str | Path) -> Scenario:
     return scenario.in_folder(path.resolve().parent if path.is_file() else scenario.folder, doubtful)
 
 
-def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], Document]:
+def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], set[YamlPath], Document]:
     """Read a scenario file, and all that is wrong with its fields.
 
     Returns:
-        The scenario, or None and at least one fault; and what the file says, with places.
+        What `check_fields` returns of it, and what the file says, with places.
 
     Raises:
         ScenarioError: the file cannot be read as text; one line that names it.
@@ -69,7 +73,7 @@ def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], 
     try:
         document = read_yaml(text)
     except YamlError as error:
-        return None, [Finding("YAML", str(error), error.place)], Document()
+        return None, [Finding("YAML", str(error), error.place)], set(), Document()
     return *check_fields(document, Scenario), document
 
 
@@ -79,8 +83,8 @@ def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenar
     Raises:
         ScenarioError: one line that names the first fault's field and reason, and how many more there are.
     """
-    scenario, faults = check_fields(Document(plain), Scenario)
-    if scenario is None:
+    scenario, faults, _ = check_fields(Document(plain), Scenario)
+    if faults or scenario is None:
         raise ScenarioError(first_of(faults, source, is_file=False))
     warn_of_overrides(scenario)
     return scenario
@@ -103,8 +107,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def _read(source: str | Path) -> str:
-    folder = files("auvplan") / "data" / "scenarios"
-    shipped, path = folder / f"{source}.yaml", Path(source)
+    shipped, path = _SHIPPED / f"{source}.yaml", Path(source)
     if path.suffix not in (".yaml", ".yml") and "/" not in str(source) and shipped.is_file():
         return shipped.read_text(encoding="utf-8")
     try:
@@ -112,8 +115,8 @@ def _read(source: str | Path) -> str:
             found = file.read(_MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "cannot be read"
-        names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in folder.iterdir()))
-        raise ScenarioError(f"{source}: {reason}; shipped scenarios: {names}") from None
+        line = f"{source}: {reason}; shipped scenarios: {', '.join(_shipped_names())}"
+        raise ScenarioError(line) from None
     if len(found) > _MAX_BYTES:
         raise ScenarioError(f"{source}: larger than {_MAX_BYTES} bytes, not a scenario")
     try:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.scenario.findings import Finding, finding_at, in_order
+from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import Document, Path
 from auvplan.site import Site, as_utc, swapped
@@ -36,11 +36,7 @@ def implausible(scenario: Scenario, document: Document) -> list[Finding]:
     given = document.data if isinstance(document.data, dict) else {}
     sections = {name: part if isinstance(part, dict) else {} for name, part in given.items()}
     found = [*_zone(sections), *_place(scenario, sections), *_time(scenario), *_idle(scenario, sections)]
-    vehicle = scenario.vehicle
-    if vehicle.speed > vehicle.surge_max:
-        line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
-        found.append((("vehicle", "speed"), f"{line}: in still water no leg can be executed"))
-    found += _vertical(scenario)
+    found += _speeds(scenario)
     return in_order(finding_at(path, reason, document, severity="warning") for path, reason in found)
 
 
@@ -49,11 +45,9 @@ def unreachable(scenario: Scenario) -> str:
     way, mission, fastest = _straight(scenario), scenario.mission, scenario.vehicle.surge_max
     if way is None or mission.time_available >= way / fastest:
         return ""
-    return (
-        f"{mission.time_available:g} s are too short: the straight way from start to goal, {way:,.0f} m, "
-        f"takes {way / fastest:,.0f} s at vehicle.surge_max, {fastest:g} m/s"
-        f"{_as_hours(mission.time_available)}"
-    )
+    line = f"{mission.time_available:g} s are too short: the straight way from start to goal, {way:,.0f} m, "
+    line += f"takes {way / fastest:,.0f} s at vehicle.surge_max, {fastest:g} m/s"
+    return line + _as_hours(mission.time_available)
 
 
 def _zone(sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
@@ -77,30 +71,22 @@ def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[
     """A site that is not where the area or the shipped chart is, and pictures whose size is not given."""
     if scenario.site is not None:
         site, (low, high) = scenario.site.site, scenario.box
-        middle = np.add(low[:2], high[:2]) / 2.0 - site.origin
-        away = float(np.hypot(*middle))
+        middle = np.add(low[:2], high[:2]) / 2.0
+        away = float(np.hypot(*(middle - site.origin)))
         if away > _FAR:
             hint, other = "", swapped(site)
-            if other is not None:
-                there = site.to_geographic(*(middle + site.origin))
-                if float(np.hypot(*np.subtract(other.to_local(*there), other.origin))) < _FAR:
-                    hint = ", and longitude and latitude seem swapped in one of them"
-            yield (
-                ("area",),
-                f"its middle lies {away / 1000.0:,.0f} km from the site, where local metres are not true"
-                f"{hint}: move the site into the area",
-            )
+            there = other and np.subtract(other.to_local(*site.to_geographic(*middle)), other.origin)
+            if there is not None and float(np.hypot(*there)) < _FAR:
+                hint = ", and longitude and latitude seem swapped in one of them"
+            line = f"its middle lies {away / 1000.0:,.0f} km from the site, where local metres are not true"
+            yield ("area",), f"{line}{hint}: move the site into the area"
         if scenario.chart.source == "whitsunday":
             from auvplan.ocean.whitsunday import CENTRE  # it loads JAX, which most scenarios need later only
 
-            home = Site(*CENTRE)
-            away = float(np.hypot(*home.to_local(site.longitude, site.latitude)))
+            away = float(np.hypot(*Site(*CENTRE).to_local(site.longitude, site.latitude)))
+            line = f"is that of the Whitsunday Islands, {away / 1000.0:,.0f} km from the site: give "
             if away > _FAR:
-                yield (
-                    ("chart",),
-                    f"is that of the Whitsunday Islands, {away / 1000.0:,.0f} km from the site: give "
-                    "chart.source, 'none' being open water",
-                )
+                yield ("chart",), f"{line}chart.source, 'none' being open water"
     if scenario.chart.source == "image" and "pixel_size" not in sections.get("chart", {}):
         size = scenario.chart.pixel_size
         yield ("chart", "image"), f"chart.pixel_size is not given: a pixel is taken as {size:g} m"
@@ -112,24 +98,21 @@ def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     path = ("mission", "time_available")
     speed, time = scenario.vehicle.speed, mission.time_available
     if way is not None and time < way / speed:
-        yield (
-            path,
-            f"{time:g} s are less than the straight way from start to goal takes in still water, "
-            f"{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}",
-        )
+        line = f"{time:g} s are less than the straight way from start to goal takes in still water, "
+        yield path, f"{line}{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}"
     elif way is None and time <= _HOURS:
         yield path, f"{time:g} s is very short for a mission{_as_hours(time)}"
 
 
-def _vertical(scenario: Scenario) -> Iterator[tuple[Path, str]]:
-    """Yield limits in the vertical that no vehicle has, and such as limit nothing."""
+def _speeds(scenario: Scenario) -> Iterator[tuple[Path, str]]:
+    """Yield speeds and limits in the vertical that no vehicle has, and such as limit nothing."""
     vehicle, pitch = scenario.vehicle, scenario.vehicle.pitch_max
+    if vehicle.speed > vehicle.surge_max:
+        line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
+        yield ("vehicle", "speed"), f"{line}: in still water no leg can be executed"
     if isinstance(pitch, float) and pitch < _FLAT:
-        yield (
-            ("vehicle", "pitch_max"),
-            f"{pitch:g} rad are {math.degrees(pitch):.2g} degrees: depth changes by "
-            f"{1000.0 * math.tan(pitch):,.0f} m in a kilometre at most",
-        )
+        deep = f"depth changes by {1000.0 * math.tan(pitch):,.0f} m in a kilometre at most"
+        yield ("vehicle", "pitch_max"), f"{pitch:g} rad are {math.degrees(pitch):.2g} degrees: {deep}"
     for name in ("climb_rate_max", "dive_rate_max"):
         rate = getattr(vehicle, name)
         if rate is not None and rate > vehicle.speed:

@@ -8,8 +8,7 @@ from typing import Any
 from pydantic import PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
-from auvplan.scenario.fields import check_fields
-from auvplan.scenario.findings import Finding, first_of
+from auvplan.scenario.fields import Finding, check_fields, first_of
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
@@ -235,8 +234,8 @@ def change_scenario(
         if not isinstance(inside, dict):
             raise ScenarioError(f"{(sources or {}).get(name, source)}: {name}: unknown key")
         inside[field] = value
-    changed, faults = check_fields(Document(plain), type(scenario))
-    if changed is None:
+    changed, faults, _ = check_fields(Document(plain), type(scenario))
+    if faults or changed is None:
         # What was given is reported before what it leads to elsewhere.
         given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
         faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))

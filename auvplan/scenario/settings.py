@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     Preset = Annotated[_Value, "None for the preset's"]
 else:
     Preset = Optional
-_FROM_PRESET: Any = None
 
 
 def _rising(pair: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -43,6 +42,11 @@ NotNegativeRange = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ri
 PriorityRange = Annotated[
     tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], AfterValidator(_rising)
 ]
+
+
+def setting(default: Any, description: str) -> Any:
+    """Return a field of a section: its default, and what it is."""
+    return Field(default=default, description=description)
 
 
 class Section(BaseModel):
@@ -85,16 +89,13 @@ class SiteSettings(Section):
 
     longitude: Annotated[float, Field(ge=-180, le=360)] = Field(description="degrees east")
     latitude: Annotated[float, Field(gt=-89, lt=89)] = Field(description="degrees north")
-    origin: tuple[Finite, Finite] = Field(
-        default=(0.0, 0.0), description="m, local north, east of this place"
-    )
-    departure: datetime | None = Field(
-        default=None, description="UTC unless it says so; if absent the first time of the current's files"
+    origin: tuple[Finite, Finite] = setting((0.0, 0.0), "m, local north, east of this place")
+    departure: datetime | None = setting(
+        None, "UTC unless it says so; if absent the first time of the current's files"
     )
 
-    timezone: str | None = Field(
-        default=None,
-        description="name of the local time zone, such as Australia/Brisbane, for the mission sheet",
+    timezone: str | None = setting(
+        None, "name of the local time zone, such as Australia/Brisbane, for the mission sheet"
     )
 
     @field_validator("timezone")
@@ -127,10 +128,8 @@ class SiteSettings(Section):
 class Area(Section):
     """Box of the mission: north, east, depth (positive down) in local metres, or corners by place."""
 
-    lower: Point = Field(default=(0.0, 0.0, 0.0), description="south-western corner at the least depth")
-    upper: Point = Field(
-        default=(10_000.0, 10_000.0, 1000.0), description="north-eastern corner at the greatest depth"
-    )
+    lower: Point = setting((0.0, 0.0, 0.0), "south-western corner at the least depth")
+    upper: Point = setting((10_000.0, 10_000.0, 1000.0), "north-eastern corner at the greatest depth")
 
     @model_validator(mode="after")
     def _ordered(self) -> "Area":
@@ -149,9 +148,9 @@ class ColourSettings(Section):
     Where water and land are both given, every tone of the picture takes the class of the nearest colour.
     """
 
-    water: Colours = Field(default=(), description="of water, such as [white, lightblue]")
-    land: Colours = Field(default=(), description="of land")
-    uncertain: Colours = Field(default=(), description="of uncertain area, such as shoals")
+    water: Colours = setting((), "of water, such as [white, lightblue]")
+    land: Colours = setting((), "of land")
+    uncertain: Colours = setting((), "of uncertain area, such as shoals")
 
     @field_validator("water", "land", "uncertain", mode="before")
     @classmethod
@@ -177,52 +176,46 @@ class ColourSettings(Section):
 class ChartSettings(Section):
     """Where the coast comes from."""
 
-    source: Literal["whitsunday", "image", "raster", "polygons", "enc", "current", "none"] = Field(
-        default="whitsunday",
-        description="'image': a picture without a place; 'raster': a GeoTIFF or a picture with a world "
+    source: Literal["whitsunday", "image", "raster", "polygons", "enc", "current", "none"] = setting(
+        "whitsunday",
+        "'image': a picture without a place; 'raster': a GeoTIFF or a picture with a world "
         "file; 'polygons': land as GeoJSON; 'enc': S-57 cells; 'current': where the current's file has no "
         "water; 'none': open water",
     )
-    image: str | None = Field(default=None, description="path, relative to the scenario file, of 'image'")
-    file: str | None = Field(
-        default=None,
-        description="path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells",
+    image: str | None = setting(None, "path, relative to the scenario file, of 'image'")
+    file: str | None = setting(
+        None, "path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells"
     )
-    crs: str | None = Field(
-        default=None, description="reference system of a raster that names none, such as EPSG:32755"
+    crs: str | None = setting(None, "reference system of a raster that names none, such as EPSG:32755")
+    uncertain: str | None = setting(
+        None, "path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
     )
-    uncertain: str | None = Field(
-        default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
+    fringe: NotNegative = setting(0.0, "m of uncertain area along the coast ('polygons')")
+    safety_depth: NotNegative = setting(
+        5.0, "m below the chart's datum; water that may be shallower is closed ('enc')"
     )
-    fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
-    safety_depth: NotNegative = Field(
-        default=5.0, description="m below the chart's datum; water that may be shallower is closed ('enc')"
+    hazard_radius: Positive = setting(
+        50.0, "m, of rocks, wrecks and obstructions that are points or lines on the chart ('enc')"
     )
-    hazard_radius: Positive = Field(
-        default=50.0,
-        description="m, of rocks, wrecks and obstructions that are points or lines on the chart ('enc')",
-    )
-    colours: ColourSettings = Field(
-        default=ColourSettings(),
-        description="what a picture's colours stand for ('image', 'raster'); found by rules if absent, which "
+    colours: ColourSettings = setting(
+        ColourSettings(),
+        "what a picture's colours stand for ('image', 'raster'); found by rules if absent, which "
         "know blue water and refuse what they are not sure of",
     )
-    no_go: str | None = Field(
-        default=None,
-        description="path of GeoJSON polygons that are closed; those with the properties from and to, or "
+    no_go: str | None = setting(
+        None,
+        "path of GeoJSON polygons that are closed; those with the properties from and to, or "
         "windows, at these hours",
     )
-    no_go_windows: str | None = Field(
-        default=None,
-        description="when polygons of no_go that have no hours are closed, 'from/to, from/to' as "
+    no_go_windows: str | None = setting(
+        None,
+        "when polygons of no_go that have no hours are closed, 'from/to, from/to' as "
         "windows of jobs; always if absent",
     )
-    pixel_size: Positive = Field(default=10.0, description="m")
-    accuracy: NotNegative = Field(
-        default=0.0, description="m, of the coast; distances to it are stated no finer. 0: not known"
-    )
-    window: tuple[int, int, int, int] | None = Field(
-        default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
+    pixel_size: Positive = setting(10.0, "m")
+    accuracy: NotNegative = setting(0.0, "m, of the coast; distances to it are stated no finer. 0: not known")
+    window: tuple[int, int, int, int] | None = setting(
+        None, "first row (north), first column (east), rows, columns to cut out, pixels"
     )
 
     @model_validator(mode="after")
@@ -241,23 +234,21 @@ class ChartSettings(Section):
 class BathymetrySettings(Section):
     """The sea bed, from which the vehicle keeps its distance."""
 
-    source: Literal["none", "file", "current", "chart"] = Field(
-        default="none",
-        description="'current': as the current's file has it; 'chart': the least depths of the depth areas "
+    source: Literal["none", "file", "current", "chart"] = setting(
+        "none",
+        "'current': as the current's file has it; 'chart': the least depths of the depth areas "
         "of S-57 cells (chart.source 'enc')",
     )
-    file: str | None = Field(default=None, description="path of a NetCDF file, a GeoTIFF or another raster")
-    crs: str | None = Field(
-        default=None, description="reference system of a raster that names none, such as EPSG:32755"
+    file: str | None = setting(None, "path of a NetCDF file, a GeoTIFF or another raster")
+    crs: str | None = setting(None, "reference system of a raster that names none, such as EPSG:32755")
+    variable: str | None = setting(None, "of the NetCDF file; found by its name if absent")
+    positive: Literal["up", "down"] | None = setting(
+        None, "direction in which values grow, where the file does not state it"
     )
-    variable: str | None = Field(default=None, description="of the NetCDF file; found by its name if absent")
-    positive: Literal["up", "down"] | None = Field(
-        default=None, description="direction in which values grow, where the file does not state it"
-    )
-    pixel_size: Positive | None = Field(default=None, description="m; half of the source's spacing if absent")
-    water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = Field(
-        default=None,
-        description="m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
+    pixel_size: Positive | None = setting(None, "m; half of the source's spacing if absent")
+    water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = setting(
+        None,
+        "m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
         "files, where they have it and it is below the datum, else 0",
     )
 
@@ -290,26 +281,25 @@ class TransitAltitude(Section):
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
-    speed: Positive = Field(default=2.5, description="m/s through the water")
-    surge_max: Positive = Field(default=5.0, description="m/s, of the ground speed along the track")
-    sway_max: Positive = Field(default=1.5, description="m/s, of the current across the track")
-    turn_rate_max: Positive = Field(default=0.1, description="rad/s")
-    pitch_max: PitchLimit | None = Field(
-        default=None,
-        description="rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), "
-        "paper 'none'",
+    speed: Positive = setting(2.5, "m/s through the water")
+    surge_max: Positive = setting(5.0, "m/s, of the ground speed along the track")
+    sway_max: Positive = setting(1.5, "m/s, of the current across the track")
+    turn_rate_max: Positive = setting(0.1, "rad/s")
+    pitch_max: PitchLimit | None = setting(
+        None,
+        "rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), paper 'none'",
     )
-    climb_rate_max: Positive | None = Field(
-        default=None, description="m/s, of the vertical speed over ground upwards; no limit if absent"
+    climb_rate_max: Positive | None = setting(
+        None, "m/s, of the vertical speed over ground upwards; no limit if absent"
     )
-    dive_rate_max: Positive | None = Field(
-        default=None, description="m/s, of the vertical speed over ground downwards; no limit if absent"
+    dive_rate_max: Positive | None = setting(
+        None, "m/s, of the vertical speed over ground downwards; no limit if absent"
     )
-    depth_min: NotNegative = Field(default=0.0, description="m")
-    depth_max: Positive | None = Field(default=None, description="m; the area's if absent")
-    transit_depth: NotNegative | TransitAltitude | None = Field(
-        default=None,
-        description="m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
+    depth_min: NotNegative = setting(0.0, "m")
+    depth_max: Positive | None = setting(None, "m; the area's if absent")
+    transit_depth: NotNegative | TransitAltitude | None = setting(
+        None,
+        "m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
         "the depths at which they are quickest",
     )
 
@@ -320,45 +310,41 @@ class CurrentSettings(Section):
     Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
     """
 
-    source: Literal["vortices", "file", "harmonic"] = Field(
-        default="vortices",
-        description="'vortices': random Lamb vortices; 'file': an ocean model's files; 'harmonic': tidal "
-        "constituents",
+    source: Literal["vortices", "file", "harmonic"] = setting(
+        "vortices",
+        "'vortices': random Lamb vortices; 'file': an ocean model's files; 'harmonic': tidal constituents",
     )
-    files: str | tuple[str, ...] | None = Field(
-        default=None,
-        description="path, pattern or paths of the forecast, relative to the scenario file ('file')",
+    files: str | tuple[str, ...] | None = setting(
+        None, "path, pattern or paths of the forecast, relative to the scenario file ('file')"
     )
-    constituents: str | None = Field(
-        default=None, description="path of a YAML file of tidal constituents ('harmonic')"
+    constituents: str | None = setting(None, "path of a YAML file of tidal constituents ('harmonic')")
+    truth: str | tuple[str, ...] | None = setting(
+        None, "the same of the true current; the forecast if absent ('file')"
     )
-    truth: str | tuple[str, ...] | None = Field(
-        default=None, description="the same of the true current; the forecast if absent ('file')"
+    outside: Literal["refuse", "clamp"] = setting(
+        "refuse", "what is done where the files do not reach: 'clamp' holds the nearest"
     )
-    outside: Literal["refuse", "clamp"] = Field(
-        default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
+    spacing: Positive | None = setting(None, "m of the local grid; the files' if absent")
+    crs: int | str | None = setting(
+        None, "projection of the files' coordinates, such as 32633, if they name none"
     )
-    spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
-    crs: int | str | None = Field(
-        default=None, description="projection of the files' coordinates, such as 32633, if they name none"
-    )
-    epoch: datetime | None = Field(
-        default=None, description="UTC, the moment that the files' times count from, if they name none"
+    epoch: datetime | None = setting(
+        None, "UTC, the moment that the files' times count from, if they name none"
     )
     vortices: Annotated[int, Field(ge=0, le=64, description="in each layer")] = 12
     layers: Annotated[int, Field(ge=1, le=10, description="of vortices, spread over the area's depths")] = 3
-    radius: PositiveRange = Field(default=(500.0, 1500.0), description="m")
-    peak_speed: NotNegative = Field(default=1.25, description="m/s")
-    vertical_scale: NotNegative = Field(default=5.0, description="gamma of Eq. 1, m")
-    uniform: Velocity = Field(default=(0.0, 0.0, 0.0), description="m/s north, east, down, added everywhere")
-    update_interval: Positive = Field(default=600.0, description="s")
-    update_rate: NotNegative = Field(default=1.0, description="U_R^C of Eq. 2")
-    center_std: NotNegative = Field(default=50.0, description="m per update")
-    radius_std: NotNegative = Field(default=20.0, description="m per update")
-    strength_std: NotNegative = Field(default=0.05, description="share per update")
-    forecast_error: NotNegative = Field(
-        default=0.02,
-        description="relative error of the forecast; of files, that of random vortices which are "
+    radius: PositiveRange = setting((500.0, 1500.0), "m")
+    peak_speed: NotNegative = setting(1.25, "m/s")
+    vertical_scale: NotNegative = setting(5.0, "gamma of Eq. 1, m")
+    uniform: Velocity = setting((0.0, 0.0, 0.0), "m/s north, east, down, added everywhere")
+    update_interval: Positive = setting(600.0, "s")
+    update_rate: NotNegative = setting(1.0, "U_R^C of Eq. 2")
+    center_std: NotNegative = setting(50.0, "m per update")
+    radius_std: NotNegative = setting(20.0, "m per update")
+    strength_std: NotNegative = setting(0.05, "share per update")
+    forecast_error: NotNegative = setting(
+        0.02,
+        "relative error of the forecast; of files, that of random vortices which are "
         "added to the forecast, as a share of its largest speed (none if not given)",
     )
 
@@ -383,27 +369,23 @@ class CurrentSettings(Section):
 class ObstacleSettings(Section):
     """Obstacles that are known before the mission: plans keep clear of them and vehicle files fence them."""
 
-    file: str | None = Field(
-        default=None,
-        description="path of GeoJSON points with radius, and depth_min, depth_max, course and speed where "
-        "they have them",
+    file: str | None = setting(
+        None,
+        "path of GeoJSON points with radius, and depth_min, depth_max, course and speed where they have them",
     )
 
 
 class SafetySettings(Section):
     """What every path keeps, and how a vehicle's mission ends."""
 
-    coast: NotNegative = Field(default=10.0, description="m, least distance of paths to the coast")
-    obstacles: NotNegative = Field(
-        default=5.0, description="m, least distance of paths to the boundaries of obstacles"
+    coast: NotNegative = setting(10.0, "m, least distance of paths to the coast")
+    obstacles: NotNegative = setting(5.0, "m, least distance of paths to the boundaries of obstacles")
+    seabed: NotNegative = setting(5.0, "m, least height of paths above the sea bed")
+    closing: NotNegative = setting(
+        60.0, "s, how long before an area closes, and after it opens, no path is in it"
     )
-    seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
-    closing: NotNegative = Field(
-        default=60.0, description="s, how long before an area closes, and after it opens, no path is in it"
-    )
-    end: Literal["surface", "station", "loiter"] = Field(
-        default="surface",
-        description="at the destination: surface there, or keep station or loiter at its depth until told",
+    end: Literal["surface", "station", "loiter"] = setting(
+        "surface", "at the destination: surface there, or keep station or loiter at its depth until told"
     )
 
 
@@ -413,8 +395,8 @@ class SimulatedObstacles(Section):
     static: Annotated[int, Field(ge=0, le=50, description="that stay where they are, on each leg")] = 2
     afloat: Annotated[int, Field(ge=0, le=50, description="that the current carries")] = 2
     self_motivated: Annotated[int, Field(ge=0, le=50, description="that move by themselves as well")] = 2
-    radius: PositiveRange = Field(default=(20.0, 60.0), description="m")
-    speed: NotNegative = Field(default=0.3, description="m/s, own speed of self-motivated ones")
+    radius: PositiveRange = setting((20.0, 60.0), "m")
+    speed: NotNegative = setting(0.3, "m/s, own speed of self-motivated ones")
 
     @property
     def total(self) -> int:
@@ -431,55 +413,54 @@ class SimulationSettings(Section):
 class SensorSettings(Section):
     """What the vehicle knows of obstacles, before and within sensor range."""
 
-    range: NotNegative = Field(default=600.0, description="m")
-    interval: Positive = Field(default=30.0, description="s between looks")
-    prior_std: NotNegative = Field(default=10.0, description="m, position and radius, known beforehand")
-    position_std: NotNegative = Field(default=2.0, description="m, within range")
-    velocity_std: NotNegative = Field(default=0.03, description="m/s")
-    growth: NotNegative = Field(default=0.1, description="m/s, growth of the boundary since the last look")
-    growth_max: NotNegative = Field(
-        default=24.0, description="m; what grows while a vehicle travels as far as its sensors reach"
+    range: NotNegative = setting(600.0, "m")
+    interval: Positive = setting(30.0, "s between looks")
+    prior_std: NotNegative = setting(10.0, "m, position and radius, known beforehand")
+    position_std: NotNegative = setting(2.0, "m, within range")
+    velocity_std: NotNegative = setting(0.03, "m/s")
+    growth: NotNegative = setting(0.1, "m/s, growth of the boundary since the last look")
+    growth_max: NotNegative = setting(
+        24.0, "m; what grows while a vehicle travels as far as its sensors reach"
     )
 
 
 class MissionSettings(Section):
     """The task graph: random waypoints in the water, each linked to its nearest, or jobs from a file."""
 
-    jobs: str | None = Field(
-        default=None,
-        description="path of jobs: GeoJSON, CSV, GPX, KML or QGroundControl's .plan; waypoints, priority, "
+    jobs: str | None = setting(
+        None,
+        "path of jobs: GeoJSON, CSV, GPX, KML or QGroundControl's .plan; waypoints, priority, "
         "duration count for none then",
     )
     waypoints: Annotated[
         int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg, no task")
     ] = 40
-    neighbours: Annotated[int, Field(ge=1, le=100)] | None = Field(
-        default=None,
-        description="nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all",
+    neighbours: Annotated[int, Field(ge=1, le=100)] | None = setting(
+        None, "nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all"
     )
-    priority: PriorityRange = Field(default=(1, 5), description="least and greatest")
-    duration: NotNegativeRange = Field(default=(30.0, 300.0), description="s")
-    time_available: Positive = Field(default=14_400.0, description="s")
-    lines: Literal["part", "whole"] = Field(
-        default="part",
-        description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
+    priority: PriorityRange = setting((1, 5), "least and greatest")
+    duration: NotNegativeRange = setting((30.0, 300.0), "s")
+    time_available: Positive = setting(14_400.0, "s")
+    lines: Literal["part", "whole"] = setting(
+        "part",
+        "survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
         "surveyed from one end to the other, and left only where nothing else is possible",
     )
-    line_tolerance: Positive = Field(
-        default=10.0,
-        description="m off a survey line within which it is surveyed; what is passed farther off, around an "
+    line_tolerance: Positive = setting(
+        10.0,
+        "m off a survey line within which it is surveyed; what is passed farther off, around an "
         "obstacle, does not count",
     )
-    wait: Literal["station", "loiter", "none"] = Field(
-        default="station",
-        description="what a vehicle does that comes before a task's time window: keep station, loiter, or "
+    wait: Literal["station", "loiter", "none"] = setting(
+        "station",
+        "what a vehicle does that comes before a task's time window: keep station, loiter, or "
         "'none', which takes no way that leads there too early",
     )
-    waypoint_clearance: NotNegative = Field(
-        default=150.0, description="m, least distance to the coast of waypoints that are drawn"
+    waypoint_clearance: NotNegative = setting(
+        150.0, "m, least distance to the coast of waypoints that are drawn"
     )
-    start: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
-    goal: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
+    start: Point | None = setting(None, "m north, east, depth; drawn if absent")
+    goal: Point | None = setting(None, "m north, east, depth; drawn if absent")
 
     @model_validator(mode="after")
     def _ends_given(self) -> "MissionSettings":
@@ -488,37 +469,25 @@ class MissionSettings(Section):
         return self
 
 
-#: What a preset sets where the scenario is silent: the fields of `PlanningSettings` that default to None.
+#: What the presets "default" and "paper" set where the scenario is silent, by field of `PlanningSettings`.
+_BY_PRESET: dict[str, tuple[Any, Any]] = {
+    "objective": ("priority", "eq15"),
+    "travel_times": ("sea", "distance"),
+    "task_time": ("whole", "expected"),
+    "departures": (24, 1),
+    "visits": ("once", "edges"),
+    "reserve": (60.0, 0.0),
+    "return_margin": (None, 0.0),  # by default it depends on the travel times
+    "guard_return": (True, False),
+    "second_look": (True, False),
+    "window_change": (0.01, 0.0),
+    "replan": ("deviation", "late"),
+    "routes_from": ("fresh", "kept"),
+    "current_updates": ("interval", "window"),
+}
 PRESETS: dict[str, dict[str, Any]] = {
-    "default": {
-        "objective": "priority",
-        "travel_times": "sea",
-        "task_time": "whole",
-        "departures": 24,
-        "visits": "once",
-        "reserve": 60.0,
-        "guard_return": True,
-        "second_look": True,
-        "window_change": 0.01,
-        "replan": "deviation",
-        "routes_from": "fresh",
-        "current_updates": "interval",
-    },
-    "paper": {
-        "objective": "eq15",
-        "travel_times": "distance",
-        "task_time": "expected",
-        "departures": 1,
-        "visits": "edges",
-        "reserve": 0.0,
-        "return_margin": 0.0,
-        "guard_return": False,
-        "second_look": False,
-        "window_change": 0.0,
-        "replan": "late",
-        "routes_from": "kept",
-        "current_updates": "window",
-    },
+    preset: {name: pair[k] for name, pair in _BY_PRESET.items() if pair[k] is not None}
+    for k, preset in enumerate(("default", "paper"))
 }
 
 #: rad, what a preset sets for `vehicle.pitch_max` where the scenario is silent; the paper has no such limit.
@@ -538,6 +507,16 @@ MOVED = {
 _RETURN_MARGINS = {"sea": 0.2, "distance": 0.4, "learnt": 0.4}
 
 
+def by_preset(name: str, description: str) -> Any:
+    """Return a field whose default is the preset's: None, until `PlanningSettings.resolved` has that."""
+    pair = _BY_PRESET[name]
+    shown = (
+        repr(v) if isinstance(v, str) else str(v).lower() if isinstance(v, bool) else f"{v:g}" for v in pair
+    )
+    default, paper = shown
+    return setting(None, f"{description}; default {default}, paper {paper}")
+
+
 class PlanningSettings(Section):
     """How the mission is planned and re-planned.
 
@@ -549,119 +528,103 @@ class PlanningSettings(Section):
         its route no longer fits.
     """
 
-    preset: Literal["default", "paper"] = Field(
-        default="default", description="'paper': planners and re-planning rules as published"
+    preset: Literal["default", "paper"] = setting(
+        "default", "'paper': planners and re-planning rules as published"
     )
-    effort: Literal["quick", "full", "plain"] = Field(
-        default="quick",
-        description="of the preset 'default': 'quick' plans paths and later routes in a fifth of the time of "
+    effort: Literal["quick", "full", "plain"] = setting(
+        "quick",
+        "of the preset 'default': 'quick' plans paths and later routes in a fifth of the time of "
         "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
     )
-    objective: Preset[Literal["priority", "eq15"]] = Field(
-        default=_FROM_PRESET, description="of the route; default 'priority', paper 'eq15'"
+    objective: Preset[Literal["priority", "eq15"]] = by_preset("objective", "of the route")
+    phi: tuple[NotNegative, NotNegative] = setting(
+        (1.0, 100.0), "Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
     )
-    phi: tuple[NotNegative, NotNegative] = Field(
-        default=(1.0, 100.0), description="Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
+    control_points: Annotated[int, Field(ge=2, le=60)] | None = setting(
+        None, "free control points of a path; if absent 8 to 32 by effort, paper 4"
     )
-    control_points: Annotated[int, Field(ge=2, le=60)] | None = Field(
-        default=None, description="free control points of a path; if absent 8 to 32 by effort, paper 4"
-    )
-    path_width: Positive | None = Field(
-        default=None,
-        description="share of a leg's length by which control points may lie off its straight line; if "
+    path_width: Positive | None = setting(
+        None,
+        "share of a leg's length by which control points may lie off its straight line; if "
         "absent 0.75, paper 0.35",
     )
-    travel_times: Preset[Literal["sea", "distance", "learnt"]] = Field(
-        default=_FROM_PRESET,
-        description="of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13, 'learnt' "
-        "as much longer as the legs so far took; default 'sea', paper 'distance'",
+    travel_times: Preset[Literal["sea", "distance", "learnt"]] = by_preset(
+        "travel_times",
+        "of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13, 'learnt' as much "
+        "longer as the legs so far took",
     )
-    task_time: Preset[Literal["whole", "clock", "expected"]] = Field(
-        default=_FROM_PRESET,
-        description="what a task's delta_ij counts in besides t_ij: 'whole' in the time that a leg takes and "
-        "is compared by; 'clock' in the time it takes, while T_path alone is compared; 'expected' in "
-        "neither, as for tasks along the path, but not for jobs; default 'whole', paper 'expected'",
+    task_time: Preset[Literal["whole", "clock", "expected"]] = by_preset(
+        "task_time",
+        "what a task's delta_ij counts in besides t_ij: 'whole' in the time that a leg takes and is "
+        "compared by; 'clock' in the time it takes, while T_path alone is compared; 'expected' in neither, "
+        "as for tasks along the path, but not for jobs",
     )
-    visits: Preset[Literal["once", "edges"]] = Field(
-        default=_FROM_PRESET,
-        description="'once': no waypoint is visited twice in a mission (rule 3 of section 3.3), but for the "
-        "only way to the destination; 'edges': passed edges alone are barred (3.3.2), each task counts once; "
-        "default 'once', paper 'edges'",
+    visits: Preset[Literal["once", "edges"]] = by_preset(
+        "visits",
+        "'once': no waypoint is visited twice in a mission (rule 3 of section 3.3), but for the only way to "
+        "the destination; 'edges': passed edges alone are barred (3.3.2), each task counts once",
     )
-    departures: Preset[Annotated[int, Field(ge=1, le=200)]] = Field(
-        default=_FROM_PRESET,
-        description="times of departure, over the time available, at which every edge is timed where "
-        "currents are forecast to change; 1 takes the sea to stay as it is; default 24, paper 1",
+    departures: Preset[Annotated[int, Field(ge=1, le=200)]] = by_preset(
+        "departures",
+        "times of departure, over the time available, at which every edge is timed where currents are "
+        "forecast to change; 1 takes the sea to stay as it is",
     )
-    detour: NotNegative = Field(
-        default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
-    )
+    detour: NotNegative = setting(3.5, "s that each obstacle is taken to cost a leg; with travel_times 'sea'")
     t_series: Annotated[int, Field(ge=1, le=20, description="windows of a leg")] = 4
-    current_updates: Preset[Literal["interval", "window"]] = Field(
-        default=_FROM_PRESET,
-        description="when vortices change: every current.update_interval, or at each window of a leg "
-        "(T-Series); default 'interval', paper 'window'",
+    current_updates: Preset[Literal["interval", "window"]] = by_preset(
+        "current_updates",
+        "when vortices change: every current.update_interval, or at each window of a leg (T-Series)",
     )
-    replan_from: Literal["kept", "fresh"] = Field(
-        default="kept", description="population that a path is re-planned from on the way"
+    replan_from: Literal["kept", "fresh"] = setting(
+        "kept", "population that a path is re-planned from on the way"
     )
-    routes_from: Preset[Literal["kept", "fresh"]] = Field(
-        default=_FROM_PRESET,
-        description="population that a route is re-planned from; default 'fresh' beside the rest "
-        "of the last route, paper 'kept'",
+    routes_from: Preset[Literal["kept", "fresh"]] = by_preset(
+        "routes_from", "population that a route is re-planned from, 'fresh' beside the rest of the last route"
     )
-    window_change: Preset[NotNegative] = Field(
-        default=_FROM_PRESET,
-        description="share by which the time left on a path must have changed for a window to re-plan it; "
-        "0 does at every window; default 0.01, paper 0",
+    window_change: Preset[NotNegative] = by_preset(
+        "window_change",
+        "share by which the time left on a path must have changed for a window to re-plan it; 0 does at "
+        "every window",
     )
-    reserve: Preset[NotNegative] = Field(
-        default=_FROM_PRESET,
-        description="s of the available time that no route is planned to use; default 60, paper 0",
+    reserve: Preset[NotNegative] = by_preset(
+        "reserve", "s of the available time that no route is planned to use"
     )
-    allowance: NotNegative = Field(
-        default=0.0,
-        description="share by which a mission is taken to last longer than expected when its tasks "
+    allowance: NotNegative = setting(
+        0.0,
+        "share by which a mission is taken to last longer than expected when its tasks "
         "are chosen, for what no plan can know; what it leaves is used on the way ('deviation')",
     )
-    return_margin: Preset[NotNegative] = Field(
-        default=_FROM_PRESET,
-        description="share by which the way back is taken to last longer than expected; default 0.2 with "
-        "travel times of the sea, 0.4 by distance; paper 0",
+    return_margin: Preset[NotNegative] = setting(
+        None,
+        "share by which the way back is taken to last longer than expected; default 0.2 with travel times "
+        "of the sea, 0.4 by distance; paper 0",
     )
-    guard_return: Preset[bool] = Field(
-        default=_FROM_PRESET,
-        description="whether a leg is refused whose path would leave too little time for the way back; "
-        "default true, paper false",
+    guard_return: Preset[bool] = by_preset(
+        "guard_return", "whether a leg is refused whose path would leave too little time for the way back"
     )
-    second_look: Preset[bool] = Field(
-        default=_FROM_PRESET,
-        description="whether a path that takes much longer than expected of its leg is compared with one "
-        "past obstacles whose boundaries do not grow; default true, paper false",
+    second_look: Preset[bool] = by_preset(
+        "second_look",
+        "whether a path that takes much longer than expected of its leg is compared with one past obstacles "
+        "whose boundaries do not grow",
     )
-    replan: Preset[Literal["late", "deviation"]] = Field(
-        default=_FROM_PRESET,
-        description="'late' after every leg that took longer than expected (3.3.2); 'deviation' when the "
-        "rest of the route no longer fits the time that is left, or would leave much of it; default "
-        "'deviation', paper 'late'",
+    replan: Preset[Literal["late", "deviation"]] = by_preset(
+        "replan",
+        "'late' after every leg that took longer than expected (3.3.2); 'deviation' when the rest of the "
+        "route no longer fits the time that is left, or would leave much of it",
     )
-    tolerance: NotNegative = Field(
-        default=30.0, description="s by which the rest of a route may overrun the reserve ('deviation')"
+    tolerance: NotNegative = setting(
+        30.0, "s by which the rest of a route may overrun the reserve ('deviation')"
     )
-    gain: Positive = Field(
-        default=120.0, description="s left over that make a new route worth planning ('deviation')"
-    )
-    charge_compute: bool = Field(
-        default=False, description="charge planning time to the mission clock (Eq. 16)"
-    )
-    budget: Positive | None = Field(
-        default=None,
-        description="s of wall-clock time that a planning call may take, compilation left out; the best plan "
+    gain: Positive = setting(120.0, "s left over that make a new route worth planning ('deviation')")
+    charge_compute: bool = setting(False, "charge planning time to the mission clock (Eq. 16)")
+    budget: Positive | None = setting(
+        None,
+        "s of wall-clock time that a planning call may take, compilation left out; the best plan "
         "so far is followed then, so that a seed gives other missions on other machines; no limit if absent",
     )
-    lower_bounds: bool = Field(
-        default=False,
-        description="say of each path how much longer than the quickest possible one it can be; takes longer "
+    lower_bounds: bool = setting(
+        False,
+        "say of each path how much longer than the quickest possible one it can be; takes longer "
         "than planning it",
     )
 

@@ -9,11 +9,13 @@ from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from auvplan.errors import ScenarioWarning
 from auvplan.study.design import Design, by_case
-from auvplan.study.table import Row
+
+if TYPE_CHECKING:
+    from auvplan.study.table import Row
 
 #: Seconds between two reports of progress.
 _INTERVAL = 0.5
@@ -42,7 +44,7 @@ class Done:
 
     case: int
     seed: int
-    row: Row
+    row: "Row"
 
 
 @dataclass(frozen=True)

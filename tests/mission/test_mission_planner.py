@@ -8,7 +8,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-import auvplan as ap
 from auvplan import Vehicle
 from auvplan.bbo import BBOConfig
 from auvplan.mission import (
@@ -355,15 +354,7 @@ def test_a_mission_is_replanned_from_a_waypoint_of_its_route() -> None:
         replan_mission(first, graph, unvisited, left, speed=SPEED, key=jax.random.key(7))
 
 
-def test_old_names_work_and_warn() -> None:
-    graph, keys = medium_graph(), jax.random.split(jax.random.key(0), 1)
-    with pytest.warns(DeprecationWarning, match="keys=.* is now key="):
-        old = plan_missions(
-            MissionGraph.stack([graph]), [0], [14], 2200.0, speed=SPEED, keys=keys, config=QUICK
-        )
-    new = plan_missions(MissionGraph.stack([graph]), [0], [14], 2200.0, speed=SPEED, key=keys, config=QUICK)
-    assert (old.nodes == new.nodes).all()
-    with pytest.warns(DeprecationWarning, match="MissionOrder is now"):
-        assert ap.MissionOrder is ap.MissionRoute
+def test_a_speed_is_no_vehicle() -> None:
+    keys = jax.random.split(jax.random.key(0), 1)
     with pytest.raises(TypeError, match="give a speed as speed="):
-        plan_missions(MissionGraph.stack([graph]), [0], [14], 2200.0, 2.0, key=keys)
+        plan_missions(MissionGraph.stack([medium_graph()]), [0], [14], 2200.0, 2.0, key=keys)

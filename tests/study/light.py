@@ -13,7 +13,6 @@ import argparse
 import hashlib
 import os
 import pickle
-import struct
 import subprocess
 import sys
 import time
@@ -157,17 +156,6 @@ def work(job, core, settings, pipe: Connection, missions: int = sys.maxsize) -> 
     lighten()
     worker.run_job = partial(run_job, anew=True)
     worker.work(job, core, settings, Holding(pipe, missions))
-
-
-def work_and_die(job, core, settings, pipe: Connection) -> None:
-    """A worker process that is killed."""
-    os._exit(1)
-
-
-def work_and_die_speaking(job, core, settings, pipe: Connection) -> None:
-    """A worker process that is killed in the middle of a report."""
-    os.write(pipe.fileno(), struct.pack("!i", 1000) + b"a report")
-    os._exit(1)
 
 
 def work_and_fail(job, core, settings, pipe: Connection) -> None:

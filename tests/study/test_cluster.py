@@ -14,6 +14,7 @@ from auvplan.runtime.files import read_dataset, write_dataset
 from auvplan.study import StudyError, cluster, load_study, run_study, runner, without_clocks
 from tests.study import light
 from tests.study.light import cache_settings, calm, unbroken
+from tests.tool import refused
 
 distributed = pytest.importorskip("distributed")
 
@@ -72,9 +73,8 @@ def test_an_error_in_a_worker_reaches_the_caller(workers, tmp_path, monkeypatch)
 def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "run_whole_job", light.run_and_die)
     monkeypatch.setattr(workers.scheduler, "allowed_failures", 0)
-    with pytest.raises(StudyError, match="--resume") as stated:
+    with refused(StudyError, "--resume"):
         run_study(calm(1), tmp_path, dask=workers.scheduler_address)
-    assert len(str(stated.value).splitlines()) == 1
 
 
 def test_a_worker_writes_datasets(workers, tmp_path):
@@ -89,9 +89,8 @@ def test_a_scheduler_that_cannot_be_reached_is_told_and_nothing_written(tmp_path
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cluster, "PATIENCE", "1s")
     (tmp_path / "no-scheduler.json").write_text("no file of a scheduler")
-    with pytest.raises(StudyError, match=f"Dask scheduler {address} cannot be reached") as stated:
+    with refused(StudyError, f"Dask scheduler {address} cannot be reached"):
         run_study(calm(1), tmp_path / "out", dask=address)
-    assert len(str(stated.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 
