@@ -244,8 +244,14 @@ class _JobBook:
 
     @classmethod
     def of(cls, jobs: list[Job], dataset: xr.Dataset) -> "_JobBook":
+        tasks: list[_Task] = []
+        for job in jobs:
+            lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
+            parts = zip(pairwise(job.places), lengths, strict=True)
+            tasks += [_Task(job, ends, float(length / lengths.sum())) for ends, length in parts]
+            tasks += [] if job.is_line else [_Task(job, (job.places[0],))]
         start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
-        return cls([task for job in jobs for task in _tasks(job)], waypoint_names(dataset), start)
+        return cls(tasks, waypoint_names(dataset), start)
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Return every task that lies where the leg ends, or along it.
@@ -264,12 +270,3 @@ class _JobBook:
         complete = {task.job.name for task in done if task.share * task.job.priority > 0.0} - open_
         priority = sum(task.worth(leg, share) for task in done)
         return Earned(priority, sum(task.share * task.job.duration for task in done), len(complete))
-
-
-def _tasks(job: Job) -> Iterator[_Task]:
-    if not job.is_line:
-        yield _Task(job, (job.places[0],))
-        return
-    lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
-    for ends, length in zip(pairwise(job.places), lengths, strict=True):
-        yield _Task(job, ends, float(length / lengths.sum()))

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import fields, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +14,7 @@ import typer
 
 from auvplan.cli import shared
 from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.runtime.files import EXECUTION, OutputError, output_folder
 from auvplan.runtime.formatting import counted, figure
 from auvplan.site import at_time
 
@@ -87,8 +87,6 @@ def execute(
         raise AuvplanError("--speed: is for vehicles: the simulator's holds its speed through the water")
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise AuvplanError(f"--scale: must be positive, got {scale:g}")
-    from auvplan.runtime.files import output_folder
-
     output_folder(out)
     if link != SIMULATOR:
         _check_ended(out)
@@ -126,9 +124,11 @@ def execute(
             shared.say(f"{event.time:9.0f} s  {event.text}")
             sys.stdout.flush()
 
-    record = execute(
-        plan, vehicle, limits=limits, notices=AllNotices(*heard), tell=tell, keep=partial(_keep, out=out)
-    )
+    def keep(record: "ExecutionRecord") -> None:
+        with suppress(OutputError):  # a vehicle under way does not wait for a full disk
+            record.save(out)
+
+    record = execute(plan, vehicle, limits=limits, notices=AllNotices(*heard), tell=tell, keep=keep)
     file = record.save(out)
     if as_json:
         shared.print_json(record.summary())
@@ -143,18 +143,9 @@ def execute(
         raise typer.Exit(1)
 
 
-def _keep(record: "ExecutionRecord", out: Path) -> None:
-    """Write the record as far as it goes; a vehicle under way does not wait for a full disk."""
-    from auvplan.runtime.files import OutputError
-
-    with suppress(OutputError):
-        record.save(out)
-
-
 def _check_ended(out: Path) -> None:
     """Raise AuvplanError where an execution is under way in a folder, or was broken off."""
     from auvplan.link.record import UNDER_WAY
-    from auvplan.runtime.files import EXECUTION
 
     file = out / EXECUTION
     try:

@@ -13,7 +13,6 @@ from auvplan.plot.painter import Pictures
 from auvplan.runtime.formatting import counted, figure
 
 if TYPE_CHECKING:
-    from auvplan.records import MissionRun
     from auvplan.view.sheet import MissionSheet
 
 
@@ -80,7 +79,17 @@ def plan(
             draw_run(run, partial, names)
             write_pdf(sheet, partial / "sheet.pdf")
         write_html(sheet, partial / "sheet.html", "mission.png" if names else None)
-        notes = _vehicle_files(run, partial) if run.success else []
+        notes: list[str] = []
+        if run.success and run.site is None:
+            notes.append(
+                "no vehicle's file: the scenario has no section site, add one to export geographic formats"
+            )
+        elif run.success:
+            from auvplan.export import export, export_notes, itinerary_of
+
+            itinerary = itinerary_of(run)
+            export(itinerary, partial)
+            notes += export_notes(itinerary)
         if pictures != Pictures.NONE:
             from auvplan.report import write_run_report
 
@@ -97,17 +106,6 @@ def plan(
     if not run.success:
         shared.complain(f"no plan: {run.reason}")
         raise typer.Exit(1)
-
-
-def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
-    """Write what ground stations and maps open, and say what was left out."""
-    if run.site is None:
-        return ["no vehicle's file: the scenario has no section site, add one to export geographic formats"]
-    from auvplan.export import export, export_notes, itinerary_of
-
-    itinerary = itinerary_of(run)
-    export(itinerary, folder)
-    return export_notes(itinerary)
 
 
 def print_sheet(sheet: "MissionSheet") -> None:

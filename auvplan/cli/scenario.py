@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -11,11 +11,6 @@ from auvplan.cli.shared import JsonOption, console, print_json
 from auvplan.errors import ScenarioError
 from auvplan.runtime.files import write_json
 from auvplan.runtime.formatting import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from auvplan.io.examine import Examination
 
 
 def scenarios() -> None:
@@ -47,14 +42,22 @@ def init(
     ] = False,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
-    from auvplan.io.example import SCENARIO, write_example, write_example_of_times
+    from auvplan.io.example import SCENARIO, write_example, write_example_at, write_example_of_times
 
     if times and (at is not None or size is not None):
         raise ScenarioError("--times goes without --at and --size")
     if size is not None and at is None:
         raise ScenarioError("--size goes with --at alone")
     if at is not None:
-        written = _begin_at(folder, at, 10.0 if size is None else size, force)
+        try:
+            latitude, longitude = (float(part) for part in at.split(","))
+        except ValueError:
+            line = f"--at {at!r}: give it as LAT,LON in degrees, such as 56.4,-5.5"
+            raise ScenarioError(line) from None
+        begun = write_example_at(folder, latitude, longitude, 10.0 if size is None else size, force)
+        for note in begun.notes:
+            typer.echo(f"warning: {note}", err=True)
+        written = begun.paths
     else:
         written = (write_example_of_times if times else write_example)(folder, force)
     for path in written:
@@ -64,20 +67,6 @@ def init(
     typer.echo(f"plan:  auvplan plan {scenario} --out {folder / 'out'}")
     explained = "" if at else " every field is explained there;"
     typer.echo(f"then change {scenario}:{explained} all settings: auvplan schema")
-
-
-def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
-    """Write a scenario around a place, and print notes on it."""
-    from auvplan.io.example import write_example_at
-
-    try:
-        latitude, longitude = (float(part) for part in at.split(","))
-    except ValueError:
-        raise ScenarioError(f"--at {at!r}: give it as LAT,LON in degrees, such as 56.4,-5.5") from None
-    begun = write_example_at(folder, latitude, longitude, size, force)
-    for note in begun.notes:
-        typer.echo(f"warning: {note}", err=True)
-    return begun.paths
 
 
 def schema(
@@ -112,7 +101,13 @@ def validate(
     for found in [examine_scenario(scenario)] if single else examine_folder(folder):
         bad.append(bool(found.faults))
         if as_json:
-            print_json(_plain(found))
+            faults = []
+            for fault in found.faults:
+                line, column = fault.place or (None, None)
+                where = {"line": line, "column": column}
+                faults.append({"field": fault.field, "reason": fault.reason} | where)
+            stated = {"scenario": str(found.source), "valid": not faults, "faults": faults}
+            print_json(stated | {"warnings": found.warnings, "notes": found.notes})
             continue
         if len(bad) > 1:
             typer.echo()
@@ -134,13 +129,3 @@ def validate(
         typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):
         raise typer.Exit(2)
-
-
-def _plain(found: "Examination") -> dict[str, Any]:
-    """Return what was found in a scenario, ready for JSON."""
-    faults = []
-    for fault in found.faults:
-        line, column = fault.place or (None, None)
-        faults.append({"field": fault.field, "reason": fault.reason, "line": line, "column": column})
-    stated = {"scenario": str(found.source), "valid": not faults, "faults": faults}
-    return stated | {"warnings": found.warnings, "notes": found.notes}

@@ -20,14 +20,7 @@ from auvplan.io.schema import (
     stated,
 )
 from auvplan.records import MissionRun
-from auvplan.runtime.files import (
-    MISSION,
-    SUMMARY,
-    output_folder,
-    read_mission,
-    write_atomically,
-    write_dataset,
-)
+from auvplan.runtime.files import MISSION, SUMMARY, output_folder, read_mission, write_dataset, write_json
 from auvplan.scenario.provenance import source_digests
 
 #: Attributes of a file that are the run's own, by their types: in the run and, where it differs, in the file.
@@ -55,8 +48,7 @@ def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None =
     target = output_folder(folder)
     write_dataset(to_dataset(run), target / MISSION)
     summary = run.summary() | ({} if sheet is None else {"sheet": sheet})
-    text = json.dumps(summary, indent=2) + "\n"
-    write_atomically(target / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
+    write_json(target / SUMMARY, summary)
     return target
 
 

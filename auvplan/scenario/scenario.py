@@ -2,13 +2,14 @@
 
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from pydantic import PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
-from auvplan.scenario.fields import Finding, check_fields, first_of
+from auvplan.scenario.fields import check_fields, first_of
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
@@ -108,55 +109,53 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _in_local_metres(cls, given: Any) -> Any:
-        return localised(given, _site(given)) if isinstance(given, dict) else given
+        if not isinstance(given, dict):
+            return given
+        site = Site(0.0, 0.0)  # where it is at fault, which its validation reports
+        with suppress(ValueError):
+            stated = given.get("site")
+            site = None if stated is None else SiteSettings.model_validate(stated).site
+        return localised(given, site)
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
-        placed = {
-            "chart.source 'raster'": self.chart.source == "raster",
-            "chart.source 'polygons'": self.chart.source == "polygons",
-            "chart.source 'enc'": self.chart.source == "enc",
-            "chart.no_go": self.chart.no_go is not None,
-            "bathymetry.source 'file'": self.bathymetry.source == "file",
-            "current.source 'file'": self.current.source == "file",
-            "current.source 'harmonic'": self.current.source == "harmonic",
-            "obstacles.file": self.obstacles.file is not None,
-        }
-        for name, needed in placed.items():
-            if needed and self.site is None:
-                field, _, value = name.partition(" ")
-                reason = f"{value} needs the section site: where on Earth the origin lies".strip()
-                raise RuleError(reason, field=field, concerns=("site",))
-        for name in ("chart", "bathymetry"):
-            if getattr(self, name).source == "current" and self.current.source != "file":
-                reason = "'current' needs current.source 'file'"
-                raise RuleError(reason, field=f"{name}.source", concerns=("current.source",))
-        if self.bathymetry.source == "chart" and self.chart.source != "enc":
-            reason = "'chart' needs chart.source 'enc'"
-            raise RuleError(reason, field="bathymetry.source", concerns=("chart.source",))
-        if self.mission.jobs is not None and self.planning.task_time == "expected":
-            reason = "'expected' leaves out the time that jobs take"
-            raise RuleError(reason, field="planning.task_time", concerns=("mission.jobs",))
+        def refuse(wrong: bool, field: str, reason: str, *concerns: str) -> None:
+            if wrong:
+                raise RuleError(reason, field=field, concerns=concerns)
+
+        chart, bed, current, safety = self.chart, self.bathymetry, self.current, self.safety
+        site = "needs the section site: where on Earth the origin lies"
+        for field, source, placed in (
+            ("chart.source", chart.source, chart.source in ("raster", "polygons", "enc")),
+            ("chart.no_go", None, chart.no_go is not None),
+            ("bathymetry.source", bed.source, bed.source == "file"),
+            ("current.source", current.source, current.source in ("file", "harmonic")),
+            ("obstacles.file", None, self.obstacles.file is not None),
+        ):
+            refuse(placed and self.site is None, field, f"{source!r} {site}" if source else site, "site")
+        of_current, lacking = "'current' needs current.source 'file'", current.source != "file"
+        refuse(chart.source == "current" and lacking, "chart.source", of_current, "current.source")
+        refuse(bed.source == "current" and lacking, "bathymetry.source", of_current, "current.source")
+        of_cells, lacking = "'chart' needs chart.source 'enc'", chart.source != "enc"
+        refuse(bed.source == "chart" and lacking, "bathymetry.source", of_cells, "chart.source")
+        untimed = self.mission.jobs is not None and self.planning.task_time == "expected"
+        reason = "'expected' leaves out the time that jobs take"
+        refuse(untimed, "planning.task_time", reason, "mission.jobs")
         low, high = self.box
-        if low[2] > high[2]:
-            reason = "leaves, with depth_max, nothing of the area's depths"
-            raise RuleError(reason, field="vehicle.depth_min", concerns=_BOX_FIELDS)
-        transit = self.vehicle.transit_depth
+        nothing = "leaves, with depth_max, nothing of the area's depths"
+        refuse(low[2] > high[2], "vehicle.depth_min", nothing, *_BOX_FIELDS)
+        transit, outside = self.vehicle.transit_depth, "lies outside the area or the vehicle's depths"
         if isinstance(transit, TransitAltitude):
-            if self.bathymetry.source == "none":
-                reason = "an altitude needs a sea bed"
-                raise RuleError(reason, field="vehicle.transit_depth", concerns=("bathymetry.source",))
-            if transit.altitude < self.safety.seabed:
-                reason = f"{transit.altitude:g} m are less than the clearance of {self.safety.seabed:g} m"
-                raise RuleError(reason, field="vehicle.transit_depth", concerns=("safety.seabed",))
-        elif transit is not None and not low[2] <= transit <= high[2]:
-            reason = f"{transit:g} m lies outside the area or the vehicle's depths"
-            raise RuleError(reason, field="vehicle.transit_depth", concerns=_BOX_FIELDS)
-        for name in ("start", "goal"):
-            point = getattr(self.mission, name)
-            if point is not None and not all(a <= p <= b for a, p, b in zip(low, point, high, strict=True)):
-                reason = f"{point} lies outside the area or the vehicle's depths"
-                raise RuleError(reason, field=f"mission.{name}", concerns=_BOX_FIELDS)
+            reason = "an altitude needs a sea bed"
+            refuse(bed.source == "none", "vehicle.transit_depth", reason, "bathymetry.source")
+            reason = f"{transit.altitude:g} m are less than the clearance of {safety.seabed:g} m"
+            refuse(transit.altitude < safety.seabed, "vehicle.transit_depth", reason, "safety.seabed")
+        elif transit is not None:
+            inside = low[2] <= transit <= high[2]
+            refuse(not inside, "vehicle.transit_depth", f"{transit:g} m {outside}", *_BOX_FIELDS)
+        for name, point in (("start", self.mission.start), ("goal", self.mission.goal)):
+            inside = point is None or all(a <= p <= b for a, p, b in zip(low, point, high, strict=True))
+            refuse(not inside, f"mission.{name}", f"{point} {outside}", *_BOX_FIELDS)
         return self
 
     @property
@@ -199,14 +198,6 @@ class Scenario(Section):
         return (low[0], low[1], max(low[2], vehicle.depth_min)), (high[0], high[1], deepest)
 
 
-def _site(given: dict[str, Any]) -> Site | None:
-    """Return the site of plain data, or any where it is at fault, which its validation reports."""
-    try:
-        return None if given.get("site") is None else SiteSettings.model_validate(given["site"]).site
-    except ValueError:
-        return Site(0.0, 0.0)
-
-
 def change_scenario(
     scenario: Scenario,
     changes: Mapping[str, Any],
@@ -236,18 +227,18 @@ def change_scenario(
         inside[field] = value
     changed, faults, _ = check_fields(Document(plain), type(scenario))
     if faults or changed is None:
-        # What was given is reported before what it leads to elsewhere.
-        given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
+        # What was given, its section, or something within it, is reported before what it leads to elsewhere.
+        given = [
+            (fault, name)
+            for fault in faults
+            for name in changes
+            if f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
+        ]
         faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
         source = (sources or {}).get(given[0][1], source) if given else source
         raise ScenarioError(first_of(faults, source, is_file=False))
     warn_of_overrides(changed)
     return changed.in_folder(scenario.folder, scenario.warnings)
-
-
-def _concerns(fault: Finding, name: str) -> bool:
-    """Return whether a fault is one of a field, of its section, or of something within it."""
-    return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 
 
 def warn_of_overrides(scenario: Scenario) -> None:

@@ -52,7 +52,9 @@ class Sweep:
         if not mark or len(names) < 2 or not all(names) or not isinstance(values, list) or not values:
             shown = text if len(text) <= 200 else f"{text[:197]}..."
             raise StudyError(f"sweep {shown!r}: give it as section.name=value,value,...")
-        values = [_number(value) for value in values]
+        # YAML takes 1e4, without a point, for text.
+        bare = re.compile(r"[-+]?\d+[eE][-+]?\d+")
+        values = [float(v) if isinstance(v, str) and bare.fullmatch(v) else v for v in values]
         if any(value in values[:place] for place, value in enumerate(values)):
             raise StudyError(f"sweep {text!r}: a value is given twice")
         return cls(field, tuple(values))
@@ -124,13 +126,6 @@ class Design:
         sweeps = tuple(Sweep(field, tuple(values)) for field, values in plain["sweeps"].items())
         scenario = validate_scenario(plain["scenario"], "study")
         return cls(scenario, int(plain["count"]), int(plain["seed"]), sweeps)
-
-
-def _number(value: Any) -> Any:
-    """YAML takes 1e4, without a point, for text."""
-    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+[eE][-+]?\d+", value):
-        return float(value)
-    return value
 
 
 def by_case(tasks: Sequence[tuple[int, int]]) -> dict[int, list[int]]:

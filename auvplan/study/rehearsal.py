@@ -3,7 +3,6 @@
 from collections import Counter
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from auvplan.errors import ScenarioError
@@ -44,7 +43,10 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     done: Counter[str] = Counter()
     complete = 0
     for row in range(executed.sizes["mission"]):
-        found = _done(names, executed.isel(mission=row))
+        legs = {of: executed[f"leg_{of}"].values[row] for of in ("arrived", "priority", "from", "to")}
+        earning = (legs["arrived"] == 1) & (legs["priority"] > 0.0)
+        ends = zip(legs["from"][earning].tolist(), legs["to"][earning].tolist(), strict=True)
+        found = jobs_done(names, [(int(i), int(j)) for i, j in ends]) if names else set()
         done.update(found)
         complete += bool(executed["success"].values[row] == 1 and wanted <= found)
     plan = {"tasks": planned.tasks, "total_priority": planned.total_priority, "time_s": planned.t_mission}
@@ -53,9 +55,3 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     ]
     more = {"plan": plan, "all_planned_tasks": complete, "jobs": jobs}
     return {"scenario": str(planned.scenario.get("name", ""))} | more | summarise(executed)
-
-
-def _done(names: list[str], mission: xr.Dataset) -> set[str]:
-    earning = (mission["leg_arrived"].values == 1) & (mission["leg_priority"].values > 0.0)
-    ends = np.stack([mission["leg_from"].values, mission["leg_to"].values], axis=1)[earning]
-    return jobs_done(names, [(int(i), int(j)) for i, j in ends]) if names else set()

@@ -53,9 +53,10 @@ class _Tally:
             self.compile_seconds = max(self.compile_seconds, report.compile_seconds)
             self.under_way.pop(worker, None)
         if self.progress:
-            available = self.store.design.scenario.mission.time_available
-            share = (self.done + sum(self.under_way.values()) / available) / max(self.left, 1)
-            before = self.store.design.count * len(self.store.design.cases) - self.left
+            design = self.store.design
+            come = sum(self.under_way.values()) / design.scenario.mission.time_available
+            share = (self.done + come) / max(self.left, 1)
+            before = design.count * len(design.cases) - self.left
             self.progress(before + self.done, before + self.left, min(share, 1.0))
 
 

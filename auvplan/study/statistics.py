@@ -1,6 +1,7 @@
 """Statistics over the missions of a study, with 95 % intervals."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any
@@ -96,15 +97,24 @@ def use_of_time(dataset: xr.Dataset) -> Array:
 
 def cost_per_metre(dataset: xr.Dataset) -> Array:
     """Cost of the first plan of each leg by the leg's straight line, mean over the legs reached, s/m."""
-    distance = dataset["leg_distance"].values
-    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
-    legs = distance.shape[-1]
+    legs = dataset.sizes["leg"]
     made_for = dataset["plan_leg"].values[..., None] == np.arange(legs)
     if not made_for.size:
-        return np.full(distance.shape[:-1], np.nan)
+        return np.full(dataset["leg_distance"].shape[:-1], np.nan)
     cost = np.take_along_axis(dataset["plan_cost"].values, made_for.argmax(axis=-2), axis=-1)
-    usable &= made_for.any(axis=-2)
-    return over_finite(np.where(usable, cost, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
+    return _per_metre(dataset, np.where(made_for.any(axis=-2), cost, np.nan))
+
+
+def time_per_metre(dataset: xr.Dataset) -> Array:
+    """Time executed on each leg by the leg's straight line, mean over the legs reached, s/m."""
+    return _per_metre(dataset, dataset["leg_t_path"].values)
+
+
+def _per_metre(dataset: xr.Dataset, values: Array) -> Array:
+    """Values of legs [..., missions, legs] by their straight lines, mean over the legs reached."""
+    distance = dataset["leg_distance"].values
+    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
+    return over_finite(np.where(usable, values, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
 
 
 def planning_time(dataset: xr.Dataset) -> Array:
@@ -126,46 +136,53 @@ def priority_gap(dataset: xr.Dataset) -> Array:
     return 100.0 * np.where(bound > 0.0, 1.0 - total / np.where(bound > 0.0, bound, 1.0), 0.0)
 
 
-def time_per_metre(dataset: xr.Dataset) -> Array:
-    """Time executed on each leg by the leg's straight line, mean over the legs reached, s/m."""
-    distance = dataset["leg_distance"].values
-    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
-    executed = np.where(usable, dataset["leg_t_path"].values, np.nan)
-    return over_finite(executed / np.where(usable, distance, 1.0), np.nanmean)
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a summary.
+
+    Attributes:
+        of: its values from the dataset, or the variable that holds them.
+        words: for it in tables, empty where these leave it out.
+        compared: whether the cases of a sweep are compared by it, seed by seed.
+    """
+
+    of: str | Callable[[xr.Dataset], Array]
+    words: str = ""
+    compared: bool = False
+
+    def values(self, dataset: xr.Dataset) -> Array:
+        """Return the values of all missions, legs or calls."""
+        return np.asarray(dataset[self.of].values if isinstance(self.of, str) else self.of(dataset), float)
 
 
-#: Figures of a summary that tables show, with the words for them.
-DESCRIBED = {
-    "use_of_time_percent": "use of the available time, %",
-    "t_residual_s": "time left at the end, s",
-    "tasks": "tasks done",
-    "total_priority": "total priority",
-    "priority_gap_percent": "gap to the bound on it, %",
-    "path_replans": "path re-plans a mission",
-    "mission_replans": "mission re-plans a mission",
-    "cost_mission": "cost of a mission (Eq. 15)",
-    "cost_total": "total cost with re-planning (Eq. 16)",
-    "t_expected_s": "expected time of a leg, s",
-    "t_path_s": "T_path of a leg, s",
-    "coast_clearance_m": "least distance to the coast, m",
-    "obstacle_clearance_m": "least distance to an obstacle, m",
-    "seabed_altitude_m": "least altitude above the bed, m",
-    "path_cpu_s": "path planning a mission, s",
-    "mission_cpu_s": "mission planning a mission, s",
-    "path_call_cpu_s": "time of a path planning call, s",
-    "mission_call_cpu_s": "time of a mission planning call, s",
+FIGURES = {
+    "use_of_time_percent": Figure(use_of_time, "use of the available time, %", True),
+    "t_residual_s": Figure("t_residual", "time left at the end, s"),
+    "tasks": Figure("tasks", "tasks done"),
+    "total_priority": Figure("total_priority", "total priority", True),
+    "priority_bound": Figure("priority_bound"),
+    "priority_gap_percent": Figure(priority_gap, "gap to the bound on it, %"),
+    "path_calls": Figure("path_calls"),
+    "path_replans": Figure("path_replans", "path re-plans a mission", True),
+    "mission_replans": Figure("mission_replans", "mission re-plans a mission", True),
+    "cost_mission": Figure("cost_mission", "cost of a mission (Eq. 15)"),
+    "cost_total": Figure("cost_total", "total cost with re-planning (Eq. 16)", True),
+    "t_expected_s": Figure(lambda dataset: leg_times(dataset)[0], "expected time of a leg, s"),
+    "t_path_s": Figure(lambda dataset: leg_times(dataset)[1], "T_path of a leg, s"),
+    "path_cost_per_metre_s": Figure(cost_per_metre, compared=True),
+    "executed_time_per_metre_s": Figure(time_per_metre, compared=True),
+    "coast_clearance_m": Figure("coast_clearance", "least distance to the coast, m"),
+    "obstacle_clearance_m": Figure("obstacle_clearance", "least distance to an obstacle, m"),
+    "seabed_altitude_m": Figure("seabed_altitude", "least altitude above the bed, m"),
+    "path_cpu_s": Figure("path_cpu", "path planning a mission, s"),
+    "mission_cpu_s": Figure("mission_cpu", "mission planning a mission, s"),
+    "mission_replan_cpu_s": Figure("mission_replan_cpu"),
+    "path_call_cpu_s": Figure("plan_cpu", "time of a path planning call, s"),
+    "mission_call_cpu_s": Figure("route_cpu", "time of a mission planning call, s"),
 }
 
-#: Figures of a mission that the cases of a sweep are compared by, seed by seed.
-_COMPARED: dict[str, Callable[[xr.Dataset], Array]] = {
-    "use_of_time_percent": use_of_time,
-    "total_priority": lambda dataset: dataset["total_priority"].values,
-    "path_replans": lambda dataset: dataset["path_replans"].values.astype(float),
-    "mission_replans": lambda dataset: dataset["mission_replans"].values.astype(float),
-    "cost_total": lambda dataset: dataset["cost_total"].values,
-    "path_cost_per_metre_s": cost_per_metre,
-    "executed_time_per_metre_s": time_per_metre,
-}
+#: Words for those that tables show.
+DESCRIBED = {name: figure.words for name, figure in FIGURES.items() if figure.words}
 
 
 def summarise(dataset: xr.Dataset) -> dict[str, Any]:
@@ -173,11 +190,18 @@ def summarise(dataset: xr.Dataset) -> dict[str, Any]:
     dims = sweep_dims(dataset)
     if not dims:
         return _case(dataset)
-    cases, first = [], {name: of(dataset.isel(dict.fromkeys(dims, 0))) for name, of in _COMPARED.items()}
+    compared = {name: figure for name, figure in FIGURES.items() if figure.compared}
+    cases, case = [], dataset.isel(dict.fromkeys(dims, 0))
+    first = {name: figure.values(case) for name, figure in compared.items()}
     for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
         case = dataset.isel(dict(zip(dims, index, strict=True)))
         setting = {str(case[dim].attrs.get("field", dim)): case[dim].item() for dim in dims}
-        differences = {name: _interval(of(case) - first[name]) for name, of in _COMPARED.items()}
+        differences = {}
+        for name, figure in compared.items():
+            found = zip(
+                ("mean", "low", "high"), mean_interval(figure.values(case) - first[name]), strict=True
+            )
+            differences[name] = {of: float(value) if np.isfinite(value) else None for of, value in found}
         cases.append({"setting": setting} | _case(case) | {"differences_to_first": differences})
     return {"sweep": list(cases[0]["setting"]), "cases": cases}
 
@@ -192,31 +216,6 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     seeds, correlation = dataset["seed"].values, None
     if both.sum() > 2:
         correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
-    figures = {
-        "use_of_time_percent": use_of_time(dataset),
-        "t_residual_s": dataset["t_residual"].values,
-        "tasks": dataset["tasks"].values,
-        "total_priority": dataset["total_priority"].values,
-        "priority_bound": dataset["priority_bound"].values,
-        "priority_gap_percent": priority_gap(dataset),
-        "path_calls": dataset["path_calls"].values,
-        "path_replans": dataset["path_replans"].values,
-        "mission_replans": dataset["mission_replans"].values,
-        "cost_mission": dataset["cost_mission"].values,
-        "cost_total": dataset["cost_total"].values,
-        "path_cpu_s": dataset["path_cpu"].values,
-        "mission_cpu_s": dataset["mission_cpu"].values,
-        "mission_replan_cpu_s": dataset["mission_replan_cpu"].values,
-        "t_expected_s": expected,
-        "t_path_s": executed,
-        "path_cost_per_metre_s": cost_per_metre(dataset),
-        "executed_time_per_metre_s": time_per_metre(dataset),
-        "path_call_cpu_s": dataset["plan_cpu"].values,
-        "mission_call_cpu_s": dataset["route_cpu"].values,
-        "coast_clearance_m": dataset["coast_clearance"].values,
-        "obstacle_clearance_m": dataset["obstacle_clearance"].values,
-        "seabed_altitude_m": dataset["seabed_altitude"].values,
-    }
     return {
         "missions": int(success.size),
         "on_time": int(success.sum()),
@@ -232,14 +231,8 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
             "low": 100.0 * least if np.isfinite(least) else None,
             "high": 100.0 * most if np.isfinite(most) else None,
         },
-        "figures": {name: _describe(np.asarray(values, float)) for name, values in figures.items()},
+        "figures": {name: _describe(figure.values(dataset)) for name, figure in FIGURES.items()},
     }
-
-
-def _interval(values: Array) -> dict[str, float | None]:
-    """Mean and its 95 % interval; None where there is none."""
-    found = zip(("mean", "low", "high"), mean_interval(values), strict=True)
-    return {name: float(value) if np.isfinite(value) else None for name, value in found}
 
 
 def _describe(values: Array) -> dict[str, float]:

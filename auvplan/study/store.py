@@ -17,6 +17,7 @@ from auvplan.runtime.files import (
     read_dataset,
     write_atomically,
     write_dataset,
+    write_json,
 )
 from auvplan.runtime.formatting import counted
 from auvplan.study.design import Design, StudyError
@@ -66,7 +67,7 @@ class Store:
         self._drop_results()
         for name in (PIECES, RUNS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
-        self._write_design(plain)
+        write_json(self.folder / DESIGN, plain)
         output_folder(self.folder / PIECES)
 
     def _resume(self, plain: dict[str, Any]) -> None:
@@ -84,15 +85,11 @@ class Store:
             for task, row in zip(known.tasks, rows_of(load_study(self.folder)), strict=True):
                 self.add(*task, row)
             self._drop_results()
-        self._write_design(plain)
+        write_json(self.folder / DESIGN, plain)
 
     def _drop_results(self) -> None:
         for name in (SUMMARY, DATASET, REHEARSAL, REPORT):
             (self.folder / name).unlink(missing_ok=True)
-
-    def _write_design(self, plain: dict[str, Any]) -> None:
-        text = json.dumps(plain, indent=2) + "\n"
-        write_atomically(self.folder / DESIGN, lambda path: path.write_text(text, encoding="utf-8"))
 
     @property
     def finished(self) -> bool:
@@ -121,8 +118,7 @@ class Store:
     def finish(self, dataset: xr.Dataset, summary: dict[str, Any]) -> None:
         """Write the results in place of the missions one by one."""
         write_dataset(dataset, self.folder / DATASET)
-        text = json.dumps(summary, indent=2) + "\n"
-        write_atomically(self.folder / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
+        write_json(self.folder / SUMMARY, summary)
         shutil.rmtree(self.folder / PIECES, ignore_errors=True)
 
     def _piece(self, case: int, seed: int) -> Path:
@@ -209,13 +205,11 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
         raise StudyError(f"{path}: not valid JSON") from None
     for name, value in plain.items():
         there = kept.get(name) if isinstance(kept, dict) else None
-        if name == "count" and isinstance(there, int) and there < value:
-            continue
+        fewer = name == "count" and isinstance(there, int) and there < value
         # The order of sweeps numbers the cases.
-        if json.dumps(there) != json.dumps(value):
-            inner: list[str] = []
-            if isinstance(value, dict) and isinstance(there, dict):
-                inner = [key for key in value if there.get(key) != value[key]]
+        if not fewer and json.dumps(there) != json.dumps(value):
+            both = isinstance(value, dict) and isinstance(there, dict)
+            inner = [key for key in value if there.get(key) != value[key]] if both else []
             field = ".".join([name, *inner[:1]])
             raise StudyError(f"{path}: {field} differs from the study asked for; run it in another folder")
     return int(kept["count"])

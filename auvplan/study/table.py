@@ -153,7 +153,15 @@ def table(design: Design, rows: Sequence[Row], chart: Chart | None) -> xr.Datase
         name: _variable(variable, [row[name] for row in rows], lead, shape)
         for name, variable in VARIABLES.items()
     }
-    coords = {sweep.dim: _values(sweep.field, sweep.values) for sweep in design.sweeps}
+    coords: dict[str, xr.Variable] = {}
+    for sweep in design.sweeps:  # other than numbers as their text
+        numbers = all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in sweep.values
+        )
+        kind = float if numbers else object
+        values = np.asarray(sweep.values if numbers else [str(value) for value in sweep.values], kind)
+        named = {"long_name": sweep.field, "field": sweep.field}
+        coords[sweep.dim] = xr.Variable(sweep.dim, values, named)
     coords["seed"] = xr.Variable("mission", np.asarray(design.seeds), {"long_name": "seed of the mission"})
     if chart is not None:
         variables |= chart_variables(chart)
@@ -198,13 +206,6 @@ def _variable(
     if variable.clock:
         attrs["comment"] = "wall-clock time: differs from run to run"
     return xr.Variable(lead + variable.dims, padded.reshape(*shape, *longest), attrs)
-
-
-def _values(field: str, values: Sequence[Any]) -> xr.Variable:
-    """Return the values of a sweep as a coordinate; other than numbers as their text."""
-    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-    found = np.asarray(values, float) if numbers else np.asarray([str(value) for value in values], object)
-    return xr.Variable(field.replace(".", "_"), found, {"long_name": field, "field": field})
 
 
 def _attributes(design: Design) -> dict[str, Any]:
