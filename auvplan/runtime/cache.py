@@ -38,7 +38,7 @@ _SILENT = "cache", "log", "dump", "dir", "profil", "traceback", "monitor", "dist
 HOME = Path(__file__).parents[1]
 
 #: Packages in it that no compiled program takes code from: what changes there leaves programs as they are.
-UNCOMPILED = "check", "cli", "export", "io", "paper", "plot", "report", "scenario", "study", "view"
+UNCOMPILED = "check", "cli", "export", "io", "plot", "report", "scenario", "study", "view"
 
 _DIGEST = hashlib.sha256().digest_size
 
