@@ -227,7 +227,7 @@ REFUSED = {
 NOTED = {
     # the scenario
     "time short of still water": (sections(mission={"time_available": 1200}),
-                                  "time_available", "still water", "1,697 s"),
+                                  "time_available", "still water", "1,265 s"),
     "pitch in tenths of a degree": (sections(vehicle={"pitch_max": 0.02}),
                                     "vehicle.pitch_max", "1.1 degrees", "20 m in a kilometre"),
     "deeper than it can dive on the way": (

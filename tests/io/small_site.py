@@ -25,7 +25,7 @@ SCENARIO = {
     "mission": {
         "jobs": "jobs.csv",
         "start": [-1500, -1500, 5],
-        "goal": [1500, 1500, 5],
+        "goal": [1500, -500, 5],
         "time_available": 3600,
     },
 }
@@ -123,13 +123,13 @@ class SmallSite:
             "time": ("time", [0.0, 1.0, 2.0], {"units": "hours since 2026-03-01T00:00:00Z"}),
             "depth": ("depth", [0.0, 40.0], {"units": "m", "positive": "down"}),
         }
-        change(xr.Dataset(fields, coordinates | axes())).to_netcdf(self.folder / "tide.nc", engine="h5netcdf")
+        change(xr.Dataset(fields, coordinates | axes())).to_netcdf(self.folder / "tide.nc", engine="scipy")
 
     def bed(self, change: Callable[[xr.Dataset], xr.Dataset]) -> None:
         """An even sea bed, changed."""
         stated = {"standard_name": "sea_floor_depth_below_sea_level", "units": "m", "positive": "down"}
         data = xr.Dataset({"depth": (("latitude", "longitude"), np.full((7, 7), 60.0), stated)}, axes())
-        change(data).to_netcdf(self.folder / "bed.nc", engine="h5netcdf")
+        change(data).to_netcdf(self.folder / "bed.nc", engine="scipy")
 
     def huge(self, name: str, variables: tuple[str, ...], shape: tuple[int, ...]) -> None:
         """A file whose head claims a size, and which holds nothing."""

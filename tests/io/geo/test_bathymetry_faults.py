@@ -10,6 +10,19 @@ from tests.io.geo.files import write_geotiff
 from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, grid, sea_floor
 
 LAND = np.full((14, 9), 30.0)
+FLOOR = sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
+
+
+def refused(words, source, site=SITE, **arguments):
+    """The one line that a source is refused with."""
+    with pytest.raises(GeoError, match=words) as caught:
+        read_bathymetry(source, site, **(AREA | arguments))
+    assert "\n" not in str(caught.value)
+
+
+def tiff(path, values):
+    corner = (LONGITUDE[0], LATITUDE[-1])
+    return write_geotiff(path, values[::-1], corner=corner, scale=(0.02, 0.01), point=True)
 
 
 @pytest.mark.parametrize(
@@ -22,27 +35,16 @@ LAND = np.full((14, 9), 30.0)
         ((0.0, 0.0), (0.0, 1.0), "south-west"),
     ],
 )
-@pytest.mark.parametrize("kind", ["nc", "tif"])
-def test_rectangles_beyond_the_data(tmp_path, lower, upper, words, kind):
-    path = grid()
-    if kind == "tif":
-        values = -sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
-        corner = (LONGITUDE[0], LATITUDE[-1])
-        path = write_geotiff(tmp_path / "b.tif", values, corner=corner, scale=(0.02, 0.01), point=True)
-        assert "units" in read_bathymetry(path, SITE, **AREA).notes[-1]
-    with pytest.raises(GeoError, match=words):
-        read_bathymetry(path, SITE, lower=lower, upper=upper)
+def test_rectangles_beyond_the_data(tmp_path, lower, upper, words):
+    for source in (grid(), tiff(tmp_path / "b.tif", -FLOOR)):
+        refused(words, source, lower=lower, upper=upper)
 
 
 @pytest.mark.parametrize("form", ["grid", "tiff"])
 def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form):
     """Of a file whose larger part is land, of an area that holds one sign alone."""
-    heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + 60.0
-    if form == "grid":
-        path = grid("ROSE", values=heights)
-    else:
-        corner = (LONGITUDE[0], LATITUDE[-1])
-        path = write_geotiff(tmp_path / "b.tif", heights[::-1], corner=corner, scale=(0.02, 0.01), point=True)
+    heights = 60.0 - FLOOR
+    path = grid("ROSE", values=heights) if form == "grid" else tiff(tmp_path / "b.tif", heights)
     for south, west in ((-1000.0, 1000.0), (3000.0, -1500.0)):
         found = read_bathymetry(path, SITE, lower=(south, west), upper=(south + 1000.0, west + 2000.0))
         np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) - 60.0, atol=1e-3)
@@ -53,20 +55,24 @@ def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form)
     ("name", "values"), [("relief", 100.0), ("bathymetry", 100.0), ("bathymetry", 0.0), ("band_depth", 0.0)]
 )
 def test_a_sense_that_nothing_tells_is_asked_for(name, values):
-    path = grid(name, values=sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + values)
-    with pytest.raises(GeoError, match=r'are heights or depths: say positive="up" or "down" \(bathymetry\.p'):
-        read_bathymetry(path, SITE, **AREA)
+    path = grid(name, values=FLOOR + values)
+    refused(r'are heights or depths: say positive="up" or "down" \(bathymetry\.p', path)
     found = read_bathymetry(path, SITE, positive="down", **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) + values, atol=1e-3)
 
 
-def test_negative_values_alone_are_heights():
-    found = read_bathymetry(grid("bathymetry", values=-LAND, attributes={}), SITE, **AREA)
-    assert (found.depth == 30.0).all()
-    assert found.notes == (
-        "bathymetry was taken as positive up: its values are negative",
-        "units are not given: metres",
-    )
+@pytest.mark.parametrize(
+    ("name", "values", "attributes", "depth", "notes"),
+    [
+        ("bathymetry", -LAND, {}, 30.0, ("bathymetry was taken as positive up: its values are negative",
+                                         "units are not given: metres")),
+        ("elevation", LAND, {"units": "m"}, -30.0, ("no pixel lies below the sea surface",)),
+    ],
+)  # fmt: skip
+def test_what_is_assumed_is_noted(name, values, attributes, depth, notes):
+    found = read_bathymetry(grid(name, values=values, attributes=attributes), SITE, **AREA)
+    assert (found.depth == depth).all()
+    assert found.notes == notes
 
 
 @pytest.mark.parametrize(
@@ -98,25 +104,18 @@ def test_the_argument_overrides_a_name():
         ("z", {"positive": "down"}, LAND, {"positive": "up"}, "convention: its attribute positive says down"),
         ("z", {"standard_name": "sea_floor_depth_below_geoid"}, LAND, {"positive": "up"}, "contradictory"),
         ("z", {"standard_name": "sea_floor_depth", "positive": "up"}, LAND, {}, "z has a contradictory"),
-        ("z", {"units": "dbar"}, LAND, {}, "z is in 'dbar'"),
+        ("z", {"units": "dbar"}, LAND, {}, "z is in 'dbar', not in m, km, cm, fathoms or ft"),
         ("z", {"units": "m"}, LAND * np.nan, {}, "z has no values in the area"),
         ("z", {"units": "m"}, LAND, {"positive": "north"}, 'positive must be "up" or "down"'),
         ("salt", {"units": "m"}, LAND, {"variable": "lat"}, "lat has dimensions lat, not two"),
+        ("salt", {"units": "m"}, LAND, {"variable": "floor"}, "no variable 'floor'; it has salt, lat, lon"),
         ("z", {"units": "m"}, LAND, {"pixel_size": 0.01}, "pixels, more than"),
         ("z", {"units": "m"}, LAND, {"pixel_size": -1.0}, "pixel_size must be positive"),
         ("z", {"units": "m"}, LAND, {"pixel_size": 0.0}, "pixel_size must be positive"),
     ],
 )  # fmt: skip
 def test_grids_that_are_refused(name, stated, values, arguments, words):
-    with pytest.raises(GeoError, match=words) as caught:
-        read_bathymetry(grid(name, attributes=stated, values=values), SITE, **arguments, **AREA)
-    assert "\n" not in str(caught.value)
-
-
-def test_land_is_negative_and_stated():
-    found = read_bathymetry(grid(values=LAND), SITE, **AREA)
-    assert (found.depth == -30.0).all()
-    assert found.notes == ("no pixel lies below the sea surface",)
+    refused(words, grid(name, attributes=stated, values=values), **arguments)
 
 
 @pytest.mark.parametrize(
@@ -130,29 +129,23 @@ def test_land_is_negative_and_stated():
     ],
 )
 def test_axes_that_are_none(axes, words):
-    with pytest.raises(GeoError, match=rf"elevation: {words}"):
-        read_bathymetry(grid(values=-LAND, **axes), SITE, **AREA)
+    refused(rf"elevation: {words}", grid(values=-LAND, **axes))
 
 
 def test_files_that_are_none(tmp_path):
-    with pytest.raises(GeoError, match=r"nowhere\.nc: No such file"):
-        read_bathymetry(tmp_path / "nowhere.nc", SITE, **AREA)
+    path = tmp_path / "f.nc"
+    refused(r"nowhere\.nc: No such file", tmp_path / "nowhere.nc")
     for content, words in (
         (b"letter", "not a picture or grid that can be read"),
         (b"\x89HDF\r\n\x1a\n", "f.nc: "),
         (b"CDF\x01", "f.nc: "),
     ):
-        path = tmp_path / "f.nc"
         path.write_bytes(content)
-        with pytest.raises(GeoError, match=words) as caught:
-            read_bathymetry(path, SITE, **AREA)
-        assert "\n" not in str(caught.value)
-    for data, words in (
-        (xr.Dataset({"t": ("x", np.zeros(3))}), "no variable is known for a sea floor: name one of t"),
-        (xr.Dataset({"h": (("x", "y"), np.zeros((3, 3)))}), "h has no longitude on its dimensions x, y"),
-    ):
-        with pytest.raises(GeoError, match=words):
-            read_bathymetry(data, SITE, **AREA)
+        refused(words, path)
+    bare = xr.Dataset({"t": ("x", np.zeros(3))})
+    refused("no variable is known for a sea floor: name one of t", bare)
+    refused("h has no longitude on its dimensions x, y", xr.Dataset({"h": (("x", "y"), np.zeros((3, 3)))}))
+    words = "the given DataArray: elevation has no longitude on its dimensions y, x"
+    refused(words, xr.DataArray(LAND, dims=("y", "x")))
     colours = write_geotiff(tmp_path / "c.tif", np.zeros((9, 9, 3), np.uint8))
-    with pytest.raises(GeoError, match=r"c\.tif: three bands are colours, not depths"):
-        read_bathymetry(colours, SITE, **AREA)
+    refused(r"c\.tif: three bands are colours, not depths", colours)
