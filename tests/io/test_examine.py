@@ -143,11 +143,6 @@ def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
         assert re.search(words, reason)
 
 
-def test_shipped_scenarios_have_no_faults():
-    for name in ("scenario-1", "scenario-3"):
-        assert not examine_scenario(name).faults
-
-
 def test_missing_files_and_faulty_rows_are_told_beside_bad_fields(tmp_path):
     text = FILES.replace("  no_go: closed.geojson\n", "  no_go: closed.geojson\n  pixel_size: -1\n")
     (tmp_path / "my.yaml").write_text(text)

@@ -1,6 +1,5 @@
 """Charts from georeferenced pictures and rasters of classes."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +33,6 @@ def test_the_whitsunday_picture_agrees_with_its_truth(shared):
     assert (kinds(chart)[::-1] == known).mean() < 0.9
     exact = chart_from_raster(maps / "whitsunday_hook_passage_class.tif", site, classes=MEANINGS, **HOOK)
     assert (kinds(exact) == known).all()
-
-
-def test_a_picture_with_a_world_file_is_the_same_chart(shared, tmp_path):
-    site = in_the_middle()
-    shutil.copy(shared / "data" / "maps" / "whitsunday_hook_passage.png", tmp_path / "hook.png")
-    (tmp_path / "hook.pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
-    area = {"lower": (4000.0, 2000.0), "upper": (6000.0, 5000.0)}
-    chart = chart_from_raster(tmp_path / "hook.png", site, crs=32755, **area)
-    assert (kinds(chart) == truth(shared, chart, site)).mean() > 0.995
 
 
 def picture(tmp_path, size=(40, 60), scale=(0.0001, 0.0001)):
@@ -136,19 +126,6 @@ def test_a_picture_of_told_greys(tmp_path):
     chart = chart_from_raster(path, SITE, colours=colours, **WHOLE)
     assert not chart.is_water(200.0, -290.0)
     assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
-
-
-def test_a_picture_in_doubt_is_refused_once_named(tmp_path):
-    colours = np.full((40, 60, 3), (185, 125, 55), np.uint8)
-    colours[10:30, 10:40] = (41, 59, 109)
-    path = write_geotiff(tmp_path / "i.tif", colours, **PLACED)
-    with pytest.raises(ChartError) as caught:
-        chart_from_raster(path, SITE, **WHOLE)
-    assert str(caught.value).count(str(path)) == 1
-    stated = ChartColours(water=("#b97d37",), land=("#293b6d",))
-    chart = chart_from_raster(path, SITE, colours=stated, **WHOLE)
-    assert chart.is_water(-200.0, -290.0)
-    assert not chart.is_water(0.0, 0.0)
 
 
 def half(shade: int = 0) -> np.ndarray:

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import shapely
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, read_jobs
@@ -76,19 +75,6 @@ def test_csv_in_local_metres_with_lines(tmp_path, site, heads):
     found = [(job.name, job.priority, job.duration) for job in jobs.lines]
     assert found == [("survey", 2, 90), ("second", 1, 0)]
     close(jobs.lines[0].positions, [(10, 20, 5), (10, 120, 6), (-30, 120, 2)])
-
-
-def test_the_same_jobs_from_both(tmp_path):
-    table = tmp_path / "jobs.csv"
-    table.write_text(
-        "lon\tlat\tdepth\tpriority\n" + rows(A, B).replace(",", "\t").replace("\n", "\t2\n") + "\t2\n"
-    )
-    geo = write_geojson(
-        tmp_path / "j.json", *(feature("Point", lonlat(p), depth=p[2], priority=2) for p in (A, B))
-    )
-    one, two = read_jobs(table, SITE), read_jobs(geo, SITE)
-    close([job.position for job in one.points], [job.position for job in two.points])
-    assert [job.priority for job in one.points] == [job.priority for job in two.points] == [2.0, 2.0]
 
 
 BY_DEGREES = "lon,lat,depth\n"
@@ -250,23 +236,3 @@ def test_separators_and_decimals(tmp_path):
     (tmp_path / "e.csv").write_text("north;east;duration\n1,5;2;1.200\n")
     with pytest.raises(GeoError, match=r"row 2: duration '1\.200' has a point, where other"):
         read_jobs(tmp_path / "e.csv", None)
-
-
-def test_places_of_geojson_are_those_of_gdal(tmp_path):
-    raw, line = pytest.importorskip("pyogrio.raw"), [[10.0, 50.01, -5.0], [10.01, 50.01, -7.0]]
-    path = write_geojson(
-        tmp_path / "j.geojson",
-        feature("Point", [10.01, 50.02, -4.0], name="a", priority=2.5, duration=60.0),
-        feature("Point", [10.02, 50.03, -6.0], name="b", priority=0.0, duration=0.0),
-        feature("LineString", line, name="s", priority=4.0, duration=9.0),
-    )
-    site = Site(10.0, 50.0, origin=(300.0, -700.0))
-    jobs = read_jobs(path, site)
-    meta, _, geometries, columns = raw.read(path)
-    stated = dict(zip(meta["fields"], columns, strict=True))
-    found = [(job, [job.position]) for job in jobs.points] + [(job, job.positions) for job in jobs.lines]
-    for row, ((job, places), shape) in enumerate(zip(found, shapely.from_wkb(geometries), strict=True)):
-        assert [getattr(job, name) for name in stated] == [column[row] for column in stated.values()]
-        longitude, latitude, height = shapely.get_coordinates(shape, include_z=True).T
-        expected = np.stack([*site.to_local(longitude, latitude), -height], axis=1)
-        np.testing.assert_allclose(places, expected, atol=1e-6)

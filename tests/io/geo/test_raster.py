@@ -1,6 +1,5 @@
 """Georeferenced rasters: the form, and the files that are read into it or refused."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -192,18 +191,6 @@ def test_what_a_sidecar_gives(tmp_path):
         (tmp_path / "b.tif.aux.xml").write_text(text)
         with pytest.raises(GeoError, match=words):
             read_raster(path)
-
-
-def test_whitsunday_picture_lies_where_its_keys_say(shared, tmp_path):
-    maps = shared / "data" / "maps"
-    raster = read_raster(maps / "whitsunday_hook_passage_rgb.tif")
-    assert transform(raster)[:6] == (10.0, 0.0, 697_200.0, 0.0, -10.0, 7_774_100.0)
-    assert CRS.from_wkt(raster.spatial_ref.attrs["crs_wkt"]).to_epsg() == 32755
-    shutil.copy(maps / "whitsunday_hook_passage.png", tmp_path / "hook.png")
-    (tmp_path / "hook.pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
-    twin = read_raster(tmp_path / "hook.png", crs=32755)
-    xr.testing.assert_equal(raster.coords.to_dataset(), twin.coords.to_dataset())
-    assert twin.shape == raster.shape
 
 
 def picture(**options: Any) -> Callable[[Path], Path]:

@@ -7,7 +7,6 @@ import pytest
 import shapely
 from pyproj import Transformer
 
-from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
 from auvplan.io.geo.polygons import read_vector_polygons
 from auvplan.ocean.chart import ChartError
@@ -64,17 +63,6 @@ def test_what_is_refused(tmp_path):
     (tmp_path / "broken.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
     with pytest.raises(GeoError, match=r"broken\.gpkg: cannot be read"):
         read_zones(tmp_path / "broken.gpkg", SITE)
-    turns = np.deg2rad(360.0 * np.arange(41) * 20.0 / 41.0)
-    star = shapely.Polygon(geographic(500.0 * np.cos(turns), 500.0 * np.sin(turns)))
-    with pytest.raises(GeoError, match="feature 1: the polygon crosses itself"):
-        read_zones(written(tmp_path / "star.gpkg", [star]), SITE)
-
-
-def test_rings_that_cross_are_repaired_with_a_warning(tmp_path):
-    bow = shapely.Polygon(geographic(*np.array([(0, 0), (500, 500), (500, 0), (0, 500)], float).T))
-    with pytest.warns(ScenarioWarning, match="feature 1: the polygon crosses itself at .* it is repaired"):
-        (zone,) = read_zones(written(tmp_path / "bow.gpkg", [bow]), SITE)
-    assert zone.polygon.area == pytest.approx(125_000.0, rel=1e-3)
 
 
 def test_other_formats_under_a_known_name_are_not_given_to_gdal(tmp_path):
