@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,8 @@ _SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
 _SUCH = {"lon": " of degrees such as -5.4321", "lat": " of degrees such as 56.1234"}
 #: Speed of the current, m/s, at a place [3] m and times [n] s.
 Speed = Callable[[Position, np.ndarray], np.ndarray]
+#: The name of a row in messages, and its cells by heading.
+_Row = tuple[str, dict[str, str]]
 #: By how much a depth and an elevation may differ and still say the same, m.
 _SAME = 1e-3
 #: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
@@ -237,44 +239,52 @@ def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
     if not faults.lines:
         with faults.kept():
             _check_reading(path, given, rows, site)
-    local = axes[0] == "north"
-    found: list[Feature] = []
-    lines: dict[str, Feature] = {}
-    broken: set[str] = set()
-    last = ""
-    for where, row in rows:
-        line, before, sound = row.pop("line", ""), last, faults.count
-        last, place = line, []
-        goes_on = line in lines and line != before
-        if line and line not in lines:
-            of, number = f"{path}: line {line!r}", len(found) + 1
-            lines[line] = Feature(of, number, "LineString", [], {"name": line}, local)
-            found.append(lines[line])
-        faults.places += 1
-        numbers = _numbers(where, row, faults) if line else {}
-        depth = numbers.pop("depth", None)
-        with faults.kept():
-            place = _place(where, row, axes)
-            if goes_on:
-                raise GeoError(f"{where}: line {line!r} goes on after other rows")
-            if line:
-                hours = {name: row[name] for name in _HOURS if name in row}
-                _agree(where, line, lines[line].properties, numbers | hours)
-        if line:
-            lines[line].coordinates.append(place + ([] if depth is None else [-depth]))
-            if faults.count > sound:
-                broken.add(line)
-        elif place:
-            stated = {name: cell for name, cell in row.items() if name not in axes}
-            found.append(Feature(where, len(found) + 1, "Point", place, stated, local))
+    faults.places += len(rows)
+    found: list[Feature | None] = []
+    lines: dict[str, int] = {}
+    for line, group in groupby(rows, lambda row: row[1].get("line", "")):
+        if line in lines:
+            faults.lines.append(f"{next(group)[0]}: line {line!r} goes on after other rows")
+            found[lines[line]] = None
+        elif line:
+            lines[line] = len(found)
+            found.append(_line(f"{path}: line {line!r}", line, len(found) + 1, group, axes, faults))
         else:
-            _numbers(where, row, faults)
-    return [one for one in found if one.kind == "Point" or one.properties["name"] not in broken]
+            for where, row in group:
+                place, sound = [], faults.count
+                with faults.kept():
+                    place = _place(where, row, axes)
+                if faults.count > sound:
+                    _numbers(where, row, faults)
+                    continue
+                stated = {name: cell for name, cell in row.items() if name not in axes}
+                found.append(Feature(where, len(found) + 1, "Point", place, stated, axes[0] == "north"))
+    return [one for one in found if one is not None]
 
 
-def _check_reading(
-    path: Path, given: list[str], rows: list[tuple[str, dict[str, str]]], site: Site | None
-) -> None:
+def _line(
+    of: str, line: str, number: int, rows: Iterable[_Row], axes: tuple[str, str], faults: Faults
+) -> Feature | None:
+    """Return the rows of a survey line as a feature; None where one is at fault."""
+    sound, places, known = faults.count, [], {"name": line}
+    for where, row in rows:
+        stated: dict[str, Any] = _numbers(where, row, faults)
+        depth = stated.pop("depth")
+        stated |= {name: row[name] for name in _HOURS if name in row}
+        with faults.kept():
+            places.append(_place(where, row, axes) + ([] if depth is None else [-depth]))
+            for name, value in stated.items():
+                if value is not None and known.setdefault(name, value) != value:
+                    old, new = (f"{one:g}" if isinstance(one, float) else one for one in (known[name], value))
+                    raise GeoError(
+                        f"{where}: line {line!r} has {name} {old} in an earlier row, {new} in this"
+                    )
+    if faults.count > sound:
+        return None
+    return Feature(of, number, "LineString", places, known, axes[0] == "north")
+
+
+def _check_reading(path: Path, given: list[str], rows: list[_Row], site: Site | None) -> None:
     """Warn of columns x and y, and refuse degrees under headings of metres."""
     if "x" in given or "y" in given:
         warn(
@@ -301,7 +311,7 @@ def _check_reading(
             )
 
 
-def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[tuple[str, dict[str, str]]]]:
+def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[_Row]]:
     """The headings, and those of places; the name in messages of each sound row, and its cells by heading."""
     text = read_text(path, MAX_JOBS_BYTES)
     heading = next((line for line in text.splitlines() if line.strip()), "")
@@ -344,7 +354,7 @@ def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[
     return given, pairs[0], rows
 
 
-def _point_decimals(rows: list[tuple[str, dict[str, str]]], faults: Faults) -> None:
+def _point_decimals(rows: list[_Row], faults: Faults) -> None:
     """Replace commas in numbers: where they do not part cells they part decimals, and points do not."""
     numbers = [
         (where, cells, name)
@@ -370,14 +380,6 @@ def _place(where: str, row: dict[str, str], axes: tuple[str, str]) -> list[float
     if axes[0] == "lon":
         check_place(where, *place)
     return place
-
-
-def _agree(where: str, line: str, known: dict[str, Any], stated: dict[str, Any]) -> None:
-    """Add what a row states of its survey line to what is known, which it must not contradict."""
-    for name, value in stated.items():
-        if value is not None and known.setdefault(name, value) != value:
-            old, new = (f"{one:g}" if isinstance(one, float) else one for one in (known[name], value))
-            raise GeoError(f"{where}: line {line!r} has {name} {old} in an earlier row, {new} in this")
 
 
 def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:
