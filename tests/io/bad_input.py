@@ -19,7 +19,6 @@ from tests.io.small_site import (
     coast,
     cut,
     everywhere,
-    file,
     folder,
     gone,
     huge,
@@ -198,15 +197,8 @@ REFUSED = {
     # known obstacles
     # charts
     "chart upside down": (change(picture(slice(40, 60)), dry_bed(slice(4, 7))), "mission.start", "land"),
-    "picture of another place": (
-        change(picture(slice(0, 6)), file("chart.pgw", "0.001\n0\n0\n-0.001\n5\n5\n")),
-        "chart.png", "beyond the picture"),
-    "picture placed by swapped numbers": (
-        change(picture(slice(0, 6)), file("chart.pgw", f"0.001\n0\n0\n-0.001\n{Y - 0.03}\n{X + 0.03}\n")),
-        "chart.png", "beyond the picture"),
     # sea bed and currents
     "sea bed above the water": (bed(everywhere("depth", 0.0)), "bed.nc", "below the sea surface", "positive"),
-    "sea bed of two places": (bed(moved("latitude", lambda y: y + 0.02)), "bed.nc", "beyond the data"),
     "an hour without values": (current(holes(1)), "tide.nc", "2026-03-01T01:00:00Z", "100%"),
     "most of an hour without values": (current(holes(np.s_[1, :, 1:])), "tide.nc", "T01:00:00Z", "missing"),
     "a fill value as it is": (current(holes(np.s_[:, :, 3, 3], -9999.0)), "tide.nc", "_FillValue"),

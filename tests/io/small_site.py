@@ -102,11 +102,6 @@ class SmallSite:
     def polygons(self, name: str, *rings: list) -> None:
         self.features(name, "Polygon", *([ring] for ring in rings))
 
-    def jobs(self, kind: str, /, *coordinates: Any, **properties: Any) -> None:
-        """Jobs by GeoJSON."""
-        self.set(mission={"jobs": "jobs.geojson"})
-        self.features("jobs.geojson", kind, *coordinates, **properties)
-
     def obstacles(self, *places: list, **properties: Any) -> None:
         self.set(obstacles={"file": "obstacles.geojson"})
         self.features("obstacles.geojson", "Point", *places, **properties)
@@ -182,10 +177,6 @@ def png_head(width: int, height: int, pixels: bytes = zlib.compress(bytes(100)))
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
-def nested(depth: int) -> str:
-    return "[" * depth + "]" * depth
-
-
 # Changes of a site, and of its data sets
 
 gone, folder, cut = (partial(methodcaller, name) for name in ("missing", "folder_instead", "cut"))
@@ -193,7 +184,7 @@ sections, put, text = (partial(methodcaller, name) for name in ("set", "put", "t
 file, raster, huge = (partial(methodcaller, name) for name in ("write", "raster", "huge"))
 tide, bed, obstacles = (partial(methodcaller, name) for name in ("tide", "bed", "obstacles"))
 scenario, jobs = partial(file, "scenario.yaml"), partial(file, "jobs.csv")
-coast, feature = partial(methodcaller, "polygons", "coast.geojson"), partial(methodcaller, "jobs")
+coast = partial(methodcaller, "polygons", "coast.geojson")
 
 
 def change(*spoils: Callable[[SmallSite], None]) -> Callable[[SmallSite], None]:
