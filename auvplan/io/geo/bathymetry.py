@@ -101,11 +101,11 @@ def read_bathymetry(
     """
     if positive not in (None, "up", "down"):
         raise GeoError(f'positive must be "up" or "down", got {positive!r}')
-    path = label(source)
+    path, notes = label(source), []
     with reading(path):
         # Where no size is given these pixels only stand for the rectangle.
         grid = local_grid(lower, upper, pixel_size)
-        with _opened(path, source, variable, crs) as (array, notes):
+        with _opened(path, source, variable, crs, notes) as array:
             what = f"{path}: {array.name or 'the band'}"
             array, nodes = placed(what, array, site, grid, crs)
             find = nodes.seen_from(site, grid)
@@ -119,53 +119,53 @@ def read_bathymetry(
             values = _load(array, *window)
             if not np.isfinite(values).any():
                 raise GeoError(f"{what} has no values in the area")
-            sense, stated = _sense(what, array, values, positive)
-        factor, assumed = _factor(what, array)
-        values, missing = _without_sentinels(values * factor)
+            sense = _sense(what, array, values, positive, notes)
+        values = _without_sentinels(values * _factor(what, array, notes), notes)
         depth = np.empty(grid.shape, np.float32)
         for rows, north, east in grid.blocks():
             row, column = find(north, east)
             depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
-    notes += (*stated, *assumed, *missing)
-    unknown = int(np.isnan(depth).sum())
-    if unknown == depth.size:
-        raise GeoError(f"{what} has no values in the area")
-    if unknown:
-        notes += (f"{unknown} of {depth.size} pixels have no depth: NaN",)
+    if unknown := int(np.isnan(depth).sum()):
+        if unknown == depth.size:
+            raise GeoError(f"{what} has no values in the area")
+        notes.append(f"{unknown} of {depth.size} pixels have no depth: NaN")
     if not (depth > 0.0).any():
-        notes += ("no pixel lies below the sea surface",)
-    return Bathymetry(depth, grid.lower, grid.pixel_size, notes)
+        notes.append("no pixel lies below the sea surface")
+    return Bathymetry(depth, grid.lower, grid.pixel_size, tuple(notes))
 
 
 @contextmanager
 def _opened(
-    path: str, source: Source | xr.Dataset, variable: str | None, crs: Any
-) -> Iterator[tuple[xr.DataArray, tuple[str, ...]]]:
-    """Open the array of a sea floor with its coordinates; values are not read yet. And what was assumed."""
+    path: str, source: Source | xr.Dataset, variable: str | None, crs: Any, notes: list[str]
+) -> Iterator[xr.DataArray]:
+    """Open the array of a sea floor with its coordinates; values are not read yet."""
     if isinstance(source, xr.DataArray):
-        yield source if source.name else source.rename(_UP[0]), ()
-    elif isinstance(source, xr.Dataset):
-        yield _chosen(path, source, variable)
-    else:
-        with Path(source).open("rb") as file:
-            start = file.read(4)
-        if not start:
-            raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
-        if start[:3] != b"CDF" and (start != b"\x89HDF" or Path(source).suffix.lower() == ".bag"):
-            array = read_raster(source, crs, numbers=True)
-            if array.ndim != 2:
-                raise GeoError(f"{path}: three bands are colours, not depths")
-            if variable not in (None, array.name):
-                raise GeoError(f"{path}: a raster has no variable {variable!r}")
-            yield array, ()
-            return
+        yield source if source.name else source.rename(_UP[0])
+        return
+    if isinstance(source, xr.Dataset):
+        yield _chosen(path, source, variable, notes)
+        return
+    with Path(source).open("rb") as file:
+        start = file.read(4)
+    if not start:
+        raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
+    if start[:3] == b"CDF" or (start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"):
         with open_lazily(path, GeoError) as dataset:
-            yield _chosen(path, dataset, variable)
+            yield _chosen(path, dataset, variable, notes)
+        return
+    array = read_raster(source, crs, numbers=True)
+    if array.ndim != 2:
+        raise GeoError(f"{path}: three bands are colours, not depths")
+    if variable not in (None, array.name):
+        raise GeoError(f"{path}: a raster has no variable {variable!r}")
+    yield array
 
 
-def _chosen(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.DataArray, tuple[str, ...]]:
-    """Return the variable of the sea floor with the dataset's coordinates, and what was assumed."""
-    name, notes = _name(path, dataset, wanted)
+def _chosen(path: str, dataset: xr.Dataset, wanted: str | None, notes: list[str]) -> xr.DataArray:
+    """Return the variable of the sea floor with the dataset's coordinates."""
+    name = _name(path, dataset, notes) if wanted is None else wanted
+    if name not in dataset.variables:
+        raise GeoError(f"{path}: no variable {name!r}; it has {listed(dataset.variables)}")
     variable = dataset.variables[name]
     if variable.ndim > 2:
         variable = variable.squeeze()
@@ -179,20 +179,16 @@ def _chosen(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.Data
         if axis.ndim != 2 or _is_axis(dataset, other) or other == "mask_rho"
     }
     if "mask_rho" in coordinates:
-        notes += ("where mask_rho is 0 the sea floor was taken as unknown",)
-    return xr.DataArray(variable, coordinates, name=name), notes
+        notes.append("where mask_rho is 0 the sea floor was taken as unknown")
+    return xr.DataArray(variable, coordinates, name=name)
 
 
 def _is_axis(dataset: xr.Dataset, name: Any) -> bool:
     return any(is_degrees(name, dataset.variables[name].attrs, kind) for kind in ("longitude", "latitude"))
 
 
-def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tuple[str, ...]]:
-    """Return the name of the variable of the sea floor, and what was assumed."""
-    if wanted is not None:
-        if wanted not in dataset.variables:
-            raise GeoError(f"{path}: no variable {wanted!r}; it has {listed(dataset.variables)}")
-        return wanted, ()
+def _name(path: str, dataset: xr.Dataset, notes: list[str]) -> Any:
+    """Return the name of the variable of the sea floor."""
     flat = {
         name: variable.attrs.get("standard_name", "")
         for name, variable in dataset.variables.items()
@@ -204,12 +200,16 @@ def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tupl
     spelt_out = tuple(name for name in names if name.startswith(_SPELT_OUT))
     found = [name for name, standard in flat.items() if _sense_of_standard_name(standard)]
     found = found or [names[name] for name in (*_UP, *_DOWN, *spelt_out, *_UNSIGNED) if name in names]
-    if found:
-        return found[0], (f"{found[0]} was taken, not {listed(found[1:])}",) if found[1:] else ()
-    if len(flat) == 1:
-        (only,) = flat
-        return only, (f"{only} was taken for the sea floor, being the only grid",)
-    raise GeoError(f"{path}: no variable is known for a sea floor: name one of {listed(dataset.variables)}")
+    if len(found) > 1:
+        notes.append(f"{found[0]} was taken, not {listed(found[1:])}")
+    elif not found and len(flat) == 1:
+        found = list(flat)
+        notes.append(f"{found[0]} was taken for the sea floor, being the only grid")
+    if not found:
+        raise GeoError(
+            f"{path}: no variable is known for a sea floor: name one of {listed(dataset.variables)}"
+        )
+    return found[0]
 
 
 def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> Array:
@@ -253,26 +253,25 @@ def _window(path: str, find: Find, grid: LocalGrid, nodes: Nodes) -> tuple[int, 
     return first, last, left, right
 
 
-def _factor(what: str, array: xr.DataArray) -> tuple[float, tuple[str, ...]]:
+def _factor(what: str, array: xr.DataArray, notes: list[str]) -> float:
     """Return metres in the source's unit."""
     unit = str(array.attrs.get("units", "")).strip()
     if not unit:
-        return 1.0, ("units are not given: metres",)
-    factor = length_factor(unit.rstrip("."))
+        notes.append("units are not given: metres")
+    factor = length_factor(unit.rstrip(".")) if unit else 1.0
     if factor is None:
         raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
-    return factor, ()
+    return factor
 
 
-def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
+def _without_sentinels(values: Array, notes: list[str]) -> Array:
     """NaN for numbers that stand for none without the file saying so; metres."""
     with np.errstate(invalid="ignore"):
         odd = (np.abs(values) > _EXTREME) | np.isin(values, _SENTINELS)
-    count = int(odd.sum())
-    if not count:
-        return values, ()
-    line = f"{count} values that no sea floor has, such as {values[odd][0]:g} m, were taken as missing"
-    return np.where(odd, np.nan, values), (line,)
+    if count := int(odd.sum()):
+        such = f"such as {values[odd][0]:g} m"
+        notes.append(f"{count} values that no sea floor has, {such}, were taken as missing")
+    return np.where(odd, np.nan, values)
 
 
 def _sense_of_standard_name(name: Any) -> str | None:
@@ -285,10 +284,8 @@ def _sense_of_standard_name(name: Any) -> str | None:
     return None
 
 
-def _sense(
-    what: str, array: xr.DataArray, values: Array, positive: str | None
-) -> tuple[float, tuple[str, ...]]:
-    """Return the factor that makes values positive down, and what was assumed."""
+def _sense(what: str, array: xr.DataArray, values: Array, positive: str | None, notes: list[str]) -> float:
+    """Return the factor that makes values positive down."""
     stated = {}
     attribute = str(array.attrs.get("positive", "")).strip().lower()
     if attribute in ("up", "down"):
@@ -310,7 +307,7 @@ def _sense(
             raise GeoError(
                 f'{what} is positive down by {source}, but all its values are negative: say positive="up"'
             )
-        return (1.0 if sense == "down" else -1.0), ()
+        return 1.0 if sense == "down" else -1.0
     # The area, and evenly spaced rows of the whole source.
     rows, columns = array.shape
     sample = [values.ravel()]
@@ -321,7 +318,8 @@ def _sense(
     least, most = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     if most <= 0.0 or (least < 0.0 and not name.startswith("bathy") and "depth" not in name):
         kind = "of both signs" if most > 0.0 else "negative"
-        return -1.0, (f"{array.name or 'the band'} was taken as positive up: its values are {kind}",)
+        notes.append(f"{array.name or 'the band'} was taken as positive up: its values are {kind}")
+        return -1.0
     raise GeoError(
         f"{what} does not give whether its values, {least:g} to {most:g}, are heights or depths: say "
         'positive="up" or "down" (bathymetry.positive)'
