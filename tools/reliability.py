@@ -111,7 +111,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
     },
     "Results on disk": {
         "tests": "io/test_saved_run io/test_output",
-        "peer": "export/test_schemas",
+        "peer": "export/test_formats",
         "fault": "faults/test_disk @crashes @determinism @fuzz",
     },
     "The checker": {
@@ -135,7 +135,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
     },
     "Vehicle files": {
         "tests": "export/test_export export/test_qgroundcontrol export/test_imc",
-        "peer": "export/test_formats export/test_schemas",
+        "peer": "export/test_formats",
         "fault": "@crashes",
     },
     "Pages and pictures": {

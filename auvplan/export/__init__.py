@@ -3,21 +3,25 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from auvplan.export.fences import Circle, Fence, Polygon
-from auvplan.export.geojson import write_geojson
-from auvplan.export.imc import write_imc
+from auvplan.export.geojson import geojson_text
+from auvplan.export.imc import imc_text
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
-from auvplan.export.markup import write_gpx, write_kml
-from auvplan.export.qgroundcontrol import qgc_notes, validate_plan, write_qgc
-from auvplan.export.ros import write_ros
+from auvplan.export.markup import gpx_text, kml_text
+from auvplan.export.qgroundcontrol import qgc_notes, qgc_text, validate_plan
+from auvplan.export.ros import geo_path
 from auvplan.export.runs import itinerary_of
 from auvplan.export.speeds import speed_note
-from auvplan.export.tables import write_csv, write_netcdf
+from auvplan.export.tables import csv_text, trajectories
 from auvplan.export.thin import Thinned, thin
 from auvplan.records import MissionRun
-from auvplan.runtime.files import output_folder
+from auvplan.runtime.files import output_folder, write_atomically, write_dataset
 from auvplan.site import Site
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = [
     "FORMATS",
@@ -36,14 +40,6 @@ __all__ = [
     "itinerary_of_parts",
     "thin",
     "validate_plan",
-    "write_csv",
-    "write_geojson",
-    "write_gpx",
-    "write_imc",
-    "write_kml",
-    "write_netcdf",
-    "write_qgc",
-    "write_ros",
 ]
 
 
@@ -53,25 +49,36 @@ class Format:
 
     Attributes:
         file: name of the file in the folder.
-        write: called with an itinerary and the path.
+        content: of an itinerary: the file's bytes, or the dataset of a NetCDF file; it raises `ExportError`
+            where the format cannot hold the itinerary.
         timeless: what becomes of times where the site has no epoch; nothing to say where empty.
     """
 
     file: str
-    write: Callable[[Itinerary, Path], Path]
+    content: "Callable[[Itinerary], bytes | xr.Dataset]"
     timeless: str = ""
+
+    def write(self, itinerary: Itinerary, folder: Path) -> Path:
+        """Write the file whole or not at all; raises as `export`."""
+        content, path = self.content(itinerary), folder / self.file
+        if isinstance(content, bytes):
+            return write_atomically(path, lambda part: part.write_bytes(content))
+        try:
+            return write_dataset(content, path)
+        except (OSError, ValueError) as error:  # of HDF5 and xarray
+            raise ExportError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 #: By name. Their files stand beside a saved run's and take the name of none of them.
 FORMATS = {
-    "qgc": Format("itinerary.plan", write_qgc),
-    "geojson": Format("itinerary.geojson", write_geojson, "no times of day, only seconds"),
-    "kml": Format("itinerary.kml", write_kml, "no times"),
-    "gpx": Format("itinerary.gpx", write_gpx, "no times"),
-    "csv": Format("itinerary.csv", write_csv, "no times"),
-    "netcdf": Format("itinerary.nc", write_netcdf, "the epoch as 2000-01-01"),
-    "imc": Format("itinerary.imc.xml", write_imc),
-    "ros": Format("itinerary.cdr", write_ros, "times that count from the departure"),
+    "qgc": Format("itinerary.plan", qgc_text),
+    "geojson": Format("itinerary.geojson", geojson_text, "no times of day, only seconds"),
+    "kml": Format("itinerary.kml", kml_text, "no times"),
+    "gpx": Format("itinerary.gpx", gpx_text, "no times"),
+    "csv": Format("itinerary.csv", csv_text, "no times"),
+    "netcdf": Format("itinerary.nc", trajectories, "the epoch as 2000-01-01"),
+    "imc": Format("itinerary.imc.xml", imc_text),
+    "ros": Format("itinerary.cdr", geo_path, "times that count from the departure"),
 }
 
 
@@ -90,9 +97,9 @@ def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tu
         ExportError: a format is not known, or cannot hold the itinerary; one line.
         OutputError: a file cannot be written; one line that names it.
     """
-    chosen = [_format(name) for name in formats]
+    chosen = _formats(formats)
     target = output_folder(folder)
-    return [kind.write(itinerary, target / kind.file) for kind in chosen]
+    return [kind.write(itinerary, target) for kind in chosen]
 
 
 def export_run(
@@ -109,7 +116,7 @@ def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) 
         ExportError: a format is not known.
     """
     names = list(formats)
-    chosen = [_format(name) for name in names]
+    chosen = _formats(names)
     notes = [*itinerary.notes, *itinerary.warnings, itinerary.description]
     if itinerary.site.epoch is None:
         notes += [
@@ -122,7 +129,9 @@ def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) 
     return notes + (qgc_notes(itinerary) if "qgc" in names else [])
 
 
-def _format(name: str) -> Format:
-    if name not in FORMATS:
-        raise ExportError(f"format {name!r} is not one of {', '.join(FORMATS)}")
-    return FORMATS[name]
+def _formats(names: Iterable[str]) -> list[Format]:
+    chosen = list(names)
+    for name in chosen:
+        if name not in FORMATS:
+            raise ExportError(f"format {name!r} is not one of {', '.join(FORMATS)}")
+    return [FORMATS[name] for name in chosen]

@@ -14,15 +14,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
-from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, metres
-from auvplan.export.markup import Element, child, write_xml
+from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, geographic, metres
+from auvplan.export.markup import Element, child, xml_text
 from auvplan.export.speeds import LEAST, Stretch, approach, speed_note, stretches
 from auvplan.site import as_utc
 
@@ -68,8 +67,8 @@ _MOST = 1.35
 _LOST, _STEP = 300.0, 0.2
 
 
-def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write an `.xml` file of one PlanSpecification.
+def imc_text(itinerary: Itinerary) -> bytes:
+    """Return an XML document of one PlanSpecification.
 
     The vehicle goes to the first waypoint, follows each leg's path and then does its task: it loiters at the
     task's depth, or keeps station where that is the surface, because IMC's station keeping surfaces. At the
@@ -77,14 +76,13 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
 
     Raises:
         ExportError: a leg or task is longer than IMC's fields can hold.
-        OutputError: the operating system refused; one line that names the file.
     """
     root = plan_specification(itinerary)
     departure = itinerary.site.utc(float(itinerary.legs[0].times[0]))
     unknown = {"src": "65535", "dst": "65535", "src_ent": "255", "dst_ent": "255"}
     time = 0.0 if departure is None else as_utc(departure).timestamp()
     root.attrib.update({"imcv": VERSION, "time": f"{time:.3f}"} | unknown)
-    return write_xml(root, path)
+    return xml_text(root)
 
 
 def plan_specification(itinerary: Itinerary) -> Element:
@@ -167,8 +165,7 @@ def _leg(itinerary: Itinerary, leg: PlannedLeg, parts: list[Stretch]) -> list[tu
 def _follow_path(itinerary: Itinerary, leg: PlannedLeg, part: Stretch, timeout: int) -> Element:
     """Points by their true north, east and down offsets from the first."""
     waypoints = leg.waypoints[part.first : part.last + 1]
-    place = _place(itinerary, waypoints[0])
-    longitude, latitude = itinerary.site.to_geographic(waypoints[:, 0], waypoints[:, 1])
+    longitude, latitude, _ = geographic(itinerary.site, waypoints).T
     bearing, _, distance = Geod(ellps="WGS84").inv(
         np.full_like(longitude, longitude[0]), np.full_like(latitude, latitude[0]), longitude, latitude
     )
@@ -178,7 +175,8 @@ def _follow_path(itinerary: Itinerary, leg: PlannedLeg, part: Stretch, timeout: 
     )
     points = [_message("PathPoint", dict(zip("xyz", map(metres, offset), strict=True))) for offset in offsets]
     return _message("FollowPath", {
-        "timeout": str(timeout), **place, **_speed(part.speed), "points": points, "custom": "",
+        "timeout": str(timeout), **_place(itinerary, waypoints[0]), **_speed(part.speed), "points": points,
+        "custom": "",
     })  # fmt: skip
 
 
@@ -205,10 +203,10 @@ def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> 
 
 def _place(itinerary: Itinerary, position: Array) -> dict[str, str]:
     """Latitude and longitude in radians, and depth."""
-    longitude, latitude = itinerary.site.to_geographic(position[0], position[1])
+    ((longitude, latitude, _),) = geographic(itinerary.site, position[None]).tolist()
     return {
-        "lat": f"{math.radians(float(latitude)):.12f}",
-        "lon": f"{math.radians(float(longitude)):.12f}",
+        "lat": f"{math.radians(latitude):.12f}",
+        "lon": f"{math.radians(longitude):.12f}",
         "z": metres(position[2]),
         "z_units": "DEPTH",
     }

@@ -11,14 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around, nearest_fences
-from auvplan.export.thin import thin
-from auvplan.mission.survey import LinePart
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.environment import Environment
 from auvplan.path.motion import Motion
 from auvplan.runtime.formatting import counted, figure, plain
 from auvplan.site import Site, as_utc
-from auvplan.vehicle import Vehicle
 from auvplan.view.timeline import END_BEHAVIOURS
 
 Array = NDArray[np.floating]
@@ -119,20 +115,6 @@ class PlannedLeg:
             number, start, goal, first, last, places, moments, every, moments, known,
             hold=hold, priority=priority,
         )  # fmt: skip
-
-    def thinned(
-        self,
-        env: Environment,
-        vehicle: Vehicle,
-        tolerance: float = 0.02,
-        margin: float = 10.0,
-        line: LinePart | None = None,
-    ) -> "PlannedLeg":
-        """Return the same leg with the fewest waypoints, see `thin`."""
-        few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin, line=line)
-        return replace(
-            self, kept=few.indices, kept_times=few.times, time_change=few.time_change, clearance=few.clearance
-        )
 
     @property
     def waypoints(self) -> Array:
@@ -344,30 +326,33 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
     """
     rows: list[Waypoint] = []
     for leg in itinerary.legs:
-        longitude, latitude = itinerary.site.to_geographic(leg.waypoints[:, 0], leg.waypoints[:, 1])
-        last, motion = len(leg.kept) - 1, leg.motion[leg.kept]
-        body = motion.body_velocity
+        places, motion = geographic(itinerary.site, leg.waypoints), leg.motion[leg.kept]
+        last, body = len(leg.kept) - 1, motion.body_velocity
         for k, place in enumerate(leg.waypoints):
             if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
                 continue
             between = f"leg {leg.number}, {k}"
-            rows.append(
-                Waypoint(
-                    leg.number,
-                    leg.start_name if k == 0 else leg.goal_name if k == last else between,
-                    place,
-                    float(longitude[k]),
-                    float(latitude[k]),
-                    float(leg.times[leg.kept[k]]),
-                    leg.hold if k == last else 0.0,
-                    leg.priority if k == last else 0.0,
-                    k == last,
-                    float(np.degrees(motion.yaw[k])),
-                    float(np.degrees(motion.pitch[k])),
-                    body[k],
-                )
-            )
+            rows.append(Waypoint(
+                leg.number,
+                leg.start_name if k == 0 else leg.goal_name if k == last else between,
+                place,
+                *places[k, :2].tolist(),
+                float(leg.times[leg.kept[k]]),
+                *((leg.hold, leg.priority, True) if k == last else (0.0, 0.0, False)),
+                float(np.degrees(motion.yaw[k])),
+                float(np.degrees(motion.pitch[k])),
+                body[k],
+            ))  # fmt: skip
     return rows
+
+
+def geographic(site: Site, places: ArrayLike) -> Array:
+    """Return [n, 3] longitude and latitude, degrees, and m above the surface, of places [n, 3] m.
+
+    Of places without a depth, [n, 2] m, there is no height.
+    """
+    axes = np.asarray(places).T
+    return np.stack([*site.to_geographic(axes[0], axes[1]), *-axes[2:]], axis=1)
 
 
 def moment(site: Site, seconds: float) -> str | None:

@@ -7,16 +7,14 @@ surface, so that altitude is minus depth.
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
 from auvplan.export.fences import Circle, Fence
-from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, waypoints
+from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, geographic, waypoints
 from auvplan.export.speeds import approach, speed_note, stretches
-from auvplan.runtime.files import write_atomically
 from auvplan.site import Site
 
 #: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_TYPE_SUBMARINE.
@@ -102,15 +100,9 @@ def item_speeds(itinerary: Itinerary) -> list[float]:
     return speeds
 
 
-def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write a `.plan` file.
-
-    Raises:
-        ExportError: as `qgc_plan`.
-        OutputError: the operating system refused; one line that names the file.
-    """
-    text = json.dumps(qgc_plan(itinerary), indent=2, allow_nan=False) + "\n"
-    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+def qgc_text(itinerary: Itinerary) -> bytes:
+    """Return the content of a `.plan` file; raises as `qgc_plan`."""
+    return (json.dumps(qgc_plan(itinerary), indent=2, allow_nan=False) + "\n").encode()
 
 
 def qgc_notes(itinerary: Itinerary) -> list[str]:
@@ -161,13 +153,12 @@ def _end(last: dict[str, Any], behaviour: str) -> dict[str, Any]:
 def _fence(fence: Fence, site: Site) -> dict[str, Any]:
     """Return an exclusion; polygons run clockwise."""
     if isinstance(fence, Circle):
-        longitude, latitude = site.to_geographic(*fence.centre)
-        centre = [round(float(latitude), DEGREES), round(float(longitude), DEGREES)]
+        ((longitude, latitude),) = geographic(site, np.array([fence.centre])).tolist()
+        centre = [round(latitude, DEGREES), round(longitude, DEGREES)]
         return {"circle": {"center": centre, "radius": fence.radius}, "inclusion": False, "version": 1}
     ring = shapely.LinearRing(fence.corners[:, ::-1])
     corners = fence.corners[::-1] if shapely.is_ccw(ring) else fence.corners
-    longitude, latitude = site.to_geographic(corners[:, 0], corners[:, 1])
-    places = np.round(np.stack([latitude, longitude], axis=1), DEGREES).tolist()
+    places = np.round(geographic(site, corners)[:, ::-1], DEGREES).tolist()
     return {"polygon": places, "inclusion": False, "version": 1}
 
 
@@ -177,61 +168,34 @@ def validate_plan(plan: Any) -> None:
     Raises:
         ExportError: one line that names the first field at fault.
     """
-    _check(plan, "plan", {
-        "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is(str),
-        "mission": _is(dict), "geoFence": _is(dict), "rallyPoints": _is(dict),
-    })  # fmt: skip
-    mission = plan["mission"]
-    _check(mission, "mission", {
-        "version": 2 .__eq__, "firmwareType": _is_count, "vehicleType": _is_count,
-        "globalPlanAltitudeMode": _is_count, "cruiseSpeed": _is_number, "hoverSpeed": _is_number,
-        "items": lambda value: isinstance(value, list) and len(value) > 0,
-        "plannedHomePosition": lambda value: _is_place(value, 3),
-    })  # fmt: skip
-    for k, item in enumerate(mission["items"]):
-        _validate_item(item, k)
-    fences = plan["geoFence"]
-    _check(fences, "geoFence", {"version": (2).__eq__, "circles": _is(list), "polygons": _is(list)})
-    for k, fence in enumerate(fences["circles"]):
-        _check(fence, f"geoFence.circles[{k}]", {
-            "version": 1 .__eq__, "inclusion": _is(bool),
-            "circle": lambda value: isinstance(value, dict) and _is_place(value.get("center"), 2)
-            and _is_number(value.get("radius")) and value["radius"] > 0,
-        })  # fmt: skip
-    for k, fence in enumerate(fences["polygons"]):
-        _check(fence, f"geoFence.polygons[{k}]", {
-            "version": 1 .__eq__, "inclusion": _is(bool),
-            "polygon": lambda value: isinstance(value, list) and len(value) >= 3
-            and all(_is_place(v, 2) for v in value),
-        })  # fmt: skip
-    _check(plan["rallyPoints"], "rallyPoints", {"version": (2).__eq__, "points": _is(list)})
+    _check(plan, "plan", _PLAN)
+    if not plan["mission"]["items"]:
+        raise ExportError("plan.mission.items: cannot be []")
+    for k, item in enumerate(plan["mission"]["items"]):
+        wanted: dict[str, Any] = {"doJumpId": (k + 1).__eq__}
+        if item["command"] != _CHANGE_SPEED:
+            wanted |= {
+                "params": lambda value: _is_place(value[4:6], 2), "AltitudeMode": _is_count,
+                "Altitude": lambda value, params=item["params"]: _is_number(value) and value == params[6],
+                "AMSLAltAboveTerrain": lambda value: value is None or _is_number(value),
+            }  # fmt: skip
+        _check(item, f"plan.mission.items[{k}]", wanted)
 
 
-def _validate_item(item: Any, index: int) -> None:
-    name = f"mission.items[{index}]"
-    _check(item, name, {
-        "type": "SimpleItem".__eq__, "autoContinue": _is(bool), "command": _is_count, "frame": _is_count,
-        "doJumpId": (index + 1).__eq__,
-        "params": lambda value: isinstance(value, list) and len(value) == 7
-        and all(v is None or _is_number(v) for v in value),
-    })  # fmt: skip
-    if item["command"] == _CHANGE_SPEED:
-        return
-    _check(item, name, {
-        "Altitude": lambda value: _is_number(value) and value == item["params"][6], "AltitudeMode": _is_count,
-        "AMSLAltAboveTerrain": lambda value: value is None or _is_number(value),
-        "params": lambda value: _is_place(value[4:6], 2),
-    })  # fmt: skip
-
-
-def _check(found: Any, name: str, fields: dict[str, Callable[[Any], Any]]) -> None:
-    if not isinstance(found, dict):
-        raise ExportError(f"{name}: must be a mapping, got {type(found).__name__}")
-    for field, holds in fields.items():
-        if field not in found:
-            raise ExportError(f"{name}.{field}: is missing")
-        if holds(found[field]) is not True:
-            raise ExportError(f"{name}.{field}: cannot be {found[field]!r}")
+def _check(found: Any, name: str, wanted: Any) -> None:
+    """Check a value: a mapping's fields, each item of a list, or what anything else must fulfil."""
+    if isinstance(wanted, dict):
+        if not isinstance(found, dict):
+            raise ExportError(f"{name}: must be a mapping, got {type(found).__name__}")
+        for field, inner in wanted.items():
+            if field not in found:
+                raise ExportError(f"{name}.{field}: is missing")
+            _check(found[field], f"{name}.{field}", inner)
+    elif isinstance(wanted, list) and isinstance(found, list):
+        for k, item in enumerate(found):
+            _check(item, f"{name}[{k}]", wanted[0])
+    elif isinstance(wanted, list) or wanted(found) is not True:
+        raise ExportError(f"{name}: cannot be {found!r}")
 
 
 def _is(kind: type) -> Callable[[Any], bool]:
@@ -251,3 +215,32 @@ def _is_place(value: Any, length: int) -> bool:
     if not (isinstance(value, list) and len(value) == length and all(map(_is_number, value))):
         return False
     return abs(value[0]) <= 90.0 and abs(value[1]) <= 180.0
+
+
+#: What every field must fulfil.
+_FENCE: dict[str, Any] = {"version": (1).__eq__, "inclusion": _is(bool)}
+_PLAN: dict[str, Any] = {
+    "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is(str),
+    "mission": {
+        "version": 2 .__eq__, "firmwareType": _is_count, "vehicleType": _is_count,
+        "globalPlanAltitudeMode": _is_count, "cruiseSpeed": _is_number, "hoverSpeed": _is_number,
+        "plannedHomePosition": lambda value: _is_place(value, 3),
+        "items": [{
+            "type": "SimpleItem".__eq__, "autoContinue": _is(bool), "command": _is_count, "frame": _is_count,
+            "params": lambda value: isinstance(value, list) and len(value) == 7
+            and all(v is None or _is_number(v) for v in value),
+        }],
+    },
+    "geoFence": {
+        "version": 2 .__eq__,
+        "circles": [_FENCE | {"circle": {
+            "center": lambda value: _is_place(value, 2),
+            "radius": lambda value: _is_number(value) and value > 0,
+        }}],
+        "polygons": [_FENCE | {
+            "polygon": lambda value: isinstance(value, list) and len(value) >= 3
+            and all(_is_place(v, 2) for v in value),
+        }],
+    },
+    "rallyPoints": {"version": 2 .__eq__, "points": _is(list)},
+}  # fmt: skip

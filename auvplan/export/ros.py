@@ -6,12 +6,10 @@ and up.
 
 import math
 import struct
-from pathlib import Path
 
 import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, elevation, waypoints
-from auvplan.runtime.files import write_atomically
 from auvplan.site import as_utc
 
 #: Name of the message's type.
@@ -44,16 +42,6 @@ def geo_path(itinerary: Itinerary) -> bytes:
         for value in (*place, 0.0, 0.0, math.sin(angle), math.cos(angle)):
             cdr.number("d", value)
     return _ENCAPSULATION + bytes(cdr.data)
-
-
-def write_ros(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write a `.cdr` file of one message.
-
-    Raises:
-        ExportError: as `geo_path`.
-        OutputError: the operating system refused; one line that names the file.
-    """
-    return write_atomically(path, lambda part: part.write_bytes(geo_path(itinerary)))
 
 
 def _header(cdr: "_Cdr", itinerary: Itinerary, seconds: float) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
 from auvplan.export.speeds import SLOW, track_notes
+from auvplan.export.thin import thin
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.records import LegRecord, MissionRun, PlanRecord
@@ -50,8 +51,14 @@ def itinerary_of(
             number, leg.start, leg.goal, plan.positions, plan.times,
             names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
-        env = _environment(leg, plan, run)
-        legs.append(whole.thinned(env, run.vehicle, tolerance, margin, leg.line))
+        few = thin(
+            plan.positions, plan.times, _environment(leg, plan, run), run.vehicle,
+            tolerance=tolerance, margin=margin, line=leg.line,
+        )  # fmt: skip
+        legs.append(replace(
+            whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
+            clearance=few.clearance,
+        ))  # fmt: skip
     executed = run.legs if run.simulated else []
     still = [
         ((*obstacle.position, obstacle.depth_min), obstacle.radius, obstacle.name)

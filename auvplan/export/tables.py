@@ -3,18 +3,15 @@
 import csv
 import io
 from datetime import UTC
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
-from auvplan.export.itinerary import ExportError, Itinerary, Track, degrees, metres, moment, waypoints
-from auvplan.io.fields import motion_variables
+from auvplan.export.itinerary import Itinerary, Track, degrees, geographic, metres, moment, waypoints
+from auvplan.io.fields import motion_variables, variable
 from auvplan.io.schema import TIME_UNITS
 from auvplan.path.motion import Motion
-from auvplan.runtime.files import OutputError, write_atomically, write_dataset
 from auvplan.site import as_utc
 
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
@@ -26,14 +23,11 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write a `.csv` file.
+def csv_text(itinerary: Itinerary) -> bytes:
+    """Return the waypoints, a row each.
 
     Times are empty where the site has no epoch, attitude and velocities where they are not known; notes stand
     where legs end, and with the first waypoint what concerns all.
-
-    Raises:
-        OutputError: the operating system refused; one line that names the file.
     """
     notes = {leg.number: leg.note for leg in itinerary.legs}
     about = "; ".join((*itinerary.sources, *itinerary.warnings))
@@ -49,7 +43,7 @@ def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
             *(_known(value, 2) for value in (row.yaw, row.pitch)),
             *(_known(value, 3) for value in row.body_velocity),
         ))  # fmt: skip
-    return write_atomically(path, lambda part: part.write_text(text.getvalue(), encoding="utf-8"))
+    return text.getvalue().encode()
 
 
 def _known(value: float, decimals: int) -> str:
@@ -64,67 +58,43 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
     names += [f"executed, leg {number}" for number in range(1, len(itinerary.executed) + 1)]
     places = np.concatenate([track.positions for track in tracks])
-    longitude, latitude = itinerary.site.to_geographic(places[:, 0], places[:, 1])
+    longitude, latitude, _ = geographic(itinerary.site, places).T
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
     kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
     units = TIME_UNITS
     if (epoch := itinerary.site.epoch) is not None:
         units = f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
     flags = {"flag_values": np.asarray([0, 1], np.int8)}
+    rows = np.asarray([len(track.times) for track in tracks], np.int32)
+    kinds = np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.executed)])
+    times = np.concatenate([track.times for track in tracks])
     dataset = xr.Dataset({
-        "trajectory": _variable(
+        "trajectory": variable(
             "trajectory", np.asarray(names, object), "name of the leg", cf_role="trajectory_id"
         ),
-        "row_size": _variable(
-            "trajectory", np.asarray([len(track.times) for track in tracks], np.int32), "samples of the leg",
-            units="1", sample_dimension="obs",
+        "row_size": variable("trajectory", rows, "samples of the leg", "1", sample_dimension="obs"),
+        "kind": variable(
+            "trajectory", kinds, "whether the leg is planned or was executed",
+            flag_meanings="planned executed", **flags,
         ),
-        "kind": _variable(
-            "trajectory", np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.executed)]),
-            "whether the leg is planned or was executed", flag_meanings="planned executed", **flags,
+        "time": variable(
+            "obs", times, "time", units, standard_name="time", calendar="standard", axis="T"
         ),
-        "time": _variable(
-            "obs", np.concatenate([track.times for track in tracks]), "time", standard_name="time",
-            units=units, calendar="standard", axis="T",
-        ),
-        "lon": _variable(
-            "obs", longitude, "longitude", standard_name="longitude", units="degrees_east", axis="X"
-        ),
-        "lat": _variable(
-            "obs", latitude, "latitude", standard_name="latitude", units="degrees_north", axis="Y"
-        ),
-        "depth": _variable(
-            "obs", places[:, 2], "depth below the surface", standard_name="depth", units="m", positive="down",
+        "lon": variable("obs", longitude, "longitude", "degrees_east", standard_name="longitude", axis="X"),
+        "lat": variable("obs", latitude, "latitude", "degrees_north", standard_name="latitude", axis="Y"),
+        "depth": variable(
+            "obs", places[:, 2], "depth below the surface", "m", standard_name="depth", positive="down",
             axis="Z",
         ),
-        "north": _variable("obs", places[:, 0], "north in the local frame", units="m"),
-        "east": _variable("obs", places[:, 1], "east in the local frame", units="m"),
-        "waypoint": _variable(
+        "north": variable("obs", places[:, 0], "north in the local frame", "m"),
+        "east": variable("obs", places[:, 1], "east in the local frame", "m"),
+        "waypoint": variable(
             "obs", np.concatenate(kept).astype(np.int8), "whether the sample was kept as a waypoint",
             flag_meanings="no yes", **flags,
         ),
         **motion_variables("obs", Motion.joined([track.motion for track in tracks])),
     }, attrs=_attributes(itinerary))  # fmt: skip
     return dataset.set_coords(["time", "lon", "lat", "depth"])
-
-
-def write_netcdf(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write a `.nc` file.
-
-    Raises:
-        OutputError: the operating system refused; one line that names the file.
-        ExportError: the data cannot be written; one line that names the file.
-    """
-    try:
-        return write_dataset(trajectories(itinerary), path)
-    except (OutputError, ExportError):
-        raise
-    except Exception as error:  # HDF5 and xarray raise errors of many kinds
-        raise ExportError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
-
-
-def _variable(dims: str, values: ArrayLike, name: str, **attrs: Any) -> xr.Variable:
-    return xr.Variable(dims, np.asarray(values), {"long_name": name} | attrs)
 
 
 def _attributes(itinerary: Itinerary) -> dict[str, Any]:

@@ -1,9 +1,11 @@
 """Every format is parsed back and compared with the itinerary: places within 0.1 m, times, notes, errors."""
 
 import csv
+import importlib.util
 import json
 import math
-from datetime import timedelta
+from dataclasses import replace
+from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +18,7 @@ from pyproj import Geod
 
 from auvplan.export import Itinerary, Track
 from tests.export.compare import kept, kept_seconds, near, same_times, written
-from tests.export.sample import EPOCH, make_itinerary
+from tests.export.sample import EPOCH, SITE, make_itinerary
 
 KML, GX = "{http://www.opengis.net/kml/2.2}", "{http://www.google.com/kml/ext/2.2}"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -48,11 +50,7 @@ def test_geojson(itinerary: Itinerary, tmp_path: Path):
     about = [f["properties"] for f in kinds["waypoint"]]
     assert [row["hold_s"] for row in about] == [0.0, 0.0, 0.0, 45.5, 0.0]
     assert [row["name"] for row in about] == [
-        "harbour",
-        "leg 1, 1",
-        "leg 1, 2",
-        "wreck & reef",
-        "mooring <7>",
+        *("harbour", "leg 1, 1", "leg 1, 2", "wreck & reef", "mooring <7>")
     ]
     same_times(itinerary, [row["time"] or "" for row in about], kept_seconds(itinerary))
     assert len(kinds["exclusion"]) == 3
@@ -118,16 +116,23 @@ def test_kml(itinerary: Itinerary, tmp_path: Path):
             assert line.findtext(f"{KML}altitudeMode") == "absolute"
             near(itinerary, places, track.positions)
     marks = folders["waypoints"].findall(f"{KML}Placemark")
-    near(
-        itinerary,
-        [numbers(m.findtext(f"{KML}Point/{KML}coordinates") or "", ",")[0] for m in marks],
-        kept(itinerary),
-    )
-    same_times(
-        itinerary, [m.findtext(f"{KML}TimeStamp/{KML}when") or "" for m in marks], kept_seconds(itinerary)
-    )
+    found = [numbers(mark.findtext(f"{KML}Point/{KML}coordinates") or "", ",")[0] for mark in marks]
+    near(itinerary, found, kept(itinerary))
+    found = [mark.findtext(f"{KML}TimeStamp/{KML}when") or "" for mark in marks]
+    same_times(itinerary, found, kept_seconds(itinerary))
     assert marks[3].findtext(f"{KML}name") == "wreck & reef"
     assert len(folders["fences"].findall(f"{KML}Placemark")) == 3
+
+
+@pytest.mark.parametrize("epoch", [EPOCH, None])
+def test_kml_is_valid_by_the_schema_with_googles_extensions(epoch: datetime | None, tmp_path: Path):
+    lxml = pytest.importorskip("lxml.etree", reason="needs lxml")
+    package = importlib.util.find_spec("fastkml")
+    if package is None or package.origin is None:
+        pytest.skip("needs fastkml, which ships the schemas of KML")
+    schema = lxml.XMLSchema(lxml.parse(str(Path(package.origin).parent / "schema" / "kml22gx.xsd")))
+    path = written(make_itinerary(replace(SITE, epoch=epoch)), tmp_path, "kml")
+    schema.assertValid(lxml.parse(str(path)))
 
 
 def test_gpx(itinerary: Itinerary, tmp_path: Path):
@@ -178,10 +183,7 @@ def test_csv(itinerary: Itinerary, tmp_path: Path):
 
 
 def test_netcdf(itinerary: Itinerary, tmp_path: Path):
-    with xr.open_dataset(
-        written(itinerary, tmp_path, "netcdf"), engine="h5netcdf", decode_times=False
-    ) as data:
-        data.load()
+    data = xr.load_dataset(written(itinerary, tmp_path, "netcdf"), engine="h5netcdf", decode_times=False)
     assert data.attrs["featureType"] == "trajectory"
     assert data["trajectory"].attrs["cf_role"] == "trajectory_id"
     assert data["row_size"].attrs["sample_dimension"] == "obs"
@@ -189,12 +191,8 @@ def test_netcdf(itinerary: Itinerary, tmp_path: Path):
     tracks = [*(Track(leg.times, leg.positions) for leg in itinerary.legs), *itinerary.executed]
     assert data["row_size"].values.tolist() == [len(track.times) for track in tracks]
     assert data["kind"].values.tolist() == [0, 0, 1, 1]
-    assert data["trajectory"].values.tolist() == [
-        "plan, leg 1",
-        "plan, leg 2",
-        "executed, leg 1",
-        "executed, leg 2",
-    ]
+    names = [f"{kind}, leg {number}" for kind in ("plan", "executed") for number in (1, 2)]
+    assert data["trajectory"].values.tolist() == names
     places = np.concatenate([track.positions for track in tracks])
     near(itinerary, np.stack([data[name].values for name in ("lon", "lat", "depth")], axis=1), places)
     assert data["time"].values == pytest.approx(np.concatenate([track.times for track in tracks]))

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from auvplan.export import ExportError, Itinerary, export_notes, validate_plan, write_qgc
+from auvplan.export import ExportError, Itinerary, export_notes, validate_plan
 from auvplan.export.qgroundcontrol import qgc_notes, qgc_plan
+from tests.export.compare import written
 from tests.export.sample import make_itinerary
 
 
@@ -21,7 +22,7 @@ def itinerary() -> Itinerary:
 
 @pytest.fixture
 def plan(itinerary: Itinerary, tmp_path: Path) -> dict:
-    return json.loads(write_qgc(itinerary, tmp_path / "x.plan").read_text(encoding="utf-8"))
+    return json.loads(written(itinerary, tmp_path, "qgc").read_text(encoding="utf-8"))
 
 
 def shallow(itinerary: Itinerary, depth: float) -> Itinerary:
@@ -83,7 +84,7 @@ def test_fences_exclude_and_run_clockwise(itinerary: Itinerary, plan: dict):
 
 def test_a_waypoint_above_the_surface_is_refused(itinerary: Itinerary, tmp_path: Path):
     with pytest.raises(ExportError, match=r"mooring <7> \(leg 2\) lies 0.5 m above the surface"):
-        write_qgc(shallow(itinerary, -0.5), tmp_path / "x.plan")
+        written(shallow(itinerary, -0.5), tmp_path, "qgc")
     assert not list(tmp_path.iterdir())
 
 

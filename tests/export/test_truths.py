@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvplan.export import Circle, PlannedLeg, Polygon, export_notes, itinerary_of, write_csv, write_qgc
+from auvplan.export import Circle, PlannedLeg, Polygon, export_notes, itinerary_of
 from auvplan.export.fences import nearest_fences, points
 from auvplan.export.qgroundcontrol import qgc_plan
 from auvplan.export.speeds import ground_share, track_notes
 from auvplan.site import Site
+from tests.export.compare import written
 from tests.export.sample import make_itinerary
 from tests.io.sample_run import make_run
 
@@ -89,8 +90,8 @@ def test_warnings_and_sources_are_in_every_file(tmp_path):
     itinerary = replace(make_itinerary(), sources=(source,), warnings=(warning,))
     assert source in itinerary.description
     assert warning in itinerary.description
-    assert source in json.loads(write_qgc(itinerary, tmp_path / "a.plan").read_text())["comment"]
-    assert source in write_csv(itinerary, tmp_path / "a.csv").read_text()
+    assert source in json.loads(written(itinerary, tmp_path, "qgc").read_text())["comment"]
+    assert source in written(itinerary, tmp_path, "csv").read_text()
     assert warning in export_notes(itinerary, ["csv"])
 
 

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from auvplan.export import write_qgc
+from auvplan.export import export
 from auvplan.export.qgroundcontrol import qgc_plan
 from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
 
@@ -43,7 +43,7 @@ def test_items_and_fence_arrive_as_planned_and_are_executed(upload, join, faults
 def test_mavsdk_reads_the_plan_file_as_what_is_uploaded(upload, join, tmp_path):
     link, peer, _ = join()
     link.upload(upload)
-    path = write_qgc(upload.itinerary, tmp_path / "x.plan")
+    (path,) = export(upload.itinerary, tmp_path, ["qgc"])
     code = f"""
 import json, time
 from mavsdk import ComponentType, Configuration, Mavsdk

@@ -233,11 +233,11 @@ def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
 
 
 def test_our_own_plan_is_read_back(tmp_path):
-    from auvplan.export.qgroundcontrol import write_qgc
+    from auvplan.export import export
     from tests.export.sample import make_itinerary
 
     made = make_itinerary()
-    path = write_qgc(made, tmp_path / "itinerary.plan")
+    (path,) = export(made, tmp_path, ["qgc"])
     jobs = read_jobs(path, made.site)
     assert len(jobs.points) >= 2
     assert all(job.position[2] >= 0.0 for job in jobs.points)
