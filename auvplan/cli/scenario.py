@@ -122,9 +122,10 @@ def validate(
         if found.scenario is None or found.area is None:
             typer.echo("no map: the scenario's fields are at fault")
             continue
-        from auvplan.plot.area import draw_area
+        from auvplan.plot.area import plot_area
+        from auvplan.plot.style import save
 
-        typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, plot)}")
+        typer.echo(f"map: {save(plot_area(found.scenario, found.area, found.closed), plot)}")
     if not single and not as_json:
         typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):

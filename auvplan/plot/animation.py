@@ -147,8 +147,8 @@ class _Film:
         del pen.handles[1:]
         pen.closures(run)
         pen.compass(np.concatenate([self._waypoints, track]))
-        pen.end(self._waypoints[run.start], style.START | {"s": 0.6 * style.START["s"]}, "start")
-        pen.end(self._waypoints[run.goal], style.GOAL | {"s": 0.6 * style.GOAL["s"]}, "destination")
+        pen.end(self._waypoints[run.start], style.START, "start", 0.6)
+        pen.end(self._waypoints[run.goal], style.GOAL, "destination", 0.6)
         handles = list(pen.handles)
         if not run.simulated:
             pen.known(run.obstacles, 0.0)

@@ -1,7 +1,6 @@
 """The map of a scenario before anything is planned: what its files contain, in layers."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -68,15 +67,6 @@ def plot_area(scenario: Scenario, area: OperatingArea, closed: Sequence[Any] = (
     return figure
 
 
-def draw_area(scenario: Scenario, area: OperatingArea, closed: Sequence[Any], path: Path) -> Path:
-    """Write the map of a scenario.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    return style.save(plot_area(scenario, area, closed), path)
-
-
 def _title(scenario: Scenario, area: OperatingArea) -> str:
     low, high = scenario.box
     depths = f"depths {low[2]:g} to {high[2]:g} m"
@@ -141,14 +131,8 @@ def _draw_jobs(pen: Map, area: OperatingArea) -> None:
     jobs = area.jobs
     if jobs is None:
         return
-    mark: dict[str, Any] = {
-        "ls": "",
-        "marker": "o",
-        "ms": 6,
-        "color": "white",
-        "mec": style.PURPLE,
-        "mew": 1.4,
-    }
+    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 6, "color": "white", "mec": style.PURPLE}
+    mark["mew"] = 1.4
     if jobs.points:
         pen.axes.plot(*pen.flat([job.position for job in jobs.points]).T, zorder=5, **mark)
         pen.handles.append(style.line("job", **mark))

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.plot import style
-from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.records import LegRecord, MissionRun
 from auvplan.view.scene import busiest_leg, leg_title
 
 if TYPE_CHECKING:
@@ -42,12 +42,28 @@ def plot_convergence(
         return np.array([style.annotate_empty(ax, "no path was planned")])
     if not all(plan.history for plan in leg.plans):
         raise ValueError("the run's plans have no histories: it was saved without them")
-    if not (plans := [plan for plan in leg.plans if len(plan.history["best"])]):
+    if not (found := [plan.history for plan in leg.plans if len(plan.history["best"])]):
         return np.array([style.annotate_empty(ax, "nothing was searched for: the leg follows a survey line")])
     figure = style.figure_for(ax, 9.0, 6.6)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, of, label in zip(panels, ("", "violation_"), _LABELS, strict=True):
-        _draw(axes, plans, (f"{of}best", f"{of}mean", f"{of}std"), label)
+        begin = 0
+        # The plans of a leg have nothing between them: lines break where one ends.
+        for k, history in enumerate(found):
+            best, mean, std = (np.asarray(history[of + part], float) for part in ("best", "mean", "std"))
+            end = begin + len(best)
+            if k:
+                name = "re-plan" if k == 1 else None
+                axes.axvline(begin - 0.5, color=style.GREY, ls=":", lw=1.0, zorder=1, label=name)
+            names = (None, None, None) if k else ("mean", "standard deviation", "best")
+            at = np.arange(begin, end)
+            axes.plot(at, _finite(mean), color="black", lw=1.2, zorder=3, label=names[0])
+            _draw_errors(axes, at, mean, std, max(2, _BARS // len(found)), names[1])
+            axes.plot(at, _finite(best), color=style.RED, lw=1.8, zorder=4, label=names[2])
+            begin = end
+        _dress(axes, np.concatenate([history[of + part] for part in ("best", "mean") for history in found]))
+        axes.set_ylabel(label)
+        axes.set_xlim(-0.5, begin - 0.5)
     panels[1].set_xlabel("iteration [-]")
     style.legend_below(figure, ncols=5)
     figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
@@ -70,67 +86,37 @@ def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figu
     for column, name in enumerate(names):
         one = legs.sel(scenario=name)
         for axes, key, label in zip(grid[:, column], ("cost", "violation"), _LABELS, strict=True):
-            mean, std = (one[f"{key}_{part}"].values for part in ("mean", "std"))
-            _draw_population(axes, mean, std)
+            each = one[f"{key}_mean"].values
+            mean, spread = each.mean(axis=0), one[f"{key}_std"].values.mean(axis=0)
+            at = np.arange(len(mean))
+            _draw_errors(axes, at, mean, spread, _BARS, "standard deviation over the population")
+            lines = axes.plot(at, each.T, color=style.ORANGE, lw=0.7, zorder=3)
+            lines[0].set_label("mean of one seed")
+            axes.plot(at, mean, color="black", lw=1.8, zorder=4, label="mean")
+            _dress(axes, np.concatenate([mean, mean + spread]))
             axes.set_ylabel(label if column == 0 else "")
         if least > 0.0:
             grid[1, column].axhline(least, color=style.GREY, ls="--", lw=1.0, label=f"{least:g}")
         share = 100.0 * float(np.mean(met[column]))
         grid[0, column].set_title(str(name), fontsize=10)
-        grid[1, column].set_title(
-            f"mean violation below {least:g}: {share:.0f} % of {met.shape[1]} seeds", fontsize=9
-        )
+        below = f"mean violation below {least:g}: {share:.0f} % of {met.shape[1]} seeds"
+        grid[1, column].set_title(below, fontsize=9)
         grid[1, column].set_xlabel("iteration [-]")
     style.legend_below(figure, ncols=3)
     figure.suptitle("First plans of a leg: cost and violation of the population by iteration", fontsize=11)
     return figure
 
 
-def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
-    """Mean over the seeds, its error bars and every seed's mean, [seeds, iterations] each."""
-    iteration = np.arange(mean.shape[1])
-    middle, spread = mean.mean(axis=0), std.mean(axis=0)
-    bars = np.unique(np.linspace(0, len(iteration) - 1, _BARS).astype(int))
+def _draw_errors(
+    axes: Axes, at: style.Array, mean: style.Array, std: style.Array, most: int, label: str | None
+) -> None:
+    """Error bars at some of the iterations; none where the deviation is not finite."""
+    bars = np.unique(np.linspace(at[0], at[-1], most).astype(int)) - at[0]
+    mean, spread = mean[bars], np.where(np.isfinite(std[bars]), std[bars], 0.0)
     axes.errorbar(
-        iteration[bars], middle[bars], yerr=[np.minimum(spread, 0.999 * middle)[bars], spread[bars]],
-        fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2,
-        label="standard deviation over the population",
+        at[bars], _finite(mean), yerr=[np.minimum(spread, 0.999 * np.abs(mean)), spread],
+        fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, label=label,
     )  # fmt: skip
-    for k, each in enumerate(mean):
-        label = "mean of one seed" if k == 0 else None
-        axes.plot(iteration, each, color=style.ORANGE, lw=0.7, zorder=3, label=label)
-    axes.plot(iteration, middle, color="black", lw=1.8, zorder=4, label="mean")
-    _scale(axes, _finite(np.concatenate([middle, middle + spread])))
-    axes.grid(alpha=0.25)
-    axes.tick_params(labelsize=8)
-
-
-def _draw(axes: Axes, plans: list[PlanRecord], keys: tuple[str, str, str], label: str) -> None:
-    best, mean, std = (np.concatenate([plan.history[key] for plan in plans]).astype(float) for key in keys)
-    count = np.asarray([len(plan.history[keys[0]]) for plan in plans])
-    first = np.concatenate([[0], np.cumsum(count)[:-1]])
-    iteration = np.arange(len(best))
-    # The plans of a leg have nothing between them: lines break where one ends.
-    for k, (begin, length) in enumerate(zip(first, count, strict=True)):
-        part = slice(begin, begin + length)
-        bars = np.unique(np.linspace(begin, begin + length - 1, max(2, _BARS // len(count))).astype(int))
-        spread = np.where(np.isfinite(std[bars]), std[bars], 0.0)
-        names = ("mean", "standard deviation", "best") if k == 0 else (None, None, None)
-        axes.plot(iteration[part], _finite(mean[part]), color="black", lw=1.2, zorder=3, label=names[0])
-        axes.errorbar(
-            iteration[bars], _finite(mean[bars]),
-            yerr=[np.minimum(spread, 0.999 * np.abs(mean[bars])), spread],
-            fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, label=names[1],
-        )  # fmt: skip
-        axes.plot(iteration[part], _finite(best[part]), color=style.RED, lw=1.8, zorder=4, label=names[2])
-        if k:
-            name = "re-plan" if k == 1 else None
-            axes.axvline(begin - 0.5, color=style.GREY, ls=":", lw=1.0, zorder=1, label=name)
-    _scale(axes, _finite(np.concatenate([best, mean])))
-    axes.set_ylabel(label)
-    axes.grid(alpha=0.25)
-    axes.tick_params(labelsize=8)
-    axes.set_xlim(-0.5, len(best) - 0.5)
 
 
 def _finite(values: style.Array) -> style.Array:
@@ -138,12 +124,14 @@ def _finite(values: style.Array) -> style.Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _scale(axes: Axes, values: style.Array) -> None:
+def _dress(axes: Axes, values: style.Array) -> None:
+    """A scale that fits the values, logarithmic where they differ much, and a grid."""
+    axes.grid(alpha=0.25)
+    axes.tick_params(labelsize=8)
     values = values[np.isfinite(values)]
     if not len(values) or values.max() <= 0.0:
         axes.set_ylim(-0.05, 1.0)
-        return
-    if values.min() > 0.0:
+    elif values.min() > 0.0:
         if values.max() > _WIDE * values.min():
             axes.set_yscale("log")
             # A deviation larger than its mean would stretch the scale to nothing.

@@ -36,6 +36,7 @@ class Map:
 
     Attributes:
         axes: that are drawn in.
+        low, high: [2] m, corners of what they show.
         metres: that a unit of the axes is long.
         handles: what a legend says of what was drawn.
     """
@@ -43,7 +44,7 @@ class Map:
     def __init__(self, axes: Axes, low: Array, high: Array) -> None:
         """Set axes up to show what is between two corners, [2] m north and east."""
         name, self.metres = unit_of(float((high - low).max()))
-        self.axes, self.handles = axes, []
+        self.axes, self.low, self.high, self.handles = axes, low, high, []
         axes.set_aspect("equal")
         axes.set_xlim(low[1] / self.metres, high[1] / self.metres)
         axes.set_ylim(low[0] / self.metres, high[0] / self.metres)
@@ -56,6 +57,7 @@ class Map:
         """Return the pen for axes that are a map already."""
         pen = cls.__new__(cls)
         pen.axes, pen.handles, pen.metres = axes, [], 1000.0 if "[km]" in axes.get_xlabel() else 1.0
+        pen.low, pen.high = pen.metres * np.asarray([axes.get_ylim(), axes.get_xlim()], float).T
         return pen
 
     def flat(self, places: ArrayLike) -> Array:
@@ -73,9 +75,9 @@ class Map:
         """Mark places [..., >= 2], such as by `style.START`."""
         self.axes.scatter(*self.flat(places).T, **kind)
 
-    def end(self, place: ArrayLike, kind: dict[str, Any], label: str) -> None:
-        """Mark a place by `style.START` or `style.GOAL`, of whatever size, and say so in the legend."""
-        self.dots(place, **(kind | {"zorder": 6}))
+    def end(self, place: ArrayLike, kind: dict[str, Any], label: str, size: float = 1.0) -> None:
+        """Mark a place by `style.START` or another, of a relative size, and say so in the legend."""
+        self.dots(place, **(kind | {"zorder": 6, "s": size * kind["s"]}))
         self.handles.append(style.mark(kind, label))
 
     def disc(self, place: ArrayLike, radius: float, **kind: Any) -> None:

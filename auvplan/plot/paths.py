@@ -1,26 +1,23 @@
 """Paths on a map: over the current (Fig. 8), a leg with every window (Fig. 10), one plan in its sea."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from auvplan.ocean.currents import Current, evaluated
+from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.path.plan import PathPlan
 from auvplan.plot import style
 from auvplan.plot.maps import Map
 from auvplan.plot.section import SECTION, add_section
-from auvplan.plot.style import Array
 from auvplan.records import LegRecord, MissionRun
 from auvplan.view import scene
+from auvplan.view.scene import current_on, planned_obstacles
 from auvplan.view.section import plan_section
 
 #: Panels at most.
@@ -31,57 +28,36 @@ _FINE, _COARSE = 90, 17
 _FAR = 0.6
 
 
-@dataclass(frozen=True)
-class Field:
-    """A current over a frame at one depth and time.
+def _draw_currents(
+    pens: Sequence[Map], currents: Sequence[Current], depth: float, times: Sequence[float], label: str
+) -> None:
+    """Paint the speed of a current on each map, arrows over it; there is one scale of colours.
 
-    Attributes:
-        low, high: [2] m, north and east.
-        north, east: [n] m.
-        u, v: [n, n] m/s north and east.
+    Args:
+        pens: for maps of one frame.
+        currents: for each of them.
+        depth: m.
+        times: s, for each of them.
+        label: of the scale.
     """
-
-    low: Array
-    high: Array
-    north: Array
-    east: Array
-    u: Array
-    v: Array
-
-    @classmethod
-    def of(cls, current: Current, low: Array, high: Array, depth: float, time: float) -> "Field":
-        """Look a current up over a frame, at a depth in m and a time in s."""
-        north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
-        x, y = np.meshgrid(north, east, indexing="ij")
-        u, v, _ = evaluated(current, x, y, np.full_like(x, depth), np.full_like(x, time))
-        return cls(low, high, north, east, u, v)
-
-    @property
-    def speed(self) -> Array:
-        """[n, n] m/s."""
-        return np.hypot(self.u, self.v)
-
-    def draw(self, pen: Map, slowest: float, fastest: float) -> AxesImage:
-        """Paint the speed, and arrows over it."""
-        scale: dict[str, Any] = {"cmap": "cividis", "vmin": slowest, "vmax": fastest}
-        image = pen.image(self.speed, self.low, self.high, interpolation="bilinear", **scale)
-        step = slice(_FINE // _COARSE // 2, None, _FINE // _COARSE)
-        x, y = np.meshgrid(self.north[step], self.east[step], indexing="ij")
+    low, high = pens[0].low, pens[0].high
+    north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
+    found = [current_on(one, north, east, depth, time) for one, time in zip(currents, times, strict=True)]
+    speeds = [np.hypot(u, v) for u, v in found]
+    # The core of one strong vortex would darken all the rest: it exceeds the scale.
+    fastest = max(float(np.quantile(speeds, 0.995)), 1e-3)
+    scale: dict[str, Any] = {"cmap": "cividis", "vmin": float(np.min(speeds)), "vmax": fastest}
+    some = slice(_FINE // _COARSE // 2, None, _FINE // _COARSE)
+    for pen, speed, (u, v) in zip(pens, speeds, found, strict=True):
+        image = pen.image(speed, low, high, interpolation="bilinear", **scale)
         pen.axes.quiver(
-            y / pen.metres, x / pen.metres, self.v[step, step], self.u[step, step],
+            east[some] / pen.metres, north[some] / pen.metres, v[some, some], u[some, some],
             color="white", alpha=0.75, zorder=0.3, scale=fastest * _COARSE * 1.1, width=0.003,
         )  # fmt: skip
-        return image
-
-
-def speed_range(fields: Sequence[Field]) -> tuple[float, float, Literal["max", "neither"]]:
-    """Least and greatest speed of a colour scale, m/s, and where the scale is exceeded.
-
-    The core of one strong vortex would darken all the rest: it exceeds the scale.
-    """
-    speeds = np.stack([field.speed for field in fields])
-    fastest = max(float(np.quantile(speeds, 0.995)), 1e-3)
-    return float(speeds.min()), fastest, "max" if float(speeds.max()) > 1.02 * fastest else "neither"
+    beyond = "max" if float(np.max(speeds)) > 1.02 * fastest else "neither"
+    figure = pens[0].axes.figure
+    bar = figure.colorbar(image, ax=[pen.axes for pen in pens], shrink=0.8, pad=0.02, extend=beyond)
+    bar.set_label(f"current at {depth:.0f} m depth{label} [m/s]")
 
 
 def plot_currents(
@@ -109,28 +85,21 @@ def plot_currents(
     low, high = scene.window(scene.extent_points(leg))
     depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
     plans = [leg.plans[index] for index in chosen]
-    fields = [Field.of(plan.current, low, high, depth, plan.made_at) for plan in plans]
-    slowest, fastest, beyond = speed_range(fields)
-    image, coast = None, []
-    for axes, index, field in zip(grid, chosen, fields, strict=False):
-        pen = Map(axes, low, high)
-        image = field.draw(pen, slowest, fastest)
+    pens = [Map(axes, low, high) for axes in grid[: len(chosen)]]
+    _draw_currents(pens, [plan.current for plan in plans], depth, [plan.made_at for plan in plans], "")
+    for pen, index in zip(pens, chosen, strict=True):
         pen.coast(run.coast, see_through=True)
-        coast = pen.handles[:]
         _draw_paths(pen, leg, index)
-        axes.set_title(scene.plan_name(leg, index), fontsize=9)
+        pen.axes.set_title(scene.plan_name(leg, index), fontsize=9)
     for axes in grid[len(chosen) :]:
         axes.set_visible(False)
     for axes in grid:
         axes.label_outer()
-    assert image is not None
-    bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02, extend=beyond)
-    bar.set_label(f"current at {depth:.0f} m depth [m/s]")
     style.legend_below(figure, [
         style.line("new path", color="black", lw=2.4),
         style.line("earlier paths", color=style.RED, ls="--", lw=1.3),
         style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black")),
-        *style.marks(), *coast,
+        *style.marks(), *pens[-1].handles,
     ])  # fmt: skip
     figure.suptitle(f"Paths and current, {scene.leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])
@@ -164,7 +133,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     """
     leg = leg or scene.busiest_leg(run)
     if leg is None:
-        return style.empty_figure("no path was planned")
+        return style.figure_of(style.annotate_empty(None, "no path was planned"))
     plans = leg.followed_plans
     low, high = scene.window(scene.extent_points(leg), 0.06, run.chart)
     tall, wide = high - low
@@ -242,11 +211,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     below = add_section(axes, [] if section is None else [section])
     pen = Map(axes, low, high)
     depth = float(positions[:, 2].mean())
-    field = Field.of(world.current, low, high, depth, float(plan.times[0]))
-    slowest, fastest, beyond = speed_range([field])
-    image = field.draw(pen, slowest, fastest)
-    bar = axes.figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, extend=beyond)
-    bar.set_label(f"current at {depth:.0f} m depth, at departure [m/s]")
+    _draw_currents([pen], [world.current], depth, [float(plan.times[0])], ", at departure")
     pen.coast(world.chart, see_through=True)
     _draw_obstacles(pen, plan, world)
     _draw_way(pen, plan)
@@ -267,24 +232,21 @@ def _draw_way(pen: Map, plan: PathPlan) -> None:
 
 def _draw_obstacles(pen: Map, plan: PathPlan, world: Environment) -> None:
     """Draw obstacles and their collision boundaries when the path is nearest to them."""
-    known = np.flatnonzero(np.asarray(world.obstacles.active)) if len(world.obstacles) else np.zeros(0, int)
-    if not known.size:
+    positions = np.asarray(plan.positions, float)
+    met = planned_obstacles(world, np.asarray(plan.times, float))
+    if not met:
         return
-    moving = world.obstacles.resolved(world.current)
-    positions, times = np.asarray(plan.positions, float), np.asarray(plan.times, float)
-    since = times[:, None, None] - np.asarray(moving.observed_at)[:, None]
-    tracks = np.asarray(moving.position) + since * np.asarray(moving.velocity)
-    nearest = np.linalg.norm(tracks - positions[:, None], axis=2).argmin(axis=0)
+    nearest = [int(np.linalg.norm(one.track - positions, axis=1).argmin()) for one in met]
     edge = float(np.ptp(pen.axes.get_xlim())) * pen.metres
     middle = 0.5 * (positions[:, :2].min(axis=0) + positions[:, :2].max(axis=0))
-    places = {m: tracks[nearest[m], m, :2] for m in known}
-    shown = [m for m, place in places.items() if np.abs(place - middle).max() <= _FAR * edge]
-    for m in shown:
-        bound = float(moving.boundary(jnp.asarray(times[nearest[m]]))[m])
-        solid: dict[str, Any] = {"fc": style.ORANGE, "ec": "black", "lw": 0.6, "alpha": 0.85}
-        pen.disc(places[m], float(moving.radius[m]), zorder=3, **solid)
-        pen.disc(places[m], bound, fill=False, ec=style.ORANGE, lw=1.4, ls="--", zorder=3)
-    hidden = len(known) - len(shown)
+    hidden = len(met)
+    for one, k in zip(met, nearest, strict=True):
+        if np.abs(one.track[k, :2] - middle).max() <= _FAR * edge:
+            solid: dict[str, Any] = {"fc": style.ORANGE, "ec": "black", "lw": 0.6, "alpha": 0.85}
+            pen.disc(one.track[k], one.radius, zorder=3, **solid)
+            bound: dict[str, Any] = {"fill": False, "ec": style.ORANGE, "lw": 1.4, "ls": "--"}
+            pen.disc(one.track[k], float(one.boundary[k]), zorder=3, **bound)
+            hidden -= 1
     note = f" ({hidden} out of view)" if hidden else ""
     pen.handles += [
         Patch(facecolor=style.ORANGE, edgecolor="black", label=f"obstacle when passed{note}"),

@@ -9,7 +9,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from auvplan.ocean.currents import evaluated
 from auvplan.plot import style
 from auvplan.plot.maps import unit_of
 from auvplan.plot.style import Array
@@ -159,7 +158,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     """
     leg = leg or scene.busiest_leg(run)
     if leg is None:
-        return style.empty_figure("no path was planned")
+        return style.figure_of(style.annotate_empty(None, "no path was planned"))
     plans = leg.followed_plans
     figure = style.new_figure(9.6, 7.4)
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
@@ -203,9 +202,11 @@ def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> No
         """East and north in the axes' unit, and the current's components there, m/s, [count, count] each."""
         edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
         north, east = np.meshgrid(*edges, indexing="ij")
-        when = np.full_like(north, plan.made_at)
-        u, v, _ = map(np.asarray, evaluated(plan.current, north, east, np.full_like(north, depth), when))
-        return east / pen.metres, north / pen.metres, u, v
+        return (
+            east / pen.metres,
+            north / pen.metres,
+            *scene.current_on(plan.current, *edges, depth, plan.made_at),
+        )
 
     planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
     fastest = max(float(np.quantile([np.hypot(u, v) for *_, u, v in planes], 0.995)), 1e-3)

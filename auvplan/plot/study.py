@@ -112,7 +112,7 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
     expected, executed = statistics.leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     if not both.any():
-        return style.empty_figure("no leg was executed to its end")
+        return style.figure_of(style.annotate_empty(None, "no leg was executed to its end"))
     # Where tasks are done along the path, t_ij holds their time and no leg takes it.
     apart = (dataset["leg_t_task"].values[both] > 0.0).any()
     awaited = "expected, $t_{ij}$ − $δ_{ij}$" if apart else "expected, $t_{ij}$"
@@ -230,7 +230,8 @@ def plot_replans(dataset: xr.Dataset, seed: int | None = None) -> Figure:
     places = one["waypoint_position"].values
     known = np.isfinite(places).all(axis=-1)
     if not made.size or not known.any():
-        return style.empty_figure(f"seed {int(one['seed'])}: no route was made")
+        text = f"seed {int(one['seed'])}: no route was made"
+        return style.figure_of(style.annotate_empty(None, text))
     chart = study_chart(dataset)
     low, high = window(places[known], 0.06, chart)
     chosen = np.unique(np.rint(np.linspace(0, len(made) - 1, min(len(made), _MAPS))).astype(int))
@@ -280,7 +281,7 @@ def shown_mission(dataset: xr.Dataset, seed: int | None = None) -> int:
 
 
 def _visited(one: xr.Dataset, made: Iterable[int]) -> list[list[int]]:
-    """For each route, the waypoints from the start to where the vehicle was when it was made."""
+    """Return, for each route, the waypoints from the start to where the vehicle was when it was made."""
     reached = one["leg_arrived"].values == 1
     stops = [_nodes(one, route)[0] for route in made]
     way = [stops[0], *(int(node) for node in one["leg_to"].values[reached])]
@@ -325,13 +326,9 @@ def _draw_route(pen: Map, one: xr.Dataset, route: int, done: list[int]) -> None:
         style.line("executed", color=style.GREY, lw=2.6),
         style.line("route", color=style.BLUE, lw=1.8, marker=">", ms=5),
     ]
-    for kind, node, scale, name in (
-        (style.START, done[0], 0.7, "start"),
-        (style.GOAL, nodes[-1], 0.4, "destination"),
-        (style.VEHICLE, nodes[0], 0.45, "vehicle"),
-    ):
-        pen.dots(places[node], zorder=5, **(kind | {"s": scale * kind["s"]}))
-        pen.handles.append(style.mark(kind, name))
+    pen.end(places[done[0]], style.START, "start", 0.7)
+    pen.end(places[nodes[-1]], style.GOAL, "destination", 0.4)
+    pen.end(places[nodes[0]], style.VEHICLE, "vehicle", 0.45)
 
 
 def _label_route(pen: Map, one: xr.Dataset, route: int, done: list[int]) -> None:

@@ -94,18 +94,11 @@ def figure_of(drawn: "Axes | Sequence[Axes] | Array") -> Figure:
 
 
 def annotate_empty(ax: Axes | None, text: str) -> Axes:
-    """Axes that say why there is nothing to see."""
+    """Return axes that say why there is nothing to see."""
     axes = own_axes(ax, 6.0, 2.0)
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=11, transform=axes.transAxes)
     return axes
-
-
-def empty_figure(text: str) -> Figure:
-    """Return a figure that says why there is nothing to see."""
-    figure = new_figure(6.0, 2.0)
-    figure.text(0.5, 0.5, text, ha="center", va="center", fontsize=11)
-    return figure
 
 
 def save(drawn: "Figure | Axes | Array", path: Path) -> Path:
@@ -132,7 +125,7 @@ def line(label: str, **kind: Any) -> Line2D:
 
 def mark(kind: dict[str, Any], label: str, **more: Any) -> Line2D:
     """Return what a legend shows of `START`, `GOAL` or `VEHICLE`."""
-    size = 12 if kind["marker"] == "*" else 7 if kind is VEHICLE else 8
+    size = {GREEN: 12, RED: 7}.get(kind["color"], 8)
     shown: dict[str, Any] = {"ls": "", "marker": kind["marker"], "ms": size, "color": kind["color"]}
     return line(label, **(shown | {"mec": BLACK} | more))
 

@@ -1,12 +1,17 @@
 """What maps show of a run: their window, legs and plans, waypoints' names, obstacles as they are sensed."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current, evaluated
+from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import CONFIDENCE, closest_approach
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.runtime.formatting import counted
@@ -157,7 +162,34 @@ def as_filed(positions: ArrayLike) -> Array:
     return np.asarray(positions, np.float32).astype(float)
 
 
+def current_on(current: Current, north: Array, east: Array, depth: float, time: float) -> tuple[Array, Array]:
+    """Return a current over a frame, [n, m] m/s north and east, at n and m places, m, a depth and a time."""
+    x, y = np.meshgrid(north, east, indexing="ij")
+    u, v, _ = evaluated(current, x, y, np.full_like(x, depth), np.full_like(x, time))
+    return np.asarray(u), np.asarray(v)
+
+
 # --- obstacles ---------------------------------------------------------------------------------------
+
+
+class PlannedObstacle(NamedTuple):
+    """An obstacle as a plan reckons with it at n times: `track` [n, 3] m, `radius` m, `boundary` [n] m."""
+
+    track: Array
+    radius: float
+    boundary: Array
+
+
+def planned_obstacles(world: Environment, times: Array) -> list[PlannedObstacle]:
+    """Return the obstacles of an environment at times [n] s, with their collision boundaries."""
+    if not len(world.obstacles):
+        return []
+    moving = world.obstacles.resolved(world.current)
+    since = times[:, None, None] - np.asarray(moving.observed_at)[:, None]
+    tracks = np.asarray(moving.position) + since * np.asarray(moving.velocity)
+    radii, grown = np.asarray(moving.radius), np.asarray(jax.vmap(moving.boundary)(jnp.asarray(times)))
+    active = np.flatnonzero(np.asarray(moving.active))
+    return [PlannedObstacle(tracks[:, m], float(radii[m]), grown[:, m]) for m in active]
 
 
 def near_obstacles(leg: LegRecord) -> list[int]:

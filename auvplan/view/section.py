@@ -3,8 +3,6 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,7 +12,7 @@ from auvplan.path.plan import PathPlan
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.world import KNOWN
-from auvplan.view.scene import as_filed, grown, shown_obstacles, true_obstacles
+from auvplan.view.scene import as_filed, grown, planned_obstacles, shown_obstacles, true_obstacles
 
 Array = NDArray[np.floating]
 Velocity = Callable[..., Sequence[Array]]
@@ -111,14 +109,8 @@ def plan_section(plan: PathPlan) -> Section | None:
     """Return the section along a planned path; None where nothing in it differs with depth."""
     world = plan.conditions.world()
     way = _Way.of(np.asarray(plan.times, float), plan.positions, _COLUMNS // 2)
-    cuts = []
-    if len(world.obstacles):
-        moving = world.obstacles.resolved(world.current)
-        since = way.time[:, None, None] - np.asarray(moving.observed_at)[:, None]
-        tracks = np.asarray(moving.position) + since * np.asarray(moving.velocity)
-        radii, grown = np.asarray(moving.radius), np.asarray(jax.vmap(moving.boundary)(jnp.asarray(way.time)))
-        for m in np.flatnonzero(np.asarray(moving.active)):
-            cuts.append(_cut("obstacle", way, tracks[:, m], radii[m], grown[:, m]))
+    met = planned_obstacles(world, way.time)
+    cuts = [_cut("obstacle", way, one.track, one.radius, one.boundary) for one in met]
 
     def velocity(*where: Array) -> Sequence[Array]:
         return evaluated(world.current, *where)

@@ -23,26 +23,11 @@ RATES = {"current.update_rate": [0.0, 0.1, 0.2]}
 OBJECTIVES = {"planning.objective": ["priority", "weighted"]}
 
 
-@pytest.fixture
-def coarse(monkeypatch):
-    """Pictures of few pixels, where it is enough that they come about."""
-    monkeypatch.setattr(style, "DPI", 50)
-
-
 @pytest.fixture(autouse=True)
-def of_others():
-    """What is counted are the figures of one test."""
+def coarse(monkeypatch):
+    """Pictures of few pixels, where it is enough that they come about; what is counted is of one test."""
+    monkeypatch.setattr(style, "DPI", 50)
     plt.close("all")
-
-
-def assert_pictures(paths, names):
-    assert [path.name for path in paths] == names
-    assert sorted(path.name for path in paths[0].parent.iterdir()) == sorted(names)
-    for path in paths:
-        with Image.open(path) as picture:
-            pixels = np.asarray(picture.convert("RGB"), int)
-        assert len(np.unique(pixels @ [65536, 256, 1])) > 20, f"{path.name} is empty"
-    assert plt.get_fignums() == []
 
 
 def panels(figure: Any) -> list[Any]:
@@ -57,27 +42,41 @@ def with_nothing_but_nan(study):
     return study.assign({name: study[name] * np.nan for name in study if study[name].dtype.kind == "f"})
 
 
-@pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize(
     "study",
     [
-        make_study(1, failed=(0,)),
-        pytest.param(make_study(8, failed=range(8), chart=False), marks=pytest.mark.slow),
-        pytest.param(make_study(1, {"planning.objective": ["only"]}), marks=pytest.mark.slow),
-        pytest.param(without_legs(make_study(3, RATES)), marks=pytest.mark.slow),
+        make_study(5, RATES),
         without_legs(make_study(3, RATES)).isel(leg=slice(0), plan=slice(0), route=slice(0)),
-        pytest.param(with_nothing_but_nan(make_study(3, RATES, chart=False)), marks=pytest.mark.slow),
-        pytest.param(make_study(1, RATES | OBJECTIVES), marks=pytest.mark.slow),
-        make_study(2, {"flag": [True, False], "vehicle.speed": [2, 3]} | OBJECTIVES),
+        *(
+            pytest.param(study, marks=pytest.mark.slow)
+            for study in (
+                make_study(1, failed=(0,)),
+                make_study(8, failed=range(8), chart=False),
+                make_study(1, {"planning.objective": ["only"]}),
+                without_legs(make_study(3, RATES)),
+                with_nothing_but_nan(make_study(3, RATES, chart=False)),
+                make_study(1, RATES | OBJECTIVES),
+            )
+        ),
     ],
 )
-def test_studies_that_lack_something(tmp_path, study):
+def test_all_figures_also_of_studies_that_lack_something(tmp_path, study):
     dims = study.attrs["sweep"]
     single = not dims or study.sizes[dims.split(",")[0]] == 1
     paths = draw_study(study, tmp_path)
     assert [path.name for path in paths] == NAMES + (SWEEPS[:1] if single else SWEEPS) * bool(dims)
-    assert all(path.stat().st_size > 1000 for path in paths)
+    for path in paths:
+        with Image.open(path) as picture:
+            pixels = np.asarray(picture.convert("RGB"), int)
+        assert len(np.unique(pixels @ [65536, 256, 1])) > 20, f"{path.name} is empty"
     assert plt.get_fignums() == []
+
+
+@pytest.mark.parametrize("plot", [plot_sweep, plot_paired])
+def test_a_sweep_over_yes_and_no_and_two_more_settings(plot):
+    figure = plot(make_study(2, {"flag": [True, False], "vehicle.speed": [2, 3]} | OBJECTIVES))
+    figure.draw_without_rendering()
+    assert all(axes.get_xlabel() == "flag" for axes in panels(figure))
 
 
 @pytest.mark.slow
@@ -90,7 +89,7 @@ def test_missions_are_shown_in_order_of_seed(tmp_path, monkeypatch):
 
 
 def what_is_drawn(figure):
-    """Texts, lines, boxes and marks of a figure, as lists."""
+    """Texts, lines, boxes and marks of a figure, as text."""
     parts = [figure.get_suptitle()]
     for axes in panels(figure):
         parts += [axes.get_title(), *(text.get_text() for text in axes.texts)]
@@ -103,22 +102,16 @@ def what_is_drawn(figure):
     return str(parts)
 
 
-@pytest.mark.usefixtures("coarse")
 def test_unwritable_folder_and_unknown_seed(tmp_path):
     (tmp_path / "taken").touch()
     with pytest.raises(OutputError, match="taken"):
-        draw_study(make_study(), tmp_path / "taken")
+        draw_study(make_study(1), tmp_path / "taken")
     with pytest.raises(ValueError, match="no mission of seed 99; the study's are 0 to 7"):
         draw_study(make_study(), tmp_path / "new", seed=99)
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.usefixtures("coarse")
-def test_all_figures(tmp_path):
-    assert_pictures(draw_study(make_study(5, RATES), tmp_path), NAMES + SWEEPS)
-
-
-@pytest.mark.parametrize("count", [7, 1000])
+@pytest.mark.parametrize("count", [7, 300])
 def test_time_use(count):
     study = make_study(count, failed=(2, 5), first_seed=40)
     figure = figures.plot_time_use(study)
@@ -139,13 +132,10 @@ def test_time_use(count):
     title = figure.get_suptitle()
     assert f"mean use of time {share:.1f} %, {count - 2} of {count:,} missions on time" in title
     assert "failed: seed 42, 45" in title
-
-
-def test_missions_are_named_by_their_seeds():
-    figure = figures.plot_time_use(make_study(5, first_seed=300))
-    figure.draw_without_rendering()
-    labels = [label.get_text() for label in panels(figure)[1].get_xticklabels()]
-    assert [label for label in labels if label] == ["300", "301", "302", "303", "304"]
+    if count == 7:
+        figure.draw_without_rendering()
+        labels = [label.get_text() for label in lower.get_xticklabels()]
+        assert [label for label in labels if label] == [str(seed) for seed in range(40, 47)]
 
 
 @pytest.mark.parametrize("count", [4, 40])
@@ -166,28 +156,22 @@ def test_expected_times(count):
     assert right.get_xlim() == right.get_ylim()
 
 
-def test_expected_times_are_whole_where_tasks_take_none_of_their_own():
-    study = make_study(3)
-    for task, name in (
-        (study["leg_t_task"], "− $δ_{ij}$"),
-        (0.0 * study["leg_t_task"], "expected, $t_{ij}$ [s]"),
-    ):
-        right = panels(figures.plot_expected_times(study.assign(leg_t_task=task)))[1]
-        assert name in right.get_xlabel()
-
-
 def test_boxes_are_wide_and_transparent_for_the_time_executed():
     study = make_study(3, failed=())
-    left = panels(figures.plot_expected_times(study))[0]
-    wide, compact = left.patches[:3], left.patches[3:]
-    expected, executed = leg_times(study)
-    for boxes, times, alpha in ((wide, executed, 0.55), (compact, expected, 1.0)):
+    left, right = panels(figures.plot_expected_times(study))
+    assert "− $δ_{ij}$" in right.get_xlabel()
+    for boxes, times, alpha in zip(
+        (left.patches[3:], left.patches[:3]), leg_times(study), (1.0, 0.55), strict=True
+    ):
         for k, box in enumerate(boxes):
-            quartiles = np.nanquantile(times[k], [0.25, 0.75])
             corners = box.get_path().vertices[:-1]
+            quartiles = np.nanquantile(times[k], [0.25, 0.75])
             np.testing.assert_allclose([corners[:, 1].min(), corners[:, 1].max()], quartiles)
             assert box.get_alpha() == alpha
-    assert np.ptp(wide[0].get_path().vertices[:, 0]) > 2 * np.ptp(compact[0].get_path().vertices[:, 0])
+    wide, narrow = (np.ptp(left.patches[k].get_path().vertices[:, 0]) for k in (0, 3))
+    assert wide > 2 * narrow
+    none = study.assign(leg_t_task=0.0 * study["leg_t_task"])
+    assert panels(figures.plot_expected_times(none))[1].get_xlabel() == "expected, $t_{ij}$ [s]"
 
 
 def test_planning_time():
@@ -242,6 +226,13 @@ def test_maps_of_the_routes():
         legs = len(nodes) - 1
         assert f"{legs} leg{'s' * (legs != 1)} left" in title
         assert sorted(text.get_text() for text in axes.texts) == sorted(map(str, nodes))
+        # East is to the right and north up, over as much of the chart as is seen: 10 km in pixels of 10 m.
+        assert axes.get_aspect() == 1.0
+        west, east, south, north = axes.images[0].get_extent()
+        for (low, high), (begin, end) in ((axes.get_xlim(), (west, east)), (axes.get_ylim(), (south, north))):
+            assert 0.0 <= begin <= max(low, 0.0) < min(high, 10.0) <= end <= 10.0
+            pixels = 100.0 * np.asarray([begin, end])
+            np.testing.assert_allclose(pixels, np.round(pixels), atol=1e-6)
 
 
 @pytest.mark.slow
@@ -265,20 +256,6 @@ def test_a_leg_executed_twice_to_one_waypoint():
         study["route_nodes"][0, row, : len(nodes)] = nodes
     lines = [axes.lines[0].get_xydata() for axes in panels(figures.plot_replans(study))]
     assert [len(line) for line in lines] == [1, 3, 4, 5]
-
-
-def test_maps_have_east_right_and_north_up():
-    for axes in panels(figures.plot_replans(make_study())):
-        assert axes.get_aspect() == 1.0
-        assert axes.get_xlim()[0] < axes.get_xlim()[1]
-        assert axes.get_ylim()[0] < axes.get_ylim()[1]
-        west, east, south, north = axes.images[0].get_extent()
-        # As much of the chart as is seen: 10 km in pixels of 10 m.
-        for (low, high), (begin, end) in ((axes.get_xlim(), (west, east)), (axes.get_ylim(), (south, north))):
-            assert 0.0 <= begin <= max(low, 0.0)
-            assert min(high, 10.0) <= end <= 10.0
-            pixels = 100.0 * np.asarray([begin, end])
-            np.testing.assert_allclose(pixels, np.round(pixels), atol=1e-6)
 
 
 def test_figures_of_one_setting_name_it():

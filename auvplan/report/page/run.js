@@ -46,50 +46,41 @@
     return share ? here + share * (values[(k + 1) * width + offset] - here) : here;
   };
 
+  /** Where the vehicle is, what is near, its speed over ground and its course. */
   function vehicle(time) {
     if (!track.time.length) {
       const [north, east, depth] = waypoints[run.start].place;
-      return { north, east, depth, speed: 0, course: 0, index: 0 };
+      return { north, east, depth, speed: 0, course: 0 };
     }
     const at = step(track.time, time);
     const k = Math.min(at[0], Math.max(track.time.length - 2, 0));
-    const [dn, de, dd, dt] = ["north", "east", "depth", "time"].map(
-      (name) => (track[name][k + 1] ?? track[name][k]) - track[name][k],
-    );
+    const change = (name) => (track[name][k + 1] ?? track[name][k]) - track[name][k];
+    const [dt, dn, de, dd] = ["time", "north", "east", "depth"].map(change);
     const moved = Math.hypot(dn, de);
-    const found = {
+    return {
+      ...Object.fromEntries(TRACK.map((name) => [name, track[name] ? between(track[name], at) : null])),
       speed: dt > 0 ? Math.hypot(moved, dd) / dt : 0,
       course: moved > 0 ? (Math.atan2(de, dn) * 180) / Math.PI : 0,
-      index: at[0],
     };
-    for (const name of ["north", "east", "depth", "coast", "closed", "bed", "obstacle"])
-      found[name] = track[name] ? between(track[name], at) : null;
-    return found;
   }
 
-  const begins = run.legs.map((leg) => leg.begin);
   /** Number of the leg that is executed at a time, or was last; -1 before the first. */
-  function legAt(time) {
-    let found = -1;
-    begins.forEach((begin, k) => {
-      if (begin !== null && begin <= time + 1e-6) found = k;
-    });
-    return found;
-  }
+  const legAt = (time) => run.legs.findLastIndex((leg) => leg.begin !== null && leg.begin <= time + 1e-6);
 
   /** A least distance in metres: to the coast no finer than it is known. */
   const distance = (name, value) =>
     name === "coast" ? report.clearance(value, run.accuracy, run.reach) : report.clearance(value);
 
+  const nodeName = (node) => waypoints[node].name;
+  const legName = (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`;
   function doing(time) {
     const number = legAt(time);
     if (number < 0) return run.legs.length ? "not under way yet" : "no leg was begun";
     const leg = run.legs[number];
-    const name = (node) => waypoints[node].name;
-    if (time < leg.end) return `leg ${number + 1}: ${name(leg.from)} → ${name(leg.to)}`;
+    if (time < leg.end) return `leg ${number + 1}: ${legName(leg)}`;
     if (!leg.arrived) return `ended on leg ${number + 1}`;
-    if (leg.task > 0 && time < leg.end + leg.task) return `on station at ${name(leg.to)}`;
-    return number === run.legs.length - 1 ? `arrived at ${name(leg.to)}` : `at ${name(leg.to)}`;
+    const stays = leg.task > 0 && time < leg.end + leg.task ? "on station " : "";
+    return `${stays || number < run.legs.length - 1 ? stays : "arrived "}at ${nodeName(leg.to)}`;
   }
 
   /** The plan that is followed at a time, and all others made until then, as numbers in `plans`. */
@@ -102,20 +93,15 @@
     return { now, earlier: made.filter((k) => k !== now) };
   }
 
-  function routeAt(time) {
-    return run.routes.filter((route) => route.made <= time + 1e-6).at(-1);
-  }
+  const routeAt = (time) => run.routes.findLast((route) => route.made <= time + 1e-6);
 
   /** Obstacles at a time with their collision boundaries: { kind, north, east, radius, boundary }. */
   function obstaclesAt(time) {
     const number = legAt(time);
-    const found = run.known.map((known) => ({
-      kind: "known",
-      north: known.position[0] + known.velocity[0] * time,
-      east: known.position[1] + known.velocity[1] * time,
-      radius: known.radius,
-      boundary: known.radius,
-    }));
+    const found = run.known.map(({ position, velocity, radius }) => {
+      const [north, east] = [0, 1].map((axis) => position[axis] + velocity[axis] * time);
+      return { kind: "known", north, east, radius, boundary: radius };
+    });
     const own = obstacles[number];
     if (!own || !own.places) return found;
     const [count, at] = [own.kinds.length, step(own.times, time)];
@@ -140,72 +126,50 @@
   // --- head ------------------------------------------------------------------------------------------
 
   const figures = run.figures;
-  const kind = {
-    mission: "simulated mission",
-    plan: "plan",
-    leg: run.simulated ? "simulated leg" : "planned leg",
-  }[run.kind];
+  const leg = run.simulated ? "simulated leg" : "planned leg";
+  const kind = { mission: "simulated mission", plan: "plan", leg }[run.kind];
   const start = report.utc(0, run.epoch);
   const whole = run.kind !== "leg";
-  const { path_replans, mission_replans } = figures;
+  const { path_replans, mission_replans, priority_bound } = figures;
   const sum = (name) => run.legs.reduce((total, leg) => total + leg[name], 0);
   const begun = run.legs.filter((leg) => leg.begin !== null);
+  const of = (name) => report.fixed(figures[name]);
+  const most = priority_bound ? `at most ${report.figure(priority_bound, 3)} possible` : null;
+  const replans = whole ? `${path_replans} of paths, ${mission_replans} of the route` : "of the path";
+  const hit = figures.collisions ? "points inside an obstacle or on land" : "none on the track";
   report.head({
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
     good: run.success,
     line: report.joined(" · ", `${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description),
     tiles: [
-      [
-        "mission time",
-        report.hours(figures.t_mission),
-        `${report.fixed(figures.t_mission)} of ${report.fixed(figures.t_available)} s`,
-      ],
-      ["time left", report.hours(figures.t_residual), `${report.fixed(figures.t_residual)} s`],
-      whole && [
-        run.simulated ? "tasks done" : "tasks",
-        report.fixed(figures.tasks),
-        report.counted(waypoints.length, "waypoint"),
-      ],
-      whole && [
-        "total priority",
-        report.figure(figures.total_priority, 3),
-        figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
-      ],
+      ["mission time", report.hours(figures.t_mission), `${of("t_mission")} of ${of("t_available")} s`],
+      ["time left", report.hours(figures.t_residual), `${of("t_residual")} s`],
+      whole && [run.simulated ? "tasks done" : "tasks", of("tasks"), report.counted(waypoints.length, "waypoint")],
+      whole && ["total priority", report.figure(figures.total_priority, 3), most],
       ["way", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
-      run.simulated && [
-        "re-plans",
-        report.fixed(path_replans + mission_replans),
-        whole ? `${path_replans} of paths, ${mission_replans} of the route` : "of the path",
-      ],
-      run.simulated && [
-        "collisions",
-        report.fixed(figures.collisions),
-        figures.collisions ? "points inside an obstacle or on land" : "none on the track",
-      ],
+      run.simulated && ["re-plans", report.fixed(path_replans + mission_replans), replans],
+      run.simulated && ["collisions", of("collisions"), hit],
     ],
     warnings: [...run.warnings, ...run.provenance.assumed],
   });
 
   // --- map -------------------------------------------------------------------------------------------
 
-  const KINDS = [
-    ["static", "static"],
-    ["afloat", "afloat"],
-    ["self-motivated", "moving"],
-    ["known", "known"],
-  ];
-  const present = KINDS.filter(([name]) =>
+  /** Colours of the kinds of obstacles. */
+  const COLOUR = { static: "static", afloat: "afloat", "self-motivated": "moving", known: "known" };
+  const present = Object.entries(COLOUR).filter(([name]) =>
     name === "known" ? run.known.length : run.legs.some((leg) => leg.obstacles.kinds.includes(name)),
   );
   const replanned = run.routes.filter((route) => route.made !== undefined).slice(1);
 
   function swatch(shape, colour) {
+    const bar = (more) => ["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.8, ...more }];
     const parts = {
-      line: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 3 }]],
-      thin: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.6 }]],
-      dash: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.8, "stroke-dasharray": "5 3" }]],
-      dot: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.8, "stroke-dasharray": "2 3" }]],
+      line: [bar({ "stroke-width": 3 })],
+      thin: [bar({ "stroke-width": 1.6 })],
+      dash: [bar({ "stroke-dasharray": "5 3" })],
+      dot: [bar({ "stroke-dasharray": "2 3" })],
       arrow: [
         ["line", { x1: 3, y1: 8, x2: 22, y2: 8, "stroke-width": 1.6 }],
         ["path", { d: "M18 4 L24 8 L18 12", fill: "none", "stroke-width": 1.6 }],
@@ -253,18 +217,17 @@
     );
     const scale = (0.92 * every * apart) / Math.max(current.fastest, 1e-6);
     const parts = [];
+    const place = (px, py) => `${px.toFixed(1)} ${py.toFixed(1)}`;
     for (let i = every >> 1; i < rows; i += every) {
       for (let j = every >> 1; j < columns; j += every) {
         const k = (frame * rows + i) * columns + j;
         if (current.u[k] < -30) continue;
-        const long = Math.hypot(current.u[k], current.v[k]);
-        const part = long > current.fastest ? current.fastest / long : 1;
-        const [dx, dy] = [current.v[k] * scale * part, -current.u[k] * scale * part];
+        const part = scale * Math.min(1, current.fastest / Math.hypot(current.u[k], current.v[k]));
+        const [dx, dy] = [current.v[k] * part, -current.u[k] * part];
         const [tx, ty] = [x(current.east[j]) + dx / 2, y(current.north[i]) + dy / 2];
-        const wing = (side) =>
-          `${(tx - HEAD * (dx - side * 0.6 * dy)).toFixed(1)} ${(ty - HEAD * (dy + side * 0.6 * dx)).toFixed(1)}`;
-        const tip = `${tx.toFixed(1)} ${ty.toFixed(1)}`;
-        parts.push(`M${(tx - dx).toFixed(1)} ${(ty - dy).toFixed(1)}L${tip}M${wing(1)}L${tip}L${wing(-1)}`);
+        const wing = (side) => place(tx - HEAD * (dx - side * 0.6 * dy), ty - HEAD * (dy + side * 0.6 * dx));
+        const tip = place(tx, ty);
+        parts.push(`M${place(tx - dx, ty - dy)}L${tip}M${wing(1)}L${tip}L${wing(-1)}`);
       }
     }
     return parts.join("");
@@ -283,14 +246,32 @@
     return parts.length ? `M${parts.join("L")}` : "";
   }
 
+  /** How what the map paints is drawn: colour and width of its line, and what differs from a plain line. */
+  const PENS = {
+    current: ["current", 1],
+    closure: ["closed", 1.4, "fill: var(--closed); fill-opacity: 0.35"],
+    open: ["closed", 1.4, "fill: var(--closed); fill-opacity: 0.06; stroke-dasharray: 5 4"],
+    route: ["route", 1.6, "stroke-dasharray: 1.5 4"],
+    way: ["track", 1.4, "opacity: 0.4"],
+    earlier: ["earlier", 1.3, "stroke-dasharray: 7 5"],
+    executed: ["track", 2.6],
+    plan: ["plan", 2.8],
+    boundary: ["quiet", 1, "fill: var(--quiet); fill-opacity: 0.2; stroke-dasharray: 2 3"],
+    obstacle: ["quiet", 1.2, "fill-opacity: 0.65"],
+    sensed: ["sense", 1.5, "stroke-dasharray: 2 4"],
+    replan: ["earlier", 1.9, "stroke-linejoin: miter"],
+    vehicle: ["halo", 1.5, "fill: var(--earlier)"],
+  };
   /** What the map shows of a time, from the lowest to the highest. */
   function painted(x, y) {
     const [{ time }, { hidden }] = [state, state.map];
     const [here, all] = [vehicle(time), obstaclesAt(time)];
     const [small, pixels] = [narrow() ? 0.72 : 1, Math.abs(x(1) - x(0))];
     const made = [];
-    const show = (layer, tag, name, attributes) => {
-      if (!hidden.has(layer)) made.push(element(tag, { class: name, ...attributes }));
+    const show = (layer, tag, name, { style: own = "", ...attributes }) => {
+      const [colour, width, more = ""] = PENS[name.split(" ").at(-1)];
+      const style = `stroke: var(--${colour}); stroke-width: ${width}; ${more}; ${own}`;
+      if (!hidden.has(layer)) made.push(element(tag, { class: name, style, ...attributes }));
     };
     const node = (chosen) => (k) => [waypoints[chosen[k]].place[1], waypoints[chosen[k]].place[0]];
     const plan = (k) =>
@@ -300,9 +281,7 @@
     for (const { name, spans, rings } of run.closures) {
       const closed = spans.some(([begins, ends]) => begins <= time && time < ends);
       const ring = (places) => line(places.length, (k) => [places[k][1], places[k][0]], x, y) + "z";
-      show("closures", "path", closed ? "closure" : "closure open", {
-        d: rings.map(ring).join(""),
-      });
+      show("closures", "path", closed ? "closure" : "closure open", { d: rings.map(ring).join("") });
       const longest = rings.reduce((one, other) => (other.length > one.length ? other : one), []);
       const mean = (axis) => longest.reduce((sum, place) => sum + place[axis], 0) / longest.length;
       if (longest.length && !hidden.has("closures") && !hidden.has("names"))
@@ -320,39 +299,31 @@
     const { now: followed, earlier } = plansAt(time);
     show("earlier", "path", "earlier", { d: earlier.map(plan).join("") });
     const done = track.time.length ? way(latest(track.time, time) + 1) : "";
-    show("track", "path", "executed", {
-      d: done ? `${done}L${x(here.east).toFixed(1)} ${y(here.north).toFixed(1)}` : "",
-    });
+    const on = done && `L${x(here.east).toFixed(1)} ${y(here.north).toFixed(1)}`;
+    show("track", "path", "executed", { d: done + on });
     show("plan", "path", "plan", { d: followed < 0 ? "" : plan(followed) });
 
-    const disc = (layer, name, one, radius, more) =>
-      show(layer, "circle", name, {
-        cx: x(one.east).toFixed(2),
-        cy: y(one.north).toFixed(2),
-        r: (radius * pixels).toFixed(2),
-        ...more,
-      });
+    const disc = (layer, name, { east, north }, radius, more) => {
+      const place = { cx: x(east).toFixed(2), cy: y(north).toFixed(2), r: (radius * pixels).toFixed(2) };
+      show(layer, "circle", name, { ...place, ...more });
+    };
     const told = (one) => ({ "data-east": one.east, "data-north": one.north });
     for (const one of all)
       if (one.boundary > one.radius)
         disc("boundary", "boundary", one, one.boundary, { "data-radius": one.boundary });
     for (const one of all) {
-      const colour = `var(--${Object.fromEntries(KINDS)[one.kind] || "quiet"})`;
-      disc("obstacles", "obstacle", one, one.radius, {
-        ...told(one),
-        style: `fill: ${colour}; stroke: ${colour}`,
-      });
+      const colour = `var(--${COLOUR[one.kind] || "quiet"})`;
+      const style = `fill: ${colour}; stroke: ${colour}`;
+      disc("obstacles", "obstacle", one, one.radius, { ...told(one), style });
     }
     if (run.sensing && number >= 0) disc("sensed", "sensed", here, run.sensing.range);
     const remade = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
     const half = 7.5 * small;
     const box = ([e, n]) => `M${x(e) - half} ${y(n) - half}h${2 * half}v${2 * half}h${-2 * half}z`;
     show("replans", "path", "replan", { d: remade.map((_, k) => box(node(remade)(k))).join("") });
-    show("vehicle", "path", "vehicle", {
-      d: "M0 -10L6.5 8L0 4.5L-6.5 8Z",
-      ...told(here),
-      transform: `translate(${x(here.east).toFixed(2)} ${y(here.north).toFixed(2)}) rotate(${here.course.toFixed(1)}) scale(${small})`,
-    });
+    const moved = `translate(${x(here.east).toFixed(2)} ${y(here.north).toFixed(2)})`;
+    const transform = `${moved} rotate(${here.course.toFixed(1)}) scale(${small})`;
+    show("vehicle", "path", "vehicle", { d: "M0 -10L6.5 8L0 4.5L-6.5 8Z", ...told(here), transform });
     return made;
   }
 
@@ -441,16 +412,9 @@
 
   const length = Math.max(run.end - run.begin, 1);
   const nice = report.ticks(0, length, 700).step;
-  const slider = element("input", {
-    type: "range",
-    id: "time",
-    min: 0,
-    max: Math.ceil(length),
-    step: nice >= 1 ? 1 : "any",
-    value: 0,
-    "aria-label": "Time since departure",
-    oninput: () => show(run.begin + Number(slider.value)),
-  });
+  const range = { type: "range", min: 0, max: Math.ceil(length), step: nice >= 1 ? 1 : "any", value: 0 };
+  const moves = { "aria-label": "Time since departure", oninput: () => show(run.begin + Number(slider.value)) };
+  const slider = element("input", { id: "time", ...range, ...moves });
   const space = { title: "Space", "aria-keyshortcuts": "Space", "aria-pressed": "false" };
   const pressed = { type: "button", id: "play", ...space, onclick: () => play(!state.playing) };
   const button = element("button.play", pressed, "▶ Play");
@@ -512,13 +476,8 @@
       `${report.clock(since(state.time))} `,
       element("small", report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
     );
-    if (!state.due) {
-      state.due = true;
-      requestAnimationFrame(() => {
-        state.due = false;
-        move();
-      });
-    }
+    if (!state.due) requestAnimationFrame(move);
+    state.due = true;
   }
   report.show = (time) => {
     show(time);
@@ -526,11 +485,15 @@
   };
 
   function move() {
+    state.due = false;
     state.map.repaint();
     for (const follow of state.followers) follow();
     describe();
   }
 
+  const BOUNDARIES =
+    "Boundaries allow for three standard deviations of place and size and grow from one look to the next; " +
+    "drawn about the true place.";
   function describe() {
     const here = vehicle(state.time);
     const level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
@@ -548,22 +511,15 @@
       ["position", place || `${report.fixed(here.north)} N, ${report.fixed(here.east)} E m`],
     ];
     document.getElementById("doing").textContent = doing(state.time);
-    now.replaceChildren(
-      ...entries
-        .filter(([, value]) => value !== null)
-        .flatMap(([name, value]) => [element("dt", name), element("dd", value)]),
-    );
-    note.replaceChildren(
-      report.joined(
-        " ",
-        current &&
-          `Arrows: current at ${report.fixed(level)} m, the vehicle's depth; the longest are ${report.fixed(current.fastest, 2)} m/s.`,
-        run.sensing &&
-          present.length &&
-          "Boundaries allow for three standard deviations of place and size and grow from one look to the next; drawn about the true place.",
-        run.known.length && "Known obstacles are drawn as they are, whatever the vehicle's depth.",
-      ),
-    );
+    const known = entries.filter(([, value]) => value !== null);
+    now.replaceChildren(...known.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    const longest = current && `the longest are ${report.fixed(current.fastest, 2)} m/s.`;
+    const notes = [
+      current && `Arrows: current at ${report.fixed(level)} m, the vehicle's depth; ${longest}`,
+      run.sensing && present.length && BOUNDARIES,
+      run.known.length && "Known obstacles are drawn as they are, whatever the vehicle's depth.",
+    ];
+    note.replaceChildren(report.joined(" ", ...notes));
   }
 
   // --- side view -----------------------------------------------------------------------------------------
@@ -577,12 +533,6 @@
   const along = (time) => (state.axis === "time" ? since(time) / 3600 : wayAt(time) / 1000);
   state.followers = [];
 
-  const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
-  const legendOf = (entries) =>
-    element(
-      "div.choices.small.quiet",
-      entries.map(([words, shape, colour]) => element("span", inline, swatch(shape, colour), words)),
-    );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
     ["closed", "to a closed area", "closed"],
@@ -597,31 +547,25 @@
       state.axis = value;
       profile.draw();
     });
-    const made = report.section(
-      "profile",
-      "Side view",
-      null,
-      legendOf(
-        [
-          ["depth of the vehicle", "line", "plan"],
-          section && [`current with the vehicle, up to ${report.fixed(section.fastest, 1)} m/s`, "area", "task"],
-          section && ["against it", "area", "route"],
-          section && section.earlier.length && ["earlier plans", "dash", "earlier"],
-          section && section.outlines.length && ["obstacles and boundaries above or below", "halo", "quiet"],
-          track.bed && ["sea bed", "area", "bed"],
-          ...near.map(([, words, colour]) => [words, "line", colour]),
-        ].filter(Boolean),
-      ),
-      side,
-    );
+    const shown = [
+      ["depth of the vehicle", "line", "plan"],
+      section && [`current with the vehicle, up to ${report.fixed(section.fastest, 1)} m/s`, "area", "task"],
+      section && ["against it", "area", "route"],
+      section && section.earlier.length && ["earlier plans", "dash", "earlier"],
+      section && section.outlines.length && ["obstacles and boundaries above or below", "halo", "quiet"],
+      track.bed && ["sea bed", "area", "bed"],
+      ...near.map(([, words, colour]) => [words, "line", colour]),
+    ].filter(Boolean);
+    const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
+    const signs = shown.map(([words, shape, colour]) => element("span", inline, swatch(shape, colour), words));
+    const made = report.section("profile", "Side view", null, element("div.choices.small.quiet", signs), side);
     made.querySelector(".head").append(choice);
     /** The vertical section: the current, obstacles over it, earlier plans over these. */
     const water = (colours) => {
       const columns = section.times.length - 1;
-      const row = (k) =>
-        Array.from(section.along.subarray(k * columns, (k + 1) * columns), (value) =>
-          value < -30 ? null : value,
-        );
+      const known = (value) => (value < -30 ? null : value);
+      const row = (k) => Array.from(section.along.subarray(k * columns, (k + 1) * columns), known);
+      const strong = (name) => report.mix(colours[name], 0.75, colours.card);
       const drawn = [
         {
           type: "heatmap",
@@ -630,17 +574,13 @@
           z: section.depth.slice(1).map((_, k) => row(k)),
           zmin: -section.fastest,
           zmax: section.fastest,
-          colorscale: [
-            [0, report.mix(colours.route, 0.75, colours.card)],
-            [0.5, colours.card],
-            [1, report.mix(colours.task, 0.75, colours.card)],
-          ],
+          colorscale: [[0, strong("route")], [0.5, colours.card], [1, strong("task")]],
           showscale: false,
           hovertemplate: "current along the path %{z:.2f} m/s at %{y:.0f} m<extra></extra>",
         },
       ];
       for (const { kind, grown, times, depths } of section.outlines) {
-        const color = colours[Object.fromEntries(KINDS)[kind] || "quiet"];
+        const color = colours[COLOUR[kind] || "quiet"];
         const line = { color, width: 1.2, dash: grown ? "dash" : "solid" };
         const filled = { fill: "toself", fillcolor: report.mix(color, grown ? 0 : 0.8) };
         drawn.push(report.line(times.map(along), depths, line, filled));
@@ -650,26 +590,16 @@
       return drawn;
     };
     const draw = (colours, width) => {
-      const axis =
-        state.axis === "time"
-          ? Array.from(track.time, (time) => since(time) / 3600)
-          : Array.from(way, (metres) => metres / 1000);
+      const axis = Array.from(track.time, along);
       const when = Array.from(track.time, (time) => report.clock(since(time)));
       const bed = track.bed && Array.from(track.bed, (above, k) => track.depth[k] + above);
       const floor = section ? section.depth.at(-1) : Math.max(...(bed || track.depth)) * 1.06 + 1;
       const data = section ? water(colours) : [];
       /** A line over the way that the pointer asks the moment of. */
-      const trace = (y, color, width, name, words, more) =>
-        data.push({
-          x: axis,
-          y,
-          customdata: when,
-          mode: "lines",
-          name,
-          line: { color, width },
-          hovertemplate: `${words}<extra></extra>`,
-          ...more,
-        });
+      const trace = (y, color, width, name, words, more) => {
+        const asked = { customdata: when, hovertemplate: `${words}<extra></extra>` };
+        data.push({ x: axis, y, mode: "lines", name, line: { color, width }, ...asked, ...more });
+      };
       if (bed) {
         trace(bed, colours.bed, 1.5, "sea bed", "sea bed %{y:,.0f} m");
         const ends = [axis[0], axis[axis.length - 1]];
@@ -690,6 +620,7 @@
       const two = near.length > 0;
       const shown = near.flatMap(([name]) => safe(track[name]));
       const lower = { domain: [0, section ? 0.35 : 0.43], automargin: false };
+      const upper = { domain: two ? [0.5 - (section ? 0.1 : 0), 1] : [0, 1], automargin: false };
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
       return {
         data,
@@ -698,15 +629,8 @@
           shapes,
           hovermode: "x",
           margin: { l: width < 500 ? 48 : 58, r: 14, t: 10, b: 46 },
-          xaxis: report.axis(colours, title, {
-            anchor: two ? "y2" : "y",
-            range: [along(run.begin), along(run.end)],
-          }),
-          yaxis: report.axis(colours, "depth [m]", {
-            domain: two ? [0.5 - (section ? 0.1 : 0), 1] : [0, 1],
-            range: [floor, Math.min(0, ...track.depth)],
-            automargin: false,
-          }),
+          xaxis: report.axis(colours, title, { anchor: two ? "y2" : "y", range: [run.begin, run.end].map(along) }),
+          yaxis: report.axis(colours, "depth [m]", { ...upper, range: [floor, Math.min(0, ...track.depth)] }),
           ...(two && { yaxis2: report.logAxis(colours, "clearance [m]", shown, lower) }),
         },
       };
@@ -740,10 +664,9 @@
       const narrow = width < 620;
       const most = Math.max(1, ...rows.flatMap((route) => route.bars.map((bar) => bar[5])));
       const shade = (priority) =>
-        priority > 0
-          ? report.mix(colours.accent, 0.18 + (0.72 * priority) / most, colours.card)
-          : colours.card;
+        priority > 0 ? report.mix(colours.accent, 0.18 + (0.72 * priority) / most, colours.card) : colours.card;
       const bars = rows.flatMap((route, row) => route.bars.map((bar) => ({ row, bar })));
+      const called = (node) => report.literal(waypoints[node].name);
       const one = (wide, from, size) => ({
         type: "bar",
         orientation: "h",
@@ -752,31 +675,27 @@
         base: bars.map(({ bar }) => since(from(bar)) / 3600),
         x: bars.map(({ bar }) => size(bar) / 3600),
         marker: { color: bars.map(({ bar }) => shade(bar[5])), line: { color: colours.quiet, width: 0.7 } },
-        customdata: bars.map(({ bar }) => [
-          report.literal(waypoints[bar[0]].name),
-          report.literal(waypoints[bar[1]].name),
-          bar[5],
-          Math.round(bar[3]),
-          Math.round(bar[4]),
-        ]),
-        text: wide > 0.5 ? bars.map(({ bar }) => report.literal(waypoints[bar[1]].name)) : null,
+        customdata: bars.map(({ bar: [from, to, , travel, task, priority] }) => {
+          return [called(from), called(to), priority, Math.round(travel), Math.round(task)];
+        }),
+        text: wide > 0.5 ? bars.map(({ bar }) => called(bar[1])) : null,
         textposition: "inside",
         insidetextanchor: "middle",
         textangle: 0,
         insidetextfont: { size: 10 },
         constraintext: "inside",
         hovertemplate:
-          "%{customdata[0]} → %{customdata[1]}<br>priority %{customdata[2]:.3g}<br>travel %{customdata[3]:,} s, on station %{customdata[4]:,} s<extra></extra>",
+          "%{customdata[0]} → %{customdata[1]}<br>priority %{customdata[2]:.3g}<br>" +
+          "travel %{customdata[3]:,} s, on station %{customdata[4]:,} s<extra></extra>",
       });
       const ends = bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4]);
       const last = Math.max(run.available, since(run.end), ...ends) / 3600;
-      const available = { x: run.available / 3600, y: 1, xref: "x", yref: "paper", showarrow: false };
-      Object.assign(available, { yanchor: "bottom", xanchor: "right" });
+      const place = { x: run.available / 3600, y: 1, xref: "x", yref: "paper" };
+      const words = { text: "time available", font: { size: 11, color: colours.bad }, showarrow: false };
+      const ticks = { tickvals: rows.map((_, k) => k), ticktext: rows.map((route, k) => title(route, k, narrow)) };
+      const bare = { showgrid: false, ticks: "", automargin: false, title: { text: "" } };
       return {
-        data: [
-          one(0.76, (bar) => bar[2], (bar) => bar[3]),
-          one(0.3, (bar) => bar[2] + bar[3], (bar) => bar[4]),
-        ],
+        data: [one(0.76, (bar) => bar[2], (bar) => bar[3]), one(0.3, (bar) => bar[2] + bar[3], (bar) => bar[4])],
         height: 74 + Math.max(24, Math.min(40, 300 / rows.length)) * rows.length + 14,
         layout: {
           barmode: "overlay",
@@ -784,16 +703,8 @@
           hovermode: "closest",
           margin: { l: narrow ? 66 : 170, r: 14, t: 24, b: 46 },
           xaxis: report.axis(colours, "time since departure [h]", { range: [0, 1.015 * last] }),
-          yaxis: report.axis(colours, "", {
-            range: [rows.length - 0.4, -0.6],
-            tickvals: rows.map((_, k) => k),
-            ticktext: rows.map((route, k) => title(route, k, narrow)),
-            showgrid: false,
-            ticks: "",
-            automargin: false,
-            title: { text: "" },
-          }),
-          annotations: [{ ...available, text: "time available", font: { size: 11, color: colours.bad } }],
+          yaxis: report.axis(colours, "", { range: [rows.length - 0.4, -0.6], ...ticks, ...bare }),
+          annotations: [{ ...place, ...words, yanchor: "bottom", xanchor: "right" }],
           shapes: [report.rule("x", run.available / 3600, { color: colours.bad, width: 2 })],
         },
       };
@@ -809,7 +720,6 @@
 
   // --- tables ----------------------------------------------------------------------------------------------
 
-  const nodeName = (node) => waypoints[node].name;
   const cause = (name) => CAUSES[name] || name;
   const causes = (leg) =>
     Object.entries(leg.replans).map(([name, count]) => `${count} ${cause(name)}`).join(", ");
@@ -839,9 +749,7 @@
         key: (leg) => run.legs.indexOf(leg),
         text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
       },
-      report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
-        key: (leg) => nodeName(leg.from),
-      }),
+      report.words("from → to", legName, { key: (leg) => nodeName(leg.from) }),
       run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
       report.number("expected", "expected"),
       report.number("planned", "planned"),

@@ -3,16 +3,12 @@
 (function () {
   const study = report.data;
   const seeds = study.seeds;
-  const cases = study.cases.map((one) => ({
-    ...one,
-    legs: report.unpacked(one.legs, "mission", "expected", "executed"),
-  }));
+  const cases = study.cases.map((one) => {
+    return { ...one, legs: report.unpacked(one.legs, "mission", "expected", "executed") };
+  });
   const swept = study.sweeps.map((sweep) => sweep.field);
   const caseName = (one, from = 0) =>
-    swept
-      .map((field, k) => `${field} = ${one.setting[k]}`)
-      .slice(from)
-      .join(", ");
+    swept.map((field, k) => `${field} = ${one.setting[k]}`).slice(from).join(", ");
   const state = { case: 0, mission: null };
   const now = () => cases[state.case];
   const followers = [];
@@ -50,22 +46,16 @@
   const [low, high] = ["low", "high"].map((end) => report.fixed(first.on_time_percent[end], 1));
   const alone = cases.length === 1;
   const replans = mean("path_replans") + mean("mission_replans");
+  const interval = alone ? `95 %: ${low} to ${high} %` : report.counted(cases.length, "setting");
+  const rehearsed = rehearsal && `on time, of ${report.counted(rehearsal.missions, "mission")}`;
   report.head({
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
     good: onTime === missions,
     line: report.joined(" · ", what, `seeds ${study.provenance.seeds}`, study.description),
     tiles: [
-      [
-        "on time",
-        `${report.fixed((100 * onTime) / missions, 1)} %`,
-        alone ? `95 %: ${low} to ${high} %` : report.counted(cases.length, "setting"),
-      ],
-      rehearsal && [
-        "all planned tasks done",
-        report.fixed(rehearsal.all_planned_tasks),
-        `on time, of ${report.counted(rehearsal.missions, "mission")}`,
-      ],
+      ["on time", `${report.fixed((100 * onTime) / missions, 1)} %`, interval],
+      rehearsal && ["all planned tasks done", report.fixed(rehearsal.all_planned_tasks), rehearsed],
       alone && ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
       alone && ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
       alone && ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
@@ -87,6 +77,10 @@
     sweepSection(list);
   }
 
+  /** The words that a list shows for its choice. */
+  function words(choices, list) {
+    return choices.find(([name]) => name === list.value)[1];
+  }
   /** Mean of a figure, with its 95 % interval, over the values that a setting takes. */
   function sweepSection(list) {
     const names = study.described.filter(([name]) =>
@@ -103,10 +97,9 @@
       host,
     );
     const of = (one) => {
-      const share = one.summary.on_time_percent;
-      if (measure.value === "on_time") return [share.share, share.low, share.high];
-      const found = one.summary.figures[measure.value] || {};
-      return [found.mean ?? null, found.low ?? null, found.high ?? null];
+      const { on_time_percent, figures } = one.summary;
+      const { share, mean, low, high } = measure.value === "on_time" ? on_time_percent : figures[measure.value] || {};
+      return [share ?? mean ?? null, low ?? null, high ?? null];
     };
     const figure = report.drawn(host, "Settings compared", (colours, width) => {
       const [inner, lines] = [study.sweeps[0].values, new Map()];
@@ -120,33 +113,22 @@
         data: [...lines].map(([name, members], k) => {
           const [values, low, high] = [0, 1, 2].map((part) => members.map((one) => of(one)[part]));
           const color = hues[k % hues.length];
-          return report.points(
-            members.map((one) => (numeric ? one.setting[0] : report.literal(one.setting[0]))),
-            values,
-            {
-              mode: "lines+markers",
-              name: report.literal(name),
-              error_y: report.errors(values, low, high, { width: 5, thickness: 1.4 }),
-              line: { color, width: 1.6 },
-              marker: { symbol: marks[k % marks.length], size: 9, color },
-              hovertemplate: "%{y:,.4g}<extra>%{x}</extra>",
-            },
-          );
+          const x = members.map((one) => (numeric ? one.setting[0] : report.literal(one.setting[0])));
+          return report.points(x, values, {
+            mode: "lines+markers",
+            name: report.literal(name),
+            error_y: report.errors(values, low, high, { width: 5, thickness: 1.4 }),
+            line: { color, width: 1.6 },
+            marker: { symbol: marks[k % marks.length], size: 9, color },
+            hovertemplate: "%{y:,.4g}<extra>%{x}</extra>",
+          });
         }),
         layout: {
           ...report.legendAbove,
           showlegend: lines.size > 1,
           margin: { l: 64, r: 14, t: lines.size > 1 ? 40 : 12, b: 46 },
-          xaxis: report.axis(
-            colours,
-            report.literal(swept[0]),
-            numeric ? { tickvals: inner } : { type: "category" },
-          ),
-          yaxis: report.axis(
-            colours,
-            width < 500 ? "" : choices.find(([name]) => name === measure.value)[1],
-            { automargin: true },
-          ),
+          xaxis: report.axis(colours, report.literal(swept[0]), numeric ? { tickvals: inner } : { type: "category" }),
+          yaxis: report.axis(colours, width < 500 ? "" : words(choices, measure)),
         },
       };
     });
@@ -156,40 +138,37 @@
 
   if (rehearsal) {
     const plan = rehearsal.plan;
-    report.section(
-      "plan",
-      "The plan and what became of it",
-      `Planned: ${report.counted(plan.tasks, "task")} of total priority ${report.figure(plan.total_priority, 3)} in ${report.hours(plan.time_s)}.`,
-      report.table(
-        `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`,
-        [
-          report.words("task", (job) => job.name, { class: "long", key: (job) => job.name }),
-          report.yesNo("planned", (job) => job.planned),
-          report.number("done in", "done"),
-          report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
-        ],
-        rehearsal.jobs,
-        "jobs-table",
-      ),
-    );
+    const columns = [
+      report.words("task", (job) => job.name, { class: "long", key: (job) => job.name }),
+      report.yesNo("planned", (job) => job.planned),
+      report.number("done in", "done"),
+      report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
+    ];
+    const title = `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`;
+    const [tasks, priority] = [report.counted(plan.tasks, "task"), report.figure(plan.total_priority, 3)];
+    const planned = `Planned: ${tasks} of total priority ${priority} in ${report.hours(plan.time_s)}.`;
+    const jobs = report.table(title, columns, rehearsal.jobs, "jobs-table");
+    report.section("plan", "The plan and what became of it", planned, jobs);
   }
 
   const statistics = element("div");
   report.section("statistics", "Statistics", null, statistics);
   follow(() => {
     const { summary } = now();
-    const rows = study.described.map(([name, words]) => [words, summary.figures[name]]).filter(
-      ([, found]) => found && report.isNumber(found.mean),
-    );
+    const described = study.described.map(([name, words]) => [words, summary.figures[name]]);
+    const rows = described.filter(([, found]) => found && report.isNumber(found.mean));
     const legs = summary.expected_against_executed;
     const failed = summary.failed_seeds.map((seed, k) => `seed ${seed} (${summary.failures[k]})`);
     const cell = (name) => ({
       title: { low: "from", high: "to", q05: "5 %", q95: "95 %" }[name] || name,
       text: ([, found]) => report.figure(found[name]),
     });
+    const three = (value) => report.figure(value, 3);
     const words = [
       legs.correlation !== null &&
-        `Correlation of executed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
+        `Correlation of executed with expected times of legs ${report.fixed(legs.correlation, 4)} over ` +
+          `${report.counted(legs.legs, "leg")}; median relative error ` +
+          `${three(legs.median_relative_error_percent)} % (95 %: ${three(legs.low)} to ${three(legs.high)} %).`,
       failed.length && `Failed: ${failed.slice(0, 20).join("; ")}${failed.length > 20 ? "; …" : ""}.`,
     ].filter(Boolean);
     const share = `${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time`;
@@ -225,16 +204,12 @@
 
   const numbers = () => seeds.map((_, k) => k);
   const size = () => Math.min(Math.max(420 / seeds.length, 3.5), 8);
-  const seedAxis = (colours, more) => {
-    const every = Math.max(1, Math.ceil(seeds.length / 20));
-    const shown = numbers().filter((k) => k % every === 0);
-    return report.axis(colours, "seed of the mission", {
-      tickvals: shown,
-      ticktext: shown.map((k) => String(seeds[k])),
-      range: [-0.8, seeds.length - 0.2],
-      showgrid: false,
-      ...more,
-    });
+  /** An axis of the seeds of the first missions, or of all. */
+  const seedAxis = (colours, more, count = seeds.length, every = Math.max(1, Math.ceil(count / 20))) => {
+    const tickvals = numbers().filter((k) => k < count && k % every === 0);
+    const ticktext = tickvals.map((k) => String(seeds[k]));
+    const shown = { tickvals, ticktext, range: [-0.8, count - 0.2], showgrid: false };
+    return report.axis(colours, "seed of the mission", { ...shown, ...more });
   };
 
   /** Points of the missions on time and of those that failed, with the seed under the pointer. */
@@ -261,16 +236,14 @@
     (colours) => {
       const { figures, success } = now();
       const available = { color: colours.bad, width: 2, shape: "hvh" };
+      const zero = { zeroline: true, zerolinecolor: colours.line };
       return {
         height: 440,
         data: [
           report.line(numbers(), figures.t_available, available, { name: "time available" }),
           ...groups(colours, (k) => k, (k) => figures.t_mission[k], "%{y:,.0f} s"),
           {
-            type: "bar",
-            yaxis: "y2",
-            name: "time left",
-            showlegend: false,
+            ...{ type: "bar", yaxis: "y2", name: "time left", showlegend: false },
             x: numbers(),
             y: figures.t_residual,
             customdata: numbers(),
@@ -286,12 +259,7 @@
           bargap: 0.25,
           xaxis: seedAxis(colours, { anchor: "y2" }),
           yaxis: report.axis(colours, "mission time [s]", { domain: [0.46, 1], automargin: false }),
-          yaxis2: report.axis(colours, "time left [s]", {
-            domain: [0, 0.38],
-            automargin: false,
-            zeroline: true,
-            zerolinecolor: colours.line,
-          }),
+          yaxis2: report.axis(colours, "time left [s]", { domain: [0, 0.38], automargin: false, ...zero }),
         },
       };
     },
@@ -318,55 +286,33 @@
         fillcolor: report.mix(colour, 0.35),
         hoverinfo: "y",
       });
-      const all = Array.from(mission.keys());
-      const least = Math.min(...expected, ...executed),
-        most = Math.max(...expected, ...executed);
-      const last = Math.min(seeds.length, BOXES) - 1;
-      const shown = numbers().filter((k) => k <= last);
+      const [least, most] = [Math.min, Math.max].map((of) => of(...expected, ...executed));
+      const opacity = Math.min(0.8, Math.max(0.2, 6 / Math.max(mission.length, 1) ** 0.45));
+      const count = Math.min(seeds.length, BOXES);
+      const right = { xaxis: "x2", yaxis: "y2", showlegend: false };
+      const equal = { color: colours.quiet, dash: "dash", width: 1.2 };
+      const low = { automargin: false };
       return {
         height: wide ? 430 : 760,
         data: [
           box(expected, "expected", colours.plan, "a"),
           box(executed, "executed", colours.afloat, "b"),
-          report.line([least, most], [least, most], { color: colours.quiet, dash: "dash", width: 1.2 }, {
-            xaxis: "x2",
-            yaxis: "y2",
-            showlegend: false,
-          }),
+          report.line([least, most], [least, most], equal, right),
           report.points(Array.from(expected), Array.from(executed), {
-            xaxis: "x2",
-            yaxis: "y2",
-            showlegend: false,
-            customdata: all.map((k) => mission[k]),
-            marker: {
-              color: colours.plan,
-              size: 5,
-              opacity: Math.min(0.8, Math.max(0.2, 6 / Math.max(all.length, 1) ** 0.45)),
-            },
-            text: all.map((k) => seedName(mission[k])),
+            ...right,
+            customdata: Array.from(mission),
+            marker: { color: colours.plan, size: 5, opacity },
+            text: Array.from(mission, seedName),
             hovertemplate: "%{text}<br>expected %{x:,.0f} s, executed %{y:,.0f} s<extra></extra>",
           }),
         ],
         layout: {
           boxmode: "group",
           ...report.legendAbove,
-          xaxis: report.axis(colours, "seed of the mission", {
-            domain: wide ? [0, 0.6] : [0, 1],
-            tickvals: shown,
-            ticktext: shown.map((k) => String(seeds[k])),
-            range: [-0.7, last + 0.7],
-            showgrid: false,
-          }),
-          yaxis: report.axis(colours, "travel time of a leg [s]", {
-            domain: wide ? [0, 1] : [0.58, 1],
-            automargin: false,
-          }),
+          xaxis: seedAxis(colours, { domain: wide ? [0, 0.6] : [0, 1], range: [-0.7, count - 0.3] }, count, 1),
+          yaxis: report.axis(colours, "travel time of a leg [s]", { domain: wide ? [0, 1] : [0.58, 1], ...low }),
           xaxis2: report.axis(colours, "expected [s]", { domain: wide ? [0.7, 1] : [0, 1], anchor: "y2" }),
-          yaxis2: report.axis(colours, "executed [s]", {
-            domain: wide ? [0, 1] : [0, 0.44],
-            anchor: "x2",
-            automargin: false,
-          }),
+          yaxis2: report.axis(colours, "executed [s]", { domain: wide ? [0, 1] : [0, 0.44], anchor: "x2", ...low }),
         },
       };
     },
@@ -427,24 +373,17 @@
     scatter,
     "Missions, one figure against another",
     (colours) => {
-      const one = now();
-      const words = (list) => MEASURES.find(([name]) => name === list.value)[1];
+      const of = (list) => (k) => now().figures[list.value][k];
       return {
         height: 360,
-        data: groups(
-          colours,
-          (k) => one.figures[across.value][k],
-          (k) => one.figures[up.value][k],
-          "%{x:,.4g}, %{y:,.4g}",
-          (chosen) => ({
-            size: chosen.map((k) => (k === state.mission ? 15 : 8)),
-            line: { color: colours.text, width: chosen.map((k) => (k === state.mission ? 2 : 0)) },
-          }),
-        ),
+        data: groups(colours, of(across), of(up), "%{x:,.4g}, %{y:,.4g}", (chosen) => ({
+          size: chosen.map((k) => (k === state.mission ? 15 : 8)),
+          line: { color: colours.text, width: chosen.map((k) => (k === state.mission ? 2 : 0)) },
+        })),
         layout: {
           ...report.legendAbove,
-          xaxis: report.axis(colours, words(across)),
-          yaxis: report.axis(colours, words(up), { automargin: true }),
+          xaxis: report.axis(colours, words(MEASURES, across)),
+          yaxis: report.axis(colours, words(MEASURES, up)),
         },
       };
     },
@@ -452,30 +391,20 @@
   );
   follow(() => {
     const one = now();
-    table.replaceChildren(
-      report.table(
-        `${report.counted(seeds.length, "mission")}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
-        [
-          {
-            title: "seed",
-            key: (k) => seeds[k],
-            text: (k) =>
-              report.link(`Show the mission of seed ${seeds[k]}`, String(seeds[k]), () => choose(k, true), {
-                "data-seed": seeds[k],
-              }),
-          },
-          report.words("outcome", (k) => (one.success[k] ? "on time" : "failed"), {
-            key: (k) => Number(one.success[k]),
-            class: (k) => (one.success[k] ? "good-cell" : "bad-cell"),
-          }),
-          ...MEASURES.map(([name, words, decimals]) =>
-            report.number(words, (k) => one.figures[name][k], decimals),
-          ),
-        ],
-        numbers(),
-        "missions-table",
-      ),
-    );
+    const open = (k) => {
+      const seed = { "data-seed": seeds[k] };
+      return report.link(`Show the mission of seed ${seeds[k]}`, String(seeds[k]), () => choose(k, true), seed);
+    };
+    const columns = [
+      { title: "seed", key: (k) => seeds[k], text: open },
+      report.words("outcome", (k) => (one.success[k] ? "on time" : "failed"), {
+        key: (k) => Number(one.success[k]),
+        class: (k) => (one.success[k] ? "good-cell" : "bad-cell"),
+      }),
+      ...MEASURES.map(([name, words, decimals]) => report.number(words, (k) => one.figures[name][k], decimals)),
+    ];
+    const title = report.joined(", ", report.counted(seeds.length, "mission"), !alone && caseName(one));
+    table.replaceChildren(report.table(title, columns, numbers(), "missions-table"));
     if (cloud.made) cloud.draw();
   });
 
