@@ -4,6 +4,8 @@ import sys
 
 import pytest
 
+from auvplan.plot import style
+
 
 @pytest.fixture(autouse=True)
 def closed_figures():
@@ -11,3 +13,9 @@ def closed_figures():
     yield
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         pyplot.close("all")
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Pictures of few pixels, where it is enough that they come about."""
+    monkeypatch.setattr(style, "DPI", 50)

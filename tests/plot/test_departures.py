@@ -9,8 +9,9 @@ from matplotlib.dates import num2date
 
 from auvplan.executive import Departures
 from auvplan.plot import plot_departures
-from auvplan.plot.style import figure_of, save
+from auvplan.plot.style import figure_of
 from auvplan.site import Site
+from tests.plot.test_figures import assert_apart
 
 EPOCH = datetime(2026, 3, 1, 21, tzinfo=UTC)
 
@@ -91,13 +92,16 @@ def test_dates_are_utc():
         (1, False, (0,)),
         (2, True, (0,)),
         (2, False, (0, 1)),
+        (60, True, ()),
         (200, True, range(200)),
-        (200, False, ()),
     ],
 )
-def test_any_number_of_departures_can_be_drawn(tmp_path, count, dated, closed):
-    found = make(count, dated, closed)
-    assert save(plot_departures(found), tmp_path / "departures.png").stat().st_size > 10_000
+def test_any_number_of_departures_can_be_drawn_without_labels_on_each_other(count, dated, closed):
+    figure = figure_of(plot_departures(make(count, dated, closed)))
+    figure.draw_without_rendering()
+    for axis in (figure.axes[-1].xaxis, *(axes.yaxis for axes in figure.axes)):
+        labels = [label for label in (*axis.get_ticklabels(), axis.offsetText) if label.get_text()]
+        assert_apart([*labels, axis.label], 1)
 
 
 def test_the_order_of_departures_does_not_matter():
@@ -109,15 +113,3 @@ def test_the_order_of_departures_does_not_matter():
     figure = figure_of(plot_departures(replace(found, **arrays)))
     line = figure.axes[-1].lines[0]
     np.testing.assert_allclose(line.get_xydata(), np.stack([found.departs / 3600.0, found.current], axis=1))
-
-
-def test_no_labels_overlap():
-    figure = figure_of(plot_departures(make(60)))
-    figure.draw_without_rendering()
-    for axis in (figure.axes[-1].xaxis, *(axes.yaxis for axes in figure.axes)):
-        boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-        boxes += [axis.label.get_window_extent()]
-        if axis.offsetText.get_text():
-            boxes.append(axis.offsetText.get_window_extent())
-        for k, box in enumerate(boxes):
-            assert not any(box.overlaps(other) for other in boxes[:k])

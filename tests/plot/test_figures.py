@@ -84,27 +84,37 @@ def test_unwritable_folder(tmp_path):
         draw_run(make_run(), tmp_path / "taken")
 
 
-@pytest.mark.parametrize("plot", [plot_mission, plot_currents])
-def test_maps_have_east_right_and_north_up_in_equal_scale(plot):
-    figure = figure_of(plot(make_run()))
-    figure.draw_without_rendering()
-    panels = [axes for axes in data_axes(figure) if axes.get_label() != "section"]
-    assert any(axes.get_xlabel() == "east [m]" for axes in panels)
-    assert any(axes.get_ylabel() == "north [m]" for axes in panels)
-    for axes in panels:
-        assert axes.get_aspect() == 1.0
-        assert axes.get_xlim()[0] < axes.get_xlim()[1]
-        assert axes.get_ylim()[0] < axes.get_ylim()[1]
-
-
 @pytest.mark.parametrize(
     "plot", [plot_mission, plot_timeline, plot_currents, plot_convergence, plot_obstacles]
 )
-def test_axes_have_labels_with_units(plot):
+def test_axes_have_labels_with_units_and_maps_east_right_and_north_up(plot):
     figure = figure_of(plot(make_run()))
     labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
     assert labels
     assert all("[" in label and "]" in label for label in labels), labels
+    if plot is plot_obstacles:
+        (axes,) = data_axes(figure)
+        assert axes.get_zlim()[0] > axes.get_zlim()[1], "depth points down"
+        assert axes.get_zlabel() == "depth [m]"
+    if plot not in (plot_mission, plot_currents):
+        return
+    figure.draw_without_rendering()
+    panels = [axes for axes in data_axes(figure) if axes.get_label() != "section"]
+    assert {"east [m]", "north [m]"} <= set(labels)
+    for axes in panels:
+        assert axes.get_aspect() == 1.0
+        assert axes.get_xlim()[0] < axes.get_xlim()[1]
+        assert axes.get_ylim()[0] < axes.get_ylim()[1]
+    if plot is plot_mission:
+        assert_apart([text for text in panels[0].texts if text.get_text()], 8)
+
+
+def assert_apart(texts, least):
+    """No label covers another one."""
+    boxes = [text.get_window_extent() for text in texts]
+    assert len(boxes) >= least
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
 
 
 def test_route_is_where_it_was_executed():
@@ -151,12 +161,6 @@ def test_timeline_has_a_row_for_each_route_and_one_as_executed():
     assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
 
 
-def test_depth_points_down():
-    axes = data_axes(plot_obstacles(make_run()))[0]
-    assert axes.get_zlim()[0] > axes.get_zlim()[1]
-    assert axes.get_zlabel() == "depth [m]"
-
-
 def test_a_panel_for_each_plan_up_to_four():
     run = make_run()
     assert len(data_axes(plot_currents(run))) == 2
@@ -174,16 +178,6 @@ def test_convergence_with_infinite_and_zero_values(tmp_path):
     for name in ("violation_best", "violation_mean", "violation_std"):
         history[name] = np.zeros(21)
     save(plot_convergence(run, run.legs[0]), tmp_path / "figure.png")
-
-
-def test_labels_do_not_overlap():
-    figure = figure_of(plot_mission(make_run()))
-    figure.draw_without_rendering()
-    axes = data_axes(figure)[0]
-    boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
-    assert len(boxes) >= 8
-    for k, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[:k])
 
 
 def test_chart(tmp_path):

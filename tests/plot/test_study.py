@@ -24,9 +24,8 @@ OBJECTIVES = {"planning.objective": ["priority", "weighted"]}
 
 
 @pytest.fixture(autouse=True)
-def coarse(monkeypatch):
-    """Pictures of few pixels, where it is enough that they come about; what is counted is of one test."""
-    monkeypatch.setattr(style, "DPI", 50)
+def of_others(coarse):
+    """What is counted are the figures of one test."""
     plt.close("all")
 
 

@@ -27,11 +27,8 @@ report.isNumber = (value) => typeof value === "number" && Number.isFinite(value)
 /** A number to some decimals; a dash where there is none. */
 report.fixed = function (value, decimals = 0) {
   if (!report.isNumber(value)) return "–";
-  const text = value.toLocaleString("en", {
-    minimumFractionDigits: decimals,
-    maximumFractionDigits: decimals,
-  });
-  return text.replace("-", "−");
+  const form = { minimumFractionDigits: decimals, maximumFractionDigits: decimals };
+  return value.toLocaleString("en", form).replace("-", "−");
 };
 
 /** A number to some significant digits. */
@@ -42,7 +39,7 @@ report.figure = function (value, digits = 4) {
   return value.toLocaleString("en", form).replace("-", "−");
 };
 
-/** A least distance in metres, as `auvplan.runtime.formatting.clearance` states it: no finer than what it is to is known. */
+/** A least distance in metres, as `auvplan.runtime.formatting.clearance` states it. */
 report.clearance = function (value, accuracy = 0, reach = null) {
   if (!report.isNumber(value)) return "–";
   if (reach !== null && value >= reach) return `> ${report.fixed(reach)}`;
@@ -50,19 +47,19 @@ report.clearance = function (value, accuracy = 0, reach = null) {
   return report.fixed(accuracy > 0 ? accuracy * Math.floor(value / accuracy) : value);
 };
 
+const two = (value) => String(Math.floor(value)).padStart(2, "0");
+
 /** Seconds as hours and minutes. */
 report.hours = function (seconds) {
   if (!report.isNumber(seconds)) return "–";
   const minutes = Math.round(Math.abs(seconds) / 60);
-  const text = `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
-  return seconds < 0 ? `−${text}` : text;
+  return `${seconds < 0 ? "−" : ""}${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
 };
 
 /** Seconds as h:mm:ss. */
 report.clock = function (seconds) {
   const whole = Math.round(Math.abs(seconds));
-  const two = (value) => String(value).padStart(2, "0");
-  return `${seconds < 0 ? "−" : ""}${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+  return `${seconds < 0 ? "−" : ""}${Math.floor(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}`;
 };
 
 /** The moment of a time in UTC, to the second; empty where the result has no date. */
@@ -98,13 +95,9 @@ function element(what, ...children) {
 
 /** A titled part of the page, listed in its contents. */
 report.section = function (id, title, note, ...children) {
-  const made = element(
-    "section.card",
-    { id, "aria-labelledby": `${id}-title` },
-    element("div.head", element("h2", { id: `${id}-title` }, title)),
-    note ? element("p.quiet", note) : null,
-    ...children,
-  );
+  const head = element("div.head", element("h2", { id: `${id}-title` }, title));
+  const words = note ? element("p.quiet", note) : null;
+  const made = element("section.card", { id, "aria-labelledby": `${id}-title` }, head, words, ...children);
   document.getElementById("main").append(made);
   const contents = document.querySelector("nav.contents");
   if (contents) contents.append(element("a", { href: `#${id}` }, title));
@@ -166,7 +159,7 @@ report.table = function (caption, columns, rows, id = null) {
       return Number.isNaN(value) ? null : value;
     };
     const sorted = [...shown].sort((one, other) => {
-      const [a, b] = [rank(one), rank(other)];
+      const [a, b] = [one, other].map(rank);
       if (a === null || b === null) return (a === null) - (b === null);
       const order = typeof a === "string" ? a.localeCompare(b, "en", { numeric: true }) : a - b;
       return falls ? -order : order;
@@ -191,11 +184,9 @@ report.number = function (title, of, decimals = 0, more = {}) {
 };
 
 /** A column of numbers with three significant digits. */
-report.weight = (title, key, none) => ({
-  title,
-  key,
-  text: (row) => (none && !key(row) ? none : report.figure(key(row), 3)),
-});
+report.weight = function (title, key, none) {
+  return { title, key, text: (row) => (none && !key(row) ? none : report.figure(key(row), 3)) };
+};
 
 /** A column of words, sorted by them or by another key. */
 report.words = (title, text, more = {}) => ({ title, words: true, text, ...more });
@@ -352,42 +343,37 @@ report.head = function ({ title, line, badge, good, tiles, warnings = [] }) {
 report.setting = (value) => (value === null || value === undefined ? "none" : JSON.stringify(value));
 
 /** The part that says what a result was made from. */
-report.provenance = function (told) {
-  const parts = [];
-  const files = told.files || [];
+report.provenance = function ({ files = [], assumed = [], notes = [], seeds, seed, versions = {}, settings }) {
   const code = { class: "code" };
-  if (files.length) {
-    const columns = [
-      report.words("field", (file) => file.field),
-      report.words("file", (file) => file.name, code),
-      { title: "bytes", text: (file) => report.fixed(file.size) },
-      report.words("SHA-256", (file) => file.sha256 || "–", code),
-    ];
-    parts.push(report.table("Files that the scenario names", columns, files));
-  } else if (told.settings) {
-    const words = "The scenario names no files: chart, currents and tasks come from the package and the seed.";
-    parts.push(element("p", words));
-  }
-  for (const line of told.assumed || []) parts.push(element("p", `Assumed: ${line}.`));
-  for (const line of told.notes || []) parts.push(element("p", `Note: ${line}.`));
-  const seed = told.seeds || told.seed;
-  const origin = [
-    ...(report.isNumber(seed) || seed ? [["seed", String(seed)]] : []),
-    ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value]),
+  const named = [
+    report.words("field", (file) => file.field),
+    report.words("file", (file) => file.name, code),
+    { title: "bytes", text: (file) => report.fixed(file.size) },
+    report.words("SHA-256", (file) => file.sha256 || "–", code),
   ];
-  const { settings } = told;
-  const columns = [
+  const none = "The scenario names no files: chart, currents and tasks come from the package and the seed.";
+  const shown = seeds || seed;
+  const origin = [
+    ...(report.isNumber(shown) || shown ? [["seed", String(shown)]] : []),
+    ...Object.entries(versions).map(([name, value]) => [`version of ${name}`, value]),
+  ];
+  const changed = [
     report.words("setting", (row) => row.field, code),
     report.words("value", (row) => report.setting(row.value), code),
     report.words("default", (row) => report.setting(row.default), code),
   ];
-  const differing = !settings
-    ? element("p", "The folder does not state which scenario this was.")
-    : settings.length
-      ? report.table("Settings that differ from the defaults", columns, settings)
-      : element("p", "All settings have their defaults.");
-  parts.push(report.pair(origin.length && report.facts("Seed and versions", origin), differing));
-  report.section("provenance", "Provenance", null, ...parts);
+  const differing = settings?.length
+    ? report.table("Settings that differ from the defaults", changed, settings)
+    : element("p", settings ? "All settings have their defaults." : "The folder does not state which scenario this was.");
+  report.section(
+    "provenance",
+    "Provenance",
+    null,
+    files.length ? report.table("Files that the scenario names", named, files) : settings && element("p", none),
+    assumed.map((line) => element("p", `Assumed: ${line}.`)),
+    notes.map((line) => element("p", `Note: ${line}.`)),
+    report.pair(origin.length && report.facts("Seed and versions", origin), differing),
+  );
   const foot = "Written by auvplan. Figures: plotly.js, MIT licence. This file loads nothing from anywhere.";
   document.getElementById("foot").append(element("p", foot));
 };

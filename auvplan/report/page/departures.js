@@ -8,31 +8,20 @@
   const moment = (one) =>
     dated ? one.departure_utc.replace("T", " ").replace(/:00Z$/, "") : `+${report.hours(one.departure_s)}`;
 
+  const [all, few] = [report.counted(departures.length, "departure"), feasible.length];
+  const clear = best && (best.clearance_m === null ? "open water" : `${report.fixed(best.clearance_m)} m clear`);
+  const of = available ? ` of ${report.fixed(available)} s` : "";
+  const kinds = dated ? "times in UTC" : "hours after the scenario's departure";
   report.head({
     title: name,
-    badge: feasible.length
-      ? `${feasible.length} of ${report.counted(departures.length, "departure")} feasible`
-      : "no departure is feasible",
-    good: feasible.length > 0,
-    line: report.joined(
-      " · ",
-      leg ? "departures of a leg" : "departures of a mission",
-      dated ? "times in UTC" : "hours after the scenario's departure",
-      description,
-    ),
+    badge: few ? `${few} of ${all} feasible` : "no departure is feasible",
+    good: few > 0,
+    line: report.joined(" · ", leg ? "departures of a leg" : "departures of a mission", kinds, description),
     tiles: best && [
       ["best departure", moment(best), dated ? "UTC" : "after the scenario's"],
-      [
-        leg ? "travel time" : "mission time",
-        report.hours(best.time_s),
-        `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
-      ],
+      [leg ? "travel time" : "mission time", report.hours(best.time_s), `${report.fixed(best.time_s)} s${of}`],
       leg
-        ? [
-            "way",
-            `${report.fixed(best.length_m / 1000, 1)} km`,
-            best.clearance_m === null ? "open water" : `${report.fixed(best.clearance_m)} m clear`,
-          ]
+        ? ["way", `${report.fixed(best.length_m / 1000, 1)} km`, clear]
         : ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")],
       ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"],
     ],
@@ -45,79 +34,69 @@
     ["current_m_s", "current [m/s]", "earlier", 1],
   ].filter(Boolean);
   const host = element("div", { id: "departures" });
-  report.section(
-    "when",
-    "When to leave",
-    "Departures that are not feasible are shaded; the star is the best: most priority, then least time, then the earliest. A click marks the row below.",
-    host,
-  );
+  const note =
+    "Departures that are not feasible are shaded; the star is the best: most priority, then least time, then the " +
+    "earliest. A click marks the row below.";
+  report.section("when", "When to leave", note, host);
   const when = departures.map((one) => (dated ? one.departure_utc : one.departure_s / 3600));
-  report.drawn(
-    host,
-    "What a departure comes to",
-    (colours) => {
-      const [rows, gap] = [panels.length, 0.05];
-      const tall = (1 - gap * (rows - 1)) / rows;
-      const axisName = (k) => (k ? `y${k + 1}` : "y");
-      const data = panels.flatMap(([column, title, colour, factor], k) => {
-        const y = departures.map((one) => ((one[column] ?? null) === null ? null : factor * one[column]));
-        const line = report.points(when, y, {
-          mode: "lines+markers",
-          yaxis: axisName(k),
-          name: title,
-          customdata: departures.map((_, at) => at),
-          line: { color: colours[colour], width: 1.6 },
-          marker: { size: 7, color: colours[colour] },
-          hovertemplate: `%{x}<br>${title}: %{y:,.4g}<extra></extra>`,
-        });
-        const at = departures.indexOf(best);
-        const star = report.points([when[at]], [y[at]], {
-          yaxis: axisName(k),
-          hoverinfo: "skip",
-          marker: { symbol: "star", size: 16, color: colours.start, line: { color: "#000000", width: 1 } },
-        });
-        return at >= 0 && column !== "current_m_s" ? [line, star] : [line];
+  const draw = (colours) => {
+    const [rows, gap] = [panels.length, 0.05];
+    const tall = (1 - gap * (rows - 1)) / rows;
+    const axisName = (k) => (k ? `y${k + 1}` : "y");
+    const data = panels.flatMap(([column, title, colour, factor], k) => {
+      const y = departures.map((one) => ((one[column] ?? null) === null ? null : factor * one[column]));
+      const [color, yaxis] = [colours[colour], axisName(k)];
+      const line = report.points(when, y, {
+        mode: "lines+markers",
+        yaxis,
+        name: title,
+        customdata: departures.map((_, at) => at),
+        line: { color, width: 1.6 },
+        marker: { size: 7, color },
+        hovertemplate: `%{x}<br>${title}: %{y:,.4g}<extra></extra>`,
       });
-      const places = when.map((value) => (dated ? new Date(value).getTime() : value));
-      const back = (value) => (dated ? new Date(value).toISOString() : value);
-      const half = places.length > 1 ? (places[1] - places[0]) / 2 : dated ? 1.8e6 : 0.5;
-      const shade = { fillcolor: report.mix(colours.earlier, 0.16), line: { width: 0 }, layer: "below" };
-      const ends = (place) => ({ x0: back(place - half), x1: back(place + half), y0: 0, y1: 1 });
-      const shapes = places
-        .filter((_, k) => !departures[k].feasible)
-        .map((place) => ({ type: "rect", xref: "x", yref: "paper", ...ends(place), ...shade }));
-      const layout = {
-        shapes,
-        margin: { l: 66, r: 14, t: 12, b: 46 },
-        xaxis: report.axis(colours, dated ? "departure [UTC]" : "departure [h after the scenario's]", {
-          anchor: axisName(rows - 1),
-          range: [back(places[0] - half), back(places[places.length - 1] + half)],
-          ...(dated ? { type: "date" } : {}),
-        }),
-      };
-      panels.forEach(([column, title], k) => {
-        const top = 1 - k * (tall + gap);
-        layout[k ? `yaxis${k + 1}` : "yaxis"] = report.axis(colours, title, {
-          domain: [Math.max(top - tall, 0), top],
-          automargin: false,
-          nticks: 5,
-          ...(column === "time_s" ? {} : { rangemode: "tozero" }),
-        });
+      const at = departures.indexOf(best);
+      const marker = { symbol: "star", size: 16, color: colours.start, line: { color: "#000000", width: 1 } };
+      const star = report.points([when[at]], [y[at]], { yaxis, hoverinfo: "skip", marker });
+      return at >= 0 && column !== "current_m_s" ? [line, star] : [line];
+    });
+    const places = when.map((value) => (dated ? new Date(value).getTime() : value));
+    const back = (value) => (dated ? new Date(value).toISOString() : value);
+    const half = places.length > 1 ? (places[1] - places[0]) / 2 : dated ? 1.8e6 : 0.5;
+    const around = (first, last) => [back(first - half), back(last + half)];
+    const shade = { fillcolor: report.mix(colours.earlier, 0.16), line: { width: 0 }, layer: "below" };
+    const shapes = places.filter((_, k) => !departures[k].feasible).map((place) => {
+      const [x0, x1] = around(place, place);
+      return { type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, ...shade };
+    });
+    const layout = {
+      shapes,
+      margin: { l: 66, r: 14, t: 12, b: 46 },
+      xaxis: report.axis(colours, dated ? "departure [UTC]" : "departure [h after the scenario's]", {
+        anchor: axisName(rows - 1),
+        range: around(places[0], places[places.length - 1]),
+        ...(dated ? { type: "date" } : {}),
+      }),
+    };
+    panels.forEach(([column, title], k) => {
+      const top = 1 - k * (tall + gap);
+      const place = { domain: [Math.max(top - tall, 0), top], automargin: false, nticks: 5 };
+      const zero = column === "time_s" ? {} : { rangemode: "tozero" };
+      layout[k ? `yaxis${k + 1}` : "yaxis"] = report.axis(colours, title, { ...place, ...zero });
+    });
+    return { data, layout, height: 70 + 135 * rows };
+  };
+  report.drawn(host, "What a departure comes to", draw, (_, begun) => {
+    if (begun)
+      host.on("plotly_click", ({ points }) => {
+        if (!Number.isInteger(points[0].customdata)) return;
+        report.mark(table, points[0].customdata);
+        table.querySelector("tr.chosen").scrollIntoView({ block: "center", behavior: "smooth" });
       });
-      return { data, layout, height: 70 + 135 * rows };
-    },
-    (_, begun) => {
-      if (begun)
-        host.on("plotly_click", ({ points }) => {
-          if (!Number.isInteger(points[0].customdata)) return;
-          report.mark(table, points[0].customdata);
-          table.querySelector("tr.chosen").scrollIntoView({ block: "center", behavior: "smooth" });
-        });
-    },
-  );
+  });
 
   const table = report.table(
-    report.counted(departures.length, "departure"),
+    all,
     [
       report.words(dated ? "departure, UTC" : "departure", moment, { key: (one) => one.departure_s }),
       report.words("feasible", (one) => (one.best ? "best" : one.feasible ? "yes" : "no"), {

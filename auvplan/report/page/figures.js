@@ -29,10 +29,8 @@ report.logAxis = function (colours, title, values, more) {
   const tickvals = [];
   for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
     tickvals.push(...[1, 2, 5].map((part) => Number(`${part}e${power}`)));
-  const few =
-    Math.log10(high / low) > 2.2
-      ? tickvals.filter((value) => /^1(0*|e.*)$|^0\.0*1$/.test(String(value)))
-      : tickvals;
+  const wide = Math.log10(high / low) > 2.2;
+  const few = tickvals.filter((value) => !wide || /^1(0*|e.*)$|^0\.0*1$/.test(String(value)));
   return report.axis(colours, title, {
     type: "log",
     tickvals: few,
@@ -73,8 +71,7 @@ report.errors = (values, low, high, more) => ({
 /**
  * A figure in the place of an element.
  *
- * `draw(colours, width)` returns `data`, `layout`, `height` and perhaps `config`; `after(host)` is called once it is there
- * and whenever it is drawn again.
+ * `draw(colours, width)` returns `data`, `layout` and `height`; `after(host, first)` is called whenever it is drawn.
  */
 report.drawn = function (host, label, draw, after) {
   host.classList.add("figure");
@@ -86,34 +83,26 @@ report.drawn = function (host, label, draw, after) {
     figure.width = width;
     const colours = report.colours();
     const made = draw(colours, width);
+    const font = { family: report.font, size: 12, color: colours.text };
+    const [clear, buttons] = ["rgba(0,0,0,0)", ["select2d", "lasso2d", "autoScale2d"]];
     const layout = {
-      paper_bgcolor: "rgba(0,0,0,0)",
-      plot_bgcolor: "rgba(0,0,0,0)",
+      paper_bgcolor: clear,
+      plot_bgcolor: clear,
       showlegend: false,
       hovermode: "closest",
       margin: { l: 58, r: 14, t: 12, b: 46 },
-      font: { family: report.font, size: 12, color: colours.text },
-      hoverlabel: {
-        align: "left",
-        font: { family: report.font, size: 12, color: colours.text },
-        bgcolor: colours.card,
-        bordercolor: colours.line,
-      },
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: colours.quiet, activecolor: colours.accent },
+      font,
+      hoverlabel: { align: "left", font, bgcolor: colours.card, bordercolor: colours.line },
+      modebar: { bgcolor: clear, color: colours.quiet, activecolor: colours.accent },
       ...made.layout,
       width,
       height: made.height,
       autosize: false,
     };
     const config = {
-      displaylogo: false,
-      displayModeBar: false,
-      responsive: false,
-      scrollZoom: false,
+      ...{ displaylogo: false, displayModeBar: false, responsive: false, scrollZoom: false, showTips: false },
       doubleClick: "reset",
-      showTips: false,
-      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
-      ...made.config,
+      modeBarButtonsToRemove: buttons,
     };
     const first = !figure.made;
     figure.made = true;
@@ -136,11 +125,8 @@ report.cursor = function (host, at) {
     const { xaxis, _size: size } = host._fullLayout;
     const place = xaxis.c2p(at());
     line.hidden = !(place >= 0 && place <= xaxis._length);
-    Object.assign(line.style, {
-      left: `${xaxis._offset + place}px`,
-      top: `${size.t}px`,
-      height: `${size.h}px`,
-    });
+    const [left, top, height] = [xaxis._offset + place, size.t, size.h].map((pixels) => `${pixels}px`);
+    Object.assign(line.style, { left, top, height });
   };
   host.append(line);
   host.on("plotly_afterplot", move);

@@ -25,12 +25,7 @@ report.ticks = function (low, high, most) {
 report.map = function (host, label, ground, traces, labels, paint) {
   const [south, west] = ground.low;
   const [north, east] = ground.high;
-  const map = {
-    host,
-    unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1,
-    labels,
-    hidden: new Set(),
-  };
+  const map = { host, labels, hidden: new Set(), unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1 };
   const name = map.unit === 1000 ? "km" : "m";
   const corners = ground.corners;
 
@@ -49,17 +44,13 @@ report.map = function (host, label, ground, traces, labels, paint) {
 
   function depthLines(colours) {
     if (!ground.depths) return [];
-    const [norths, easts, depths] = ["north", "east", "depth"].map((part) =>
-      report.unpack(ground.depths[part]),
-    );
-    const rows = Array.from(norths, (_, i) =>
-      Array.from(easts, (_, j) => {
-        const depth = depths[i * easts.length + j];
-        return depth > 0 ? depth : null;
-      }),
-    );
+    const [norths, easts, depths] = ["north", "east", "depth"].map((part) => report.unpack(ground.depths[part]));
+    const under = (depth) => (depth > 0 ? depth : null);
+    const rows = Array.from(norths, (_, i) => Array.from(easts, (_, j) => under(depths[i * easts.length + j])));
     const deepest = depths.reduce((most, depth) => Math.max(most, depth), 0);
     const { step } = report.ticks(0, Math.max(deepest, 1), 8);
+    const labelfont = { size: 9, color: colours.depth, family: report.font };
+    const lines = { coloring: "none", showlabels: true, labelfont, start: step, end: deepest, size: step };
     return [
       {
         type: "contour",
@@ -71,14 +62,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
         showscale: false,
         hoverinfo: "skip",
         line: { width: 0.8, color: colours.depth },
-        contours: {
-          coloring: "none",
-          showlabels: true,
-          labelfont: { size: 9, color: colours.depth, family: report.font },
-          start: step,
-          end: deepest,
-          size: step,
-        },
+        contours: lines,
         autocontour: false,
         connectgaps: false,
         visible: !map.hidden.has("depths"),
@@ -115,26 +99,15 @@ report.map = function (host, label, ground, traces, labels, paint) {
       { ...corner, ...compass, showarrow: true, font: { size: 12 } },
     ];
     if (along && map.wide) {
+      const x = (x) => ({ xref: "x", yref: "y domain", x, y: 1, yanchor: "bottom", yshift: 1 });
+      const y = (y) => ({ xref: "x domain", yref: "y", x: 1, y, xanchor: "left", xshift: 3, textangle: 0 });
       const edges = [
-        {
-          ends: [left, right].map((x) => share(x * map.unit, west, east, along.longitude)),
-          from: left,
-          to: right,
-          signs: "EW",
-          room: size.width / 110,
-          where: (x) => ({ xref: "x", yref: "y domain", x, y: 1, yanchor: "bottom", yshift: 1 }),
-        },
-        {
-          ends: [bottom, top].map((y) => share(y * map.unit, south, north, along.latitude)),
-          from: bottom,
-          to: top,
-          signs: "NS",
-          room: size.height / 70,
-          where: (y) => ({ xref: "x domain", yref: "y", x: 1, y, xanchor: "left", xshift: 3, textangle: 0 }),
-        },
+        [left, right, [west, east, along.longitude], "EW", size.width / 110, x],
+        [bottom, top, [south, north, along.latitude], "NS", size.height / 70, y],
       ];
-      for (const { ends, from, to, signs, room, where } of edges) {
-        const { step, values } = report.ticks(ends[0], ends[1], Math.max(2, Math.floor(room)));
+      for (const [from, to, whole, signs, room, where] of edges) {
+        const ends = [from, to].map((value) => share(value * map.unit, ...whole));
+        const { step, values } = report.ticks(...ends, Math.max(2, Math.floor(room)));
         const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
         for (const value of values) {
           const at = from + ((value - ends[0]) / (ends[1] - ends[0])) * (to - from);
@@ -154,25 +127,19 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const scale = size.width / (right - left);
     const pixel = ({ east: e, north: n }) => [(e / map.unit - left) * scale, (top - n / map.unit) * scale];
     const small = size.width < 420 && right - left > (0.6 * (east - west)) / map.unit;
-    const inside = map.labels.filter(
-      ({ east: e, north: n, rank }) =>
-        !(small && rank > 2) &&
-        e / map.unit >= left &&
-        e / map.unit <= right &&
-        n / map.unit >= bottom &&
-        n / map.unit <= top,
-    );
+    const inside = map.labels.filter(({ east: e, north: n, rank }) => {
+      const [x, y] = [e / map.unit, n / map.unit];
+      return !(small && rank > 2) && x >= left && x <= right && y >= bottom && y <= top;
+    });
     const taken = inside.map((one) => {
       const [x, y] = pixel(one);
       return [x - 6, y - 6, x + 6, y + 6];
     });
     // The corner of the scale and the arrow to the north.
     taken.push([0, size.height - 78, 0.25 * size.width, size.height]);
-    const clear = (box, own) =>
-      taken.every(
-        (other, k) =>
-          k === own || box[0] >= other[2] || box[2] <= other[0] || box[1] >= other[3] || box[3] <= other[1],
-      );
+    const apart = (one, other) =>
+      one[0] >= other[2] || one[2] <= other[0] || one[1] >= other[3] || one[3] <= other[1];
+    const clear = (box, own) => taken.every((other, k) => k === own || apart(box, other));
     pen.font = `11px ${report.font}`;
     const order = inside.map((_, k) => k).sort((a, b) => inside[a].rank - inside[b].rank);
     const notes = [];
@@ -184,21 +151,13 @@ report.map = function (host, label, ground, traces, labels, paint) {
         const distance = h && v ? 5 : 8;
         const [cx, cy] = [x + h * (distance + wide / 2), y + v * (distance + tall / 2)];
         const box = [cx - wide / 2, cy - tall / 2, cx + wide / 2, cy + tall / 2];
-        if (box[0] < 0 || box[2] > size.width || box[1] < 0 || box[3] > size.height || !clear(box, k))
-          continue;
+        if (box[0] < 0 || box[2] > size.width || box[1] < 0 || box[3] > size.height || !clear(box, k)) continue;
         taken.push(box);
+        const { east: e, north: n, text, colour } = inside[k];
         notes.push({
-          xref: "x",
-          yref: "y",
-          x: inside[k].east / map.unit,
-          y: inside[k].north / map.unit,
-          xshift: cx - x,
-          yshift: y - cy,
-          showarrow: false,
-          text: report.literal(inside[k].text),
-          font: { size: 11, color: colours[inside[k].colour] || colours.text },
-          borderpad: 0,
-          captureevents: false,
+          ...{ xref: "x", yref: "y", x: e / map.unit, y: n / map.unit, xshift: cx - x, yshift: y - cy },
+          ...{ showarrow: false, text: report.literal(text), borderpad: 0, captureevents: false },
+          font: { size: 11, color: colours[colour] || colours.text },
         });
         break;
       }
@@ -217,6 +176,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const ranges = [[west / map.unit, east / map.unit], [south / map.unit, north / map.unit]];
     const under = depthLines(colours);
     const frame = { constrain: "domain", automargin: false, showgrid: false, mirror: true };
+    const equal = { scaleanchor: "x", scaleratio: 1 };
     return {
       data: [...under, ...traces(colours, map)],
       height: tall + margin.t + margin.b,
@@ -225,12 +185,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
         plot_bgcolor: colours.water,
         dragmode: matchMedia("(pointer: coarse)").matches ? false : "pan",
         xaxis: report.axis(colours, `east [${name}]`, { ...frame, range: ranges[0] }),
-        yaxis: report.axis(colours, `north [${name}]`, {
-          ...frame,
-          range: ranges[1],
-          scaleanchor: "x",
-          scaleratio: 1,
-        }),
+        yaxis: report.axis(colours, `north [${name}]`, { ...frame, range: ranges[1], ...equal }),
         images: chartImages(),
         ...furniture(ranges, { width: inner, height: tall }),
       },
@@ -239,10 +194,8 @@ report.map = function (host, label, ground, traces, labels, paint) {
 
   function size() {
     const { xaxis, yaxis } = host._fullLayout;
-    return [
-      [xaxis.range, yaxis.range].map((range) => [...range]),
-      { width: xaxis._length, height: yaxis._length },
-    ];
+    const ranges = [xaxis.range, yaxis.range].map((range) => [...range]);
+    return [ranges, { width: xaxis._length, height: yaxis._length }];
   }
   map.refurnish = function () {
     return Plotly.relayout(host, furniture(...size()));
@@ -250,10 +203,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
   /** Zoom by a factor about the middle of the map; without one show all of it. */
   map.zoom = function (share) {
     const [[[left, right], [bottom, top]]] = size();
-    const about = (low, high) => [
-      (low + high) / 2 - (share * (high - low)) / 2,
-      (low + high) / 2 + (share * (high - low)) / 2,
-    ];
+    const about = (low, high) => [-1, 1].map((side) => (low + high) / 2 + (side * share * (high - low)) / 2);
     const whole = [[west, east], [south, north]].map((ends) => ends.map((end) => end / map.unit));
     const [x, y] = share ? [about(left, right), about(bottom, top)] : whole;
     return Plotly.relayout(host, { "xaxis.range": x, "yaxis.range": y });
@@ -262,13 +212,10 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const attributes = { type: "button", "aria-label": label, onclick: () => map.zoom(share) };
     return element("button", attributes, words);
   };
-  map.buttons = () =>
-    element(
-      "div.choices.screen",
-      button("+", 1 / 1.6, "Zoom in"),
-      button("−", 1.6, "Zoom out"),
-      button("Whole map"),
-    );
+  map.buttons = () => {
+    const [closer, farther] = [button("+", 1 / 1.6, "Zoom in"), button("−", 1.6, "Zoom out")];
+    return element("div.choices.screen", closer, farther, button("Whole map"));
+  };
   /** Show or hide a layer: the chart, the names, what is painted, or all traces whose `meta` is its name. */
   map.toggle = function (layer, on) {
     if (on) map.hidden.delete(layer);

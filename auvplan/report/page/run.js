@@ -186,9 +186,10 @@
     return element("svg", frame, parts.map((part) => element(...part)));
   }
 
+  const open = run.closures.some(({ spans }) => spans[0][0] > -1e8);
   const layers = [
     run.map.chart && ["chart", run.map.chart.uncertain ? "coast, uncertain area" : "coast", "area", "coast"],
-    run.closures.length && ["closures", run.closures.some(({ spans }) => spans[0][0] > -1e8) ? "closed areas, dashed while open" : "closed areas", "area", "closed"],
+    run.closures.length && ["closures", open ? "closed areas, dashed while open" : "closed areas", "area", "closed"],
     run.map.depths && ["depths", "depth of the sea bed, m", "thin", "depth"],
     current && ["current", "current", "arrow", "current"],
     run.kind !== "leg" && run.routes.length > 1 && ["route", "route, to come", "dot", "route"],
@@ -339,32 +340,26 @@
       ["visited", "passed, without a task", mark("circle", 7, colours.card, { color: colours.text, width: 1.4 })],
       ["task", "task done", mark("circle", 8.5, colours.task, { color: colours.halo, width: 1 })],
     ];
-    const ends = [
-      [run.start, "start", mark("circle", 12, colours.start, { color: "#000000", width: 1.2 })],
-      [run.goal, "destination", mark("star", 16, colours.task, { color: "#000000", width: 1 })],
-    ];
     const about = (node, words) => {
       const { name, place } = waypoints[node];
       const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
       const lines = [`<b>${report.literal(name)}</b>`, words, why && report.literal(why)];
       return report.joined("<br>", ...lines, `depth ${report.fixed(place[2])} m`, where(place[0], place[1]));
     };
-    const one = (nodes, words, marker) => {
+    const visible = !hidden.has("waypoints");
+    const one = (nodes, name, marker) => {
       const [x, y] = [1, 0].map((axis) => nodes.map((node) => waypoints[node].place[axis] / unit));
-      return report.points(x, y, {
-        meta: "waypoints",
-        name: words,
-        marker,
-        visible: !hidden.has("waypoints"),
-        hoverinfo: "text",
-        text: nodes.map((node) => about(node, words)),
-      });
+      const text = nodes.map((node) => about(node, name));
+      return report.points(x, y, { meta: "waypoints", name, marker, visible, hoverinfo: "text", text });
     };
-    const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
-    const of = (mark) => inner.filter((node) => waypoints[node].state === mark);
+    const ends = [run.start, run.goal];
+    const inner = [...waypoints.keys()].filter((node) => !ends.includes(node));
     return [
-      ...groups.map(([mark, words, marker]) => one(of(mark), words, marker)),
-      ...ends.map(([node, words, marker]) => one([node], words, marker)),
+      ...groups.map(([state, words, marker]) => {
+        return one(inner.filter((node) => waypoints[node].state === state), words, marker);
+      }),
+      one([run.start], "start", mark("circle", 12, colours.start, { color: "#000000", width: 1.2 })),
+      one([run.goal], "destination", mark("star", 16, colours.task, { color: "#000000", width: 1 })),
     ];
   }
 
@@ -721,44 +716,34 @@
   // --- tables ----------------------------------------------------------------------------------------------
 
   const cause = (name) => CAUSES[name] || name;
-  const causes = (leg) =>
-    Object.entries(leg.replans).map(([name, count]) => `${count} ${cause(name)}`).join(", ");
+  const causes = (leg) => Object.entries(leg.replans).map(([name, count]) => `${count} ${cause(name)}`).join(", ");
   const inside = (value) => (report.isNumber(value) && value < 0 ? "bad-cell" : "");
-  const clearance = (name, title) =>
-    run.legs.some((leg) => report.isNumber(leg[name])) && {
+  const clearance = (name, title, key = (leg) => leg[name]) =>
+    run.legs.some((leg) => report.isNumber(key(leg))) && {
       title,
-      key: (leg) => leg[name],
-      text: (leg) => distance(name, leg[name]),
-      class: (leg) => inside(leg[name]),
+      key,
+      text: (leg) => distance(name, key(leg)),
+      class: (leg) => inside(key(leg)),
     };
-  const showLeg = (leg, k) => {
-    const onclick = () => {
+  const showLeg = (leg, k) =>
+    report.link(`Show leg ${k + 1}`, String(k + 1), () => {
       show(leg.begin);
       reveal();
-    };
-    return report.link(`Show leg ${k + 1}`, String(k + 1), onclick);
-  };
-  const behind = ({ executed, expected }) =>
-    `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
+    });
+  const behind = ({ executed, expected }) => `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
   if (run.legs.length) {
     const levels = ({ depths }) => [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–");
     const replans = (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0);
+    const number = (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k));
+    const late = (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–");
     const columns = [
-      {
-        title: "leg",
-        key: (leg) => run.legs.indexOf(leg),
-        text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
-      },
+      { title: "leg", key: (leg) => run.legs.indexOf(leg), text: number },
       report.words("from → to", legName, { key: (leg) => nodeName(leg.from) }),
       run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
       report.number("expected", "expected"),
       report.number("planned", "planned"),
       run.simulated && report.number("executed", "executed"),
-      run.simulated && {
-        title: "executed − expected",
-        key: (leg) => leg.executed - leg.expected,
-        text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
-      },
+      run.simulated && { title: "executed − expected", key: (leg) => leg.executed - leg.expected, text: late },
       report.number("task", "task"),
       report.number("way", "length"),
       { title: "depth", key: (leg) => leg.depths?.[1], text: (leg) => (leg.depths ? levels(leg) : "–") },
@@ -793,6 +778,7 @@
   const broken = plans.filter((plan) => !plan.feasible).length;
   const planned = cpu.path_s + cpu.mission_s > 0;
   const took = (value, more = "") => `${report.fixed(value, 2)} s${more}`;
+  const both = forecast && `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.executed_s)} s`;
   const costs = [
     ["cost of the mission (Eq. 15)", report.fixed(figures.cost_mission, 1)],
     ["with re-planning time (Eq. 16)", report.fixed(figures.cost_total, 1)],
@@ -800,20 +786,14 @@
     planned && ["planning of routes", took(cpu.mission_s, `, of which re-plans ${took(cpu.mission_replans_s)}`)],
     planned && ["estimates of travel times", took(cpu.travel_times_s)],
     cpu.charged_s && ["charged to the mission's clock", took(cpu.charged_s)],
-    forecast && [
-      "travel time, planned and simulated",
-      `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.executed_s)} s`,
-    ],
+    forecast && ["travel time, planned and simulated", both],
     forecast && ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`],
   ].filter(Boolean);
+  const nearest = ({ name, least }) => (report.isNumber(least) ? distance(name, least) : "none near");
   const limits = [
     report.words("to", (row) => words[row.name]),
     { title: "margin of plans", text: (row) => report.fixed(row.margin) },
-    {
-      title: "least",
-      text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
-      class: (row) => inside(row.least),
-    },
+    { title: "least", text: nearest, class: (row) => inside(row.least) },
   ];
   const collided = `${report.counted(figures.collisions, "collision")} on the track`;
   const kept = broken

@@ -361,14 +361,8 @@
   const pick = (id, chosen) => report.select({ id, onchange: () => cloud.draw() }, MEASURES, chosen);
   const [across, up] = [pick("across", "t_residual"), pick("up", "total_priority")];
   const table = element("div");
-  report.section(
-    "missions",
-    "Missions",
-    "A click on a point or a seed shows the mission below.",
-    element("div.choices", element("label", "Across", across), element("label", "Up", up)),
-    scatter,
-    table,
-  );
+  const pair = element("div.choices", element("label", "Across", across), element("label", "Up", up));
+  report.section("missions", "Missions", "A click on a point or a seed shows the mission below.", pair, scatter, table);
   const cloud = report.drawn(
     scatter,
     "Missions, one figure against another",
@@ -434,45 +428,35 @@
       });
       const change = { id: "route-made", onchange: () => route.figure.draw() };
       const list = report.select(change, [["-1", "way taken"], ...routes]);
-      const legs = report.table(
-        report.counted(mission.legs.length, "leg"),
-        [
-          { title: "leg", key: (leg) => mission.legs.indexOf(leg), text: (_, k) => String(k + 1) },
-          report.words("from → to", ([from, to]) => `${from} → ${to}`),
-          report.number("expected, s", 2),
-          report.number("executed, s", 3),
-          report.number("task, s", 4),
-          report.weight("priority", (leg) => leg[5], "–"),
-          report.number("re-plans", 6),
-          report.yesNo("reached", (leg) => leg[7] === 1, true),
-        ],
-        mission.legs,
-        "mission-legs",
-      );
-      const made = report.table(
-        "Routes",
-        [
-          report.words("route", (_, k) => (k ? `R${k}` : "first")),
-          report.words("cause", ([cause]) => cause),
-          { title: "made at, s", text: (route) => report.fixed(route[1]) },
-          { title: "expected, s", text: (route) => report.fixed(route[2]) },
-          { title: "priority", text: (route) => report.figure(route[3], 3) },
-          report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
-        ],
-        mission.routes,
-        "mission-routes",
-      );
+      const columns = [
+        { title: "leg", key: (leg) => mission.legs.indexOf(leg), text: (_, k) => String(k + 1) },
+        report.words("from → to", ([from, to]) => `${from} → ${to}`),
+        report.number("expected, s", 2),
+        report.number("executed, s", 3),
+        report.number("task, s", 4),
+        report.weight("priority", (leg) => leg[5], "–"),
+        report.number("re-plans", 6),
+        report.yesNo("reached", (leg) => leg[7] === 1, true),
+      ];
+      const plans = [
+        report.words("route", (_, k) => (k ? `R${k}` : "first")),
+        report.words("cause", ([cause]) => cause),
+        { title: "made at, s", text: (route) => report.fixed(route[1]) },
+        { title: "expected, s", text: (route) => report.fixed(route[2]) },
+        { title: "priority", text: (route) => report.figure(route[3], 3) },
+        report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
+      ];
       const straight = report.remark("Straight lines between waypoints: a study keeps no tracks.");
       const shown = [element("div.choices", element("label", "Shown", list)), host, straight];
-      const beside = report.pair(shown, legs);
+      const count = report.counted(mission.legs.length, "leg");
+      const beside = report.pair(shown, report.table(count, columns, mission.legs, "mission-legs"));
       beside.style.marginTop = "1.1rem";
-      detail.append(beside, made);
+      detail.append(beside, report.table("Routes", plans, mission.routes, "mission-routes"));
       route = study.map && routeMap(host, list, mission);
     }
-    if (scroll) {
-      part.scrollIntoView({ behavior: "smooth", block: "start" });
-      detail.focus({ preventScroll: true });
-    }
+    if (!scroll) return;
+    part.scrollIntoView({ behavior: "smooth", block: "start" });
+    detail.focus({ preventScroll: true });
   }
 
   /** How to come by the whole of a mission. */
@@ -503,10 +487,8 @@
     const places = report.unpack(mission.waypoints);
     const place = (node) => [places[3 * node], places[3 * node + 1]];
     const count = places.length / 3;
-    const way = [
-      mission.legs.length ? mission.legs[0][0] : 0,
-      ...mission.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
-    ];
+    const begun = mission.legs.length ? mission.legs[0][0] : 0;
+    const way = [begun, ...mission.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1])];
     const labels = Array.from({ length: count }, (_, node) => {
       const [[north, east], passed] = [place(node), way.includes(node)];
       return { text: String(node), north, east, rank: passed ? 1 : 2, colour: passed ? "text" : "quiet" };
