@@ -25,7 +25,7 @@ from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.site import at_time
-from auvplan.view.scene import executed_legs, refused_legs, window
+from auvplan.view.scene import executed_legs, refused_legs, track_at, window
 
 #: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
 LONGEST, FASTEST = 120.0, 30
@@ -259,11 +259,8 @@ class _Film:
         leg, disks = self._legs[number], self.moving["obstacles"][number]
         if not len(leg.obstacle_radii):
             return disks
-        place = float(np.interp(time, leg.times, np.arange(len(leg.times))))
-        before, share = int(place), place - int(place)
-        after = min(before + 1, len(leg.times) - 1)
-        tracks = np.asarray(leg.obstacle_positions, float)
-        at = self._pen.flat((1.0 - share) * tracks[before] + share * tracks[after])
+        tracks = np.asarray(leg.obstacle_positions, float).swapaxes(0, 1)
+        at = self._pen.flat([track_at(leg, track, time) for track in tracks])
         away = np.linalg.norm(at - here, axis=1) - leg.obstacle_radii / self._pen.metres
         strength = np.where(away <= self._range, 1.0, _UNSEEN) if self._range else np.ones(len(away))
         colours = [style.KIND_COLOURS.get(kind, style.GREY) for kind in leg.obstacle_kinds]

@@ -27,7 +27,7 @@ _RECORDS = 20_000
 _EVERY = 5
 #: Figures of the summary that the page's head and its costs show.
 _FIGURES = (
-    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "priority_bound", "revisits"),
+    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "priority_bound"),
     *("path_calls", "path_replans", "mission_replans", "cost_mission", "cost_total", "collisions"),
     *("cpu", "forecast"),
 )
@@ -64,7 +64,6 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "available": run.t_available,
         "epoch": None if run.site is None else run.site.epoch,
         "figures": {name: summary[name] for name in _FIGURES},
-        "facts": dict(stated.get("facts", {})),
         "warnings": list(stated.get("warnings", [])),
         "map": map_data(low, high, run.coast, run.seabed, run.site),
         "accuracy": stated.get("accuracy", 0.0),
@@ -167,7 +166,6 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "from": leg.start,
         "to": leg.goal,
         "priority": leg.priority,
-        "revisit": leg.revisit,
         "arrived": leg.arrived,
         "begin": leg.times[0] if executed else None,
         "end": leg.times[-1] if executed else None,
@@ -207,16 +205,12 @@ def _routes(run: MissionRun) -> list[dict[str, Any]]:
             "cause": route.cause,
             "why": lateness(run, route) if route.cause == "late" else "",
             "made": route.made_at,
-            "priority": route.priority,
-            "time": route.time,
-            "cpu": route.cpu,
             "nodes": route.nodes,
             "bars": _bars(planned_bars(run, route)),
         }
         for route in (run.routes if run.simulated else [])
     ]
-    done = {"cause": "done", "priority": run.total_priority, "time": run.t_mission, "nodes": run.route}
-    return [*rows, done | {"bars": _bars(executed_bars(run))}]
+    return [*rows, {"cause": "done", "nodes": run.route, "bars": _bars(executed_bars(run))}]
 
 
 def _bars(bars: Sequence[Bar]) -> list[list[float]]:
@@ -257,40 +251,35 @@ def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]
         for stop in stated.get("stops", [])
         if stop["task"]
     ]  # fmt: skip
-    left = [_left(job["name"], job["priority"], job["reason"]) for job in stated.get("left_out", [])]
-    return [*done, *(left if run.names else _unvisited(run))]
+    left = [(job["name"], job["priority"], job["reason"]) for job in stated.get("left_out", [])]
+    return done + [
+        {"name": name, "priority": priority, "done": False, "at": None, "duration": None, "why": why}
+        for name, priority, why in (left if run.names else _unvisited(run))
+    ]
 
 
-def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
-    """Waypoints that were never visited, with the shortest detour to each at the vehicle's speed.
+def _unvisited(run: MissionRun) -> list[tuple[str, float, str]]:
+    """Name, priority and why not of waypoints never visited, by the shortest detour at the vehicle's speed.
 
     Tasks of waypoints without names lie on the edges between them: stated is the highest priority of an edge
     that leads there.
     """
-    route, priority = run.route, np.asarray(run.graph.priority, float)
-    times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
-    travel = times - np.asarray(run.graph.duration)
+    priority = np.asarray(run.graph.priority, float).max(axis=0)
+    travel = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
+    travel = travel - np.asarray(run.graph.duration)
     ways = shortest_times(travel)
     rows = []
-    for node in sorted(set(range(len(travel))) - set(route)):
-        detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
-        why = _why_unvisited(run, float(min(detours, default=np.inf)))
-        rows.append(_left(scene.waypoint_name(run, node), float(priority[:, node].max()), why))
-    return sorted(rows, key=lambda row: -row["priority"])
-
-
-def _left(name: str, priority: float, why: str) -> dict[str, Any]:
-    return {"name": name, "priority": priority, "done": False, "at": None, "duration": None, "why": why}
-
-
-def _why_unvisited(run: MissionRun, extra: float) -> str:
-    if not run.arrived:
-        return "the mission ended before"
-    if not np.isfinite(extra):
-        return "no way leads there"
-    if extra > run.t_residual:
-        return f"the detour takes about {hours(extra)} in still water, {hours(run.t_residual)} were left"
-    return (
-        f"the detour takes about {hours(extra)} in still water: current, reserve and the worth of the tasks "
-        "passed over stood against it"
-    )
+    for node in sorted(set(range(len(travel))) - set(run.route)):
+        detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(run.route)]
+        extra = float(min(detours, default=np.inf))
+        detour = f"the detour takes about {hours(extra)} in still water" if np.isfinite(extra) else ""
+        if not run.arrived:
+            why = "the mission ended before"
+        elif not detour:
+            why = "no way leads there"
+        elif extra > run.t_residual:
+            why = f"{detour}, {hours(run.t_residual)} were left"
+        else:
+            why = f"{detour}: current, reserve and the worth of the tasks passed over stood against it"
+        rows.append((scene.waypoint_name(run, node), float(priority[node]), why))
+    return sorted(rows, key=lambda row: -row[1])

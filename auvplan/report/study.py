@@ -21,10 +21,9 @@ from auvplan.view.scene import window
 _DETAILED = 1000
 #: Figures of a mission by the names of their variables.
 _FIGURES = (
-    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "priority_bound", "revisits"),
-    *("path_replans", "mission_replans", "cost_mission", "cost_total", "collisions", "faults"),
+    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "path_replans", "mission_replans"),
+    *("cost_mission", "cost_total", "collisions", "faults"),
     *("coast_clearance", "obstacle_clearance", "seabed_altitude", "length"),
-    *("path_cpu", "mission_cpu", "mission_replan_cpu", "travel_time_cpu"),
 )
 
 

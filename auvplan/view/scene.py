@@ -211,18 +211,19 @@ def true_obstacles(leg: LegRecord) -> tuple[Array, Array]:
     return as_filed(leg.obstacle_positions)[:, shown], as_filed(leg.obstacle_radii)[shown]
 
 
+def track_at(leg: LegRecord, track: Array, times: ArrayLike) -> Array:
+    """Return [..., 3] m, where a track [n, 3] m by a leg's records is at times [...] s."""
+    return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=-1)
+
+
 def looks(run: MissionRun, leg: LegRecord) -> list[Array]:
     """Return the moments, s, at which the vehicle measured each obstacle within sensor range on its way."""
     sensors = _sensors(run)
     apart = max(1, round(sensors.interval / TIME_STEP)) * TIME_STEP
     times = np.arange(leg.times[0] + apart, leg.times[-1], apart)
-
-    def at(track: Array) -> Array:
-        return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=1)
-
-    vehicle, (tracks, radii) = at(leg.positions), true_obstacles(leg)
-    away = [np.linalg.norm(at(tracks[:, m]) - vehicle, axis=1) - radii[m] for m in range(len(radii))]
-    return [times[distance <= sensors.range] for distance in away]
+    vehicle, (tracks, radii) = track_at(leg, leg.positions, times), true_obstacles(leg)
+    away = [np.linalg.norm(track_at(leg, track, times) - vehicle, axis=1) for track in tracks.swapaxes(0, 1)]
+    return [times[gap - radius <= sensors.range] for gap, radius in zip(away, radii, strict=True)]
 
 
 def sensing_data(run: MissionRun) -> dict[str, float] | None:
@@ -274,8 +275,7 @@ def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[Array, Arr
     near, shown = near_obstacles(leg), shown_obstacles(leg)
     grew = grown(run, leg, np.array([time]), errors=False)[0] if shown else ()
     growth = dict(zip(shown, grew, strict=True))
-    tracks = np.asarray(leg.obstacle_positions, float)
-    places = [[np.interp(time, leg.times, tracks[:, m, axis]) for axis in range(3)] for m in near]
+    places = [track_at(leg, leg.obstacle_positions[:, m], time) for m in near]
     radii = [leg.obstacle_radii[m] + growth.get(m, 0.0) for m in near]
     return np.reshape(places, (-1, 3)), np.asarray(radii, float)
 

@@ -12,7 +12,7 @@ from auvplan.path.plan import PathPlan
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.world import KNOWN
-from auvplan.view.scene import as_filed, grown, planned_obstacles, shown_obstacles, true_obstacles
+from auvplan.view.scene import as_filed, grown, planned_obstacles, shown_obstacles, track_at, true_obstacles
 
 Array = NDArray[np.floating]
 Velocity = Callable[..., Sequence[Array]]
@@ -211,7 +211,7 @@ def _leg_cuts(run: MissionRun, leg: LegRecord, way: _Way) -> list[Cut]:
     (tracks, radii), margins = true_obstacles(leg), grown(run, leg, way.time)
     found = []
     for m, number in enumerate(shown_obstacles(leg)):
-        centre = np.stack([np.interp(way.time, leg.times, axis) for axis in tracks[:, m].T], axis=1)
+        centre = track_at(leg, tracks[:, m], way.time)
         found.append(_cut(leg.obstacle_kinds[number], way, centre, radii[m], radii[m] + margins[:, m]))
     for known in run.obstacles:
         centre = np.asarray(known.position) + way.time[:, None] * np.asarray(known.velocity)

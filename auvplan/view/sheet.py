@@ -146,20 +146,18 @@ class MissionSheet:
         headings += ["depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
         headings += ["speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
-        transits = _transits(self.stops)
-        for number, stop in enumerate(self.stops):
-            times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
-            if stop.utc is not None and local:
-                times.append(f"{stop.utc.astimezone(local):%H:%M:%S}")
-            travel = f"{stop.travel:,.0f}", f"{stop.length:,.0f}"
-            travel = *travel, f"{stop.ground_speed:.1f} ({stop.slowest:.1f})"
+        for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True)):
+            moments = [] if stop.utc is None else [stop.utc, *([stop.utc.astimezone(local)] if local else [])]
+            speeds = f"{stop.ground_speed:.1f} ({stop.slowest:.1f})"
             rows.append([
                 str(number), stop.name,
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
-                stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival), *times,
-                f"{stop.depth:.0f}", transits[number], stop.window,
+                stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
+                *(f"{moment:%H:%M:%S}" for moment in moments),
+                f"{stop.depth:.0f}", transit, stop.window,
                 *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
-                *(travel if number else [""] * 3), clearance(stop.coast, self.accuracy, self.reach),
+                *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}", speeds) if number else ("", "", "")),
+                clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
             ])  # fmt: skip
         return _filled(headings, rows)
@@ -353,18 +351,13 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
 
     Empty where it may at any time.
     """
-    table = run.graph.timetable
-    if table is None:
+    if (table := run.graph.timetable) is None:
         return ""
-    if start is not None and table.enters.shape[-1]:
-        along = zip(table.enters[start, node], table.until[start, node], strict=True)
-        if words := timeline.spans_in_words(run, along):
-            return words
-    if not table.opens.shape[-1]:
-        return ""
-    return timeline.spans_in_words(
-        run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True)
-    )
+    kinds = [(table.opens[node - 1, node], table.closes[node - 1, node])]  # which is that of any edge there
+    if start is not None:
+        kinds.insert(0, (table.enters[start, node], table.until[start, node]))
+    words = (timeline.spans_in_words(run, zip(*spans, strict=True)) for spans in kinds)
+    return next(filter(None, words), "")
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
