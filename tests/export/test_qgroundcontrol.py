@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from auvplan.export import ExportError, Itinerary, export_notes, validate_plan
-from auvplan.export.qgroundcontrol import qgc_notes, qgc_plan
+from auvplan.export.qgroundcontrol import qgc_notes, qgc_plan, qgc_text
 from tests.export.compare import written
 from tests.export.sample import make_itinerary
 
@@ -21,8 +21,8 @@ def itinerary() -> Itinerary:
 
 
 @pytest.fixture
-def plan(itinerary: Itinerary, tmp_path: Path) -> dict:
-    return json.loads(written(itinerary, tmp_path, "qgc").read_text(encoding="utf-8"))
+def plan(itinerary: Itinerary) -> dict:
+    return json.loads(qgc_text(itinerary))
 
 
 def shallow(itinerary: Itinerary, depth: float) -> Itinerary:

@@ -54,7 +54,7 @@ def test_a_leg_that_leads_nowhere_needs_its_ends_alone():
 
 @pytest.mark.parametrize(("angle", "tolerance"), [(np.pi, 0.02), (1.5, 0.02), (np.pi, 0.1), (4.0, 0.005)])
 def test_arc_takes_as_many_chords_as_geometry_says(angle: float, tolerance: float):
-    samples = 181
+    samples = 91
     path = arc(angle, samples)
     few = thin(path, even_times(path), still(), VEHICLE, tolerance=tolerance)
     # A chord over an angle a is shorter than its arc by the share 1 - sin(a/2) / (a/2).

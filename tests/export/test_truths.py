@@ -21,7 +21,7 @@ LINE = np.array([[0.0, 0.0, 5.0], [1000.0, 0.0, 5.0]])
 
 def square(north: float, east: float, size: float = 20.0) -> Polygon:
     return Polygon(
-        np.array([[north, east], [north, east + size], [north + size, east + size], [north + size, east]])
+        np.array([north, east]) + size * np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]])
     )
 
 
@@ -46,29 +46,22 @@ def test_the_nearest_fences_come_first_up_to_the_points_there_are():
 def test_a_plan_file_has_no_more_fence_than_fits_and_says_so():
     itinerary = replace(make_itinerary(), fence_points=4)
     plan = qgc_plan(itinerary)
-    held = sum(len(area["polygon"]) for area in plan["geoFence"]["polygons"]) + len(
-        plan["geoFence"]["circles"]
-    )
+    fence = plan["geoFence"]
+    held = sum(len(area["polygon"]) for area in fence["polygons"]) + len(fence["circles"])
     assert 0 < held <= 4
     assert "fences are left out" in plan["comment"]
     assert any("fences are left out" in note for note in export_notes(itinerary, ["qgc"]))
     assert "left out" not in qgc_plan(make_itinerary())["comment"]
 
 
-def test_slow_legs_are_told_from_others():
+def test_slow_legs_are_told_from_others_and_from_those_between_two_tasks_in_one_place():
     quick, slow = leg([0, 0, 5], [200, 0, 5]), leg([0, 0, 5], [200, 0, 5], [240, 0, 5], number=2)
-    assert ground_share(quick, 2.0) == pytest.approx(1.0)
-    assert ground_share(slow, 2.0) == pytest.approx(0.2)
-    (note,) = track_notes([quick, slow], 2.0, 0.1)
+    still = leg([80, 10, 5], [80, 10, 5])
+    assert [ground_share(one, 2.0) for one in (quick, slow, still)] == pytest.approx([1.0, 0.2, 1.0])
+    (note,) = track_notes([quick, slow, still], 2.0, 0.1)
     assert "leg 2 is slow" in note
     assert "20 %" in note
     assert track_notes([quick, slow], 2.0, 0.1, slow=0.1) == []
-
-
-def test_a_leg_between_two_tasks_in_one_place_is_not_slow():
-    still = leg([80, 10, 5], [80, 10, 5])
-    assert ground_share(still, 2.0) == 1.0
-    assert track_notes([still], 2.0, 0.1) == []
 
 
 def test_turns_and_dives_beyond_the_vehicle():

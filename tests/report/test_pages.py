@@ -114,7 +114,7 @@ def test_land_has_a_colour_and_no_arrows(run):
     assert (unpacked(found["u"])[:, ~on_land] > -5.0).all()
 
 
-def test_boundaries_are_told_by_looks_within_range(run):
+def test_boundaries_are_told_by_looks_within_range_of_obstacles_that_are_anywhere_near(run):
     leg = run.legs[0]
     found = obstacle_data(run, leg, np.arange(len(leg.times)))
     assert found["kinds"] == leg.obstacle_kinds
@@ -125,15 +125,11 @@ def test_boundaries_are_told_by_looks_within_range(run):
         assert (away - leg.obstacle_radii[m] <= 600.0).all()
         np.testing.assert_allclose(np.diff(looks) % 30.0, 0.0, atol=1e-9)
         assert looks[0] > leg.times[0]
-
-
-def test_obstacles_that_were_put_out_of_the_way_are_left_out(run):
-    leg = run.legs[0]
     away = replace(leg, obstacle_positions=leg.obstacle_positions + np.array([[[0.0], [1e6]]]))
     assert obstacle_data(run, away, np.arange(3))["kinds"] == leg.obstacle_kinds[:1]
 
 
-def test_nothing_is_loaded(run_page, study_page):
+def test_a_page_loads_nothing_and_is_small_and_names_stay_texts(run_page, study_page):
     library = asset("plotly-cartesian.min.js")
     for page in (run_page, study_page):
         text = page.read_text(encoding="utf-8")
@@ -141,16 +137,12 @@ def test_nothing_is_loaded(run_page, study_page):
         assert not LOADS.search(text.replace(library, ""))
         # The library knows how to ask a server for maps of the world; the browser does not let it.
         assert "default-src 'none'" in text
-
-
-def test_names_stay_texts(run_page):
-    text = run_page.read_text(encoding="utf-8")
-    assert text.count("</script>") == 3
+        assert page.stat().st_size < 2_500_000
+        assert text.count("</script>") == 3
+    text, data = run_page.read_text(encoding="utf-8"), data_of(run_page)
     assert "<script>alert" not in text
     assert "<title>&lt;/script&gt;" in text
-    data = data_of(run_page)
-    assert data["name"] == HOSTILE
-    assert data["waypoints"][1]["name"] == HOSTILE
+    assert (data["name"], data["waypoints"][1]["name"]) == (HOSTILE, HOSTILE)
 
 
 def test_the_same_bytes_again_and_from_the_run_itself(run, run_page, tmp_path):
@@ -159,14 +151,11 @@ def test_the_same_bytes_again_and_from_the_run_itself(run, run_page, tmp_path):
     summary = json.loads((run_page.parent / "summary.json").read_text())
     assert write_run_report(run, summary, tmp_path).read_bytes() == first
     assert sorted(path.name for path in tmp_path.iterdir()) == [REPORT]
+    assert REPORT in RESULTS, "a run that begins anew replaces the page"
 
 
 #: Kinds of runs whose pages differ little from those of others.
 RARER = "not begun", "open leg"
-
-
-def test_a_run_that_begins_anew_replaces_the_page():
-    assert REPORT in RESULTS
 
 
 @pytest.mark.parametrize(
@@ -284,11 +273,6 @@ def test_packed_numbers_come_back():
     np.testing.assert_array_equal(unpacked(packed(values)), values)
     np.testing.assert_allclose(unpacked(packed(values, "i16", 0.01)), values, atol=0.005)
     assert plain({"a": np.float64(np.nan), 2: (np.int64(3), 1.23456789)}) == {"a": None, "2": [3, 1.234568]}
-
-
-def test_a_page_is_small(run_page, study_page):
-    for page in (run_page, study_page):
-        assert page.stat().st_size < 2_500_000
 
 
 @pytest.mark.parametrize(
