@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -19,8 +17,6 @@ from auvplan.runtime.files import output_folder
 
 #: Longest edge at which the picture is drawn, pixels.
 _EDGE = 1200
-#: Colours of the paper's figure: forbidden, risky, valid.
-_COAST, _UNCERTAIN, _WATER = "black", "#9a9a9a", "white"
 
 
 def plot_chart(
@@ -86,50 +82,3 @@ def draw_chart(
     if image and target.exists() and target.samefile(image):
         target = target.with_name("chart-drawn.png")
     return style.save(plot_chart(chart, image, classified), target)
-
-
-def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, int, int, int]) -> Figure:
-    """Draw the picture and its clusters side by side, the whole map above and a window of it below.
-
-    Args:
-        chart: made of the picture.
-        picture: [rows, columns, 3] RGB, row 0 in the north.
-        window: first row (north), first column (east), rows and columns, pixels.
-    """
-    row, column, rows, columns = window
-    figure = style.new_figure(9.6, 9.8)
-    grid = figure.subplots(2, 2)
-    raster = np.asarray(chart.passability)[::-1]  # rows from the north
-    colours = [to_rgb(colour) for colour in (_COAST, _UNCERTAIN, _WATER)]
-    coloured = np.asarray(colours)[np.where(raster == 0.0, 0, np.where(raster == 1.0, 2, 1))]
-    size = (np.asarray(chart.upper, float) - np.asarray(chart.lower, float))[0] / raster.shape[0]
-    parts = ((slice(None), slice(None)), (slice(row, row + rows), slice(column, column + columns)))
-    for line, part in zip(grid, parts, strict=True):
-        for axes, image in zip(line, (picture[part], coloured[part]), strict=True):
-            north, east = size / 1000.0 * np.asarray(image.shape[:2])
-            axes.imshow(image, extent=(0.0, east, 0.0, north), interpolation="none")
-            axes.set_xlabel("east [km]")
-            axes.set_ylabel("north [km]")
-            axes.tick_params(labelsize=8)
-        line[0].set_title(f"picture, {image.shape[0]} × {image.shape[1]} pixels of {size:g} m", fontsize=10)
-        coast, water = float((raster[part] == 0.0).mean()), float((raster[part] == 1.0).mean())
-        shares = f"coast {coast:.1%}, uncertain {1.0 - coast - water:.1%}, water {water:.1%}"
-        line[1].set_title(f"clusters: {shares}", fontsize=10)
-    for axes in grid[0]:
-        edge = np.asarray([column, raster.shape[0] - row - rows]) * size / 1000.0
-        place = (float(edge[0]), float(edge[1]))
-        axes.add_patch(
-            Rectangle(place, columns * size / 1e3, rows * size / 1e3, fill=False, ec=style.RED, lw=1.8)
-        )
-    handles = [
-        Patch(facecolor=colour, edgecolor=style.GREY, label=label)
-        for colour, label in (
-            (_COAST, "coast, 0: forbidden"),
-            (_UNCERTAIN, "uncertain, (0, 0.35]: risky"),
-            (_WATER, "water, 1: valid"),
-        )
-    ]
-    handles.append(Patch(facecolor="none", edgecolor=style.RED, lw=1.8, label="window of the path planner"))
-    style.legend_below(figure, handles, fontsize=9)
-    figure.suptitle("Map of the mission planner (above) and of the path planner (below)", fontsize=11)
-    return figure

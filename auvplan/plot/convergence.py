@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.plot import style
@@ -12,11 +11,11 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.view.scene import busiest_leg, leg_title
 
 if TYPE_CHECKING:
-    import xarray as xr
+    pass
 
-_LABELS = ("cost [s, penalties included]", "violation [-]")
+LABELS = ("cost [s, penalties included]", "violation [-]")
 #: Error bars drawn at most.
-_BARS = 60
+BARS = 60
 #: Larger ranges are drawn on a logarithmic scale.
 _WIDE = 30.0
 
@@ -46,7 +45,7 @@ def plot_convergence(
         return np.array([style.annotate_empty(ax, "nothing was searched for: the leg follows a survey line")])
     figure = style.figure_for(ax, 9.0, 6.6)
     panels = figure.subplots(2, 1, sharex=True)
-    for axes, of, label in zip(panels, ("", "violation_"), _LABELS, strict=True):
+    for axes, of, label in zip(panels, ("", "violation_"), LABELS, strict=True):
         begin = 0
         # The plans of a leg have nothing between them: lines break where one ends.
         for k, history in enumerate(found):
@@ -58,10 +57,10 @@ def plot_convergence(
             names = (None, None, None) if k else ("mean", "standard deviation", "best")
             at = np.arange(begin, end)
             axes.plot(at, _finite(mean), color="black", lw=1.2, zorder=3, label=names[0])
-            _draw_errors(axes, at, mean, std, max(2, _BARS // len(found)), names[1])
+            draw_errors(axes, at, mean, std, max(2, BARS // len(found)), names[1])
             axes.plot(at, _finite(best), color=style.RED, lw=1.8, zorder=4, label=names[2])
             begin = end
-        _dress(axes, np.concatenate([history[of + part] for part in ("best", "mean") for history in found]))
+        dress(axes, np.concatenate([history[of + part] for part in ("best", "mean") for history in found]))
         axes.set_ylabel(label)
         axes.set_xlim(-0.5, begin - 0.5)
     panels[1].set_xlabel("iteration [-]")
@@ -70,44 +69,7 @@ def plot_convergence(
     return panels
 
 
-def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figure:
-    """Cost and violation of the population by iteration, a column for each scenario (Fig. 11).
-
-    Lines are means over the seeds of the population's mean, error bars those of its standard deviation.
-
-    Args:
-        legs: `cost_mean`, `cost_std`, `violation_mean` and `violation_std` over scenario, seed and iteration.
-        met: [scenarios, seeds] bool, whether the mean violation fell below `least`.
-        least: mean violation that counts as none.
-    """
-    names = legs["scenario"].values
-    figure = style.new_figure(4.3 * len(names) + 0.6, 6.8)
-    grid = figure.subplots(2, len(names), sharex=True, squeeze=False)
-    for column, name in enumerate(names):
-        one = legs.sel(scenario=name)
-        for axes, key, label in zip(grid[:, column], ("cost", "violation"), _LABELS, strict=True):
-            each = one[f"{key}_mean"].values
-            mean, spread = each.mean(axis=0), one[f"{key}_std"].values.mean(axis=0)
-            at = np.arange(len(mean))
-            _draw_errors(axes, at, mean, spread, _BARS, "standard deviation over the population")
-            lines = axes.plot(at, each.T, color=style.ORANGE, lw=0.7, zorder=3)
-            lines[0].set_label("mean of one seed")
-            axes.plot(at, mean, color="black", lw=1.8, zorder=4, label="mean")
-            _dress(axes, np.concatenate([mean, mean + spread]))
-            axes.set_ylabel(label if column == 0 else "")
-        if least > 0.0:
-            grid[1, column].axhline(least, color=style.GREY, ls="--", lw=1.0, label=f"{least:g}")
-        share = 100.0 * float(np.mean(met[column]))
-        grid[0, column].set_title(str(name), fontsize=10)
-        below = f"mean violation below {least:g}: {share:.0f} % of {met.shape[1]} seeds"
-        grid[1, column].set_title(below, fontsize=9)
-        grid[1, column].set_xlabel("iteration [-]")
-    style.legend_below(figure, ncols=3)
-    figure.suptitle("First plans of a leg: cost and violation of the population by iteration", fontsize=11)
-    return figure
-
-
-def _draw_errors(
+def draw_errors(
     axes: Axes, at: style.Array, mean: style.Array, std: style.Array, most: int, label: str | None
 ) -> None:
     """Error bars at some of the iterations; none where the deviation is not finite."""
@@ -124,7 +86,7 @@ def _finite(values: style.Array) -> style.Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _dress(axes: Axes, values: style.Array) -> None:
+def dress(axes: Axes, values: style.Array) -> None:
     """A scale that fits the values, logarithmic where they differ much, and a grid."""
     axes.grid(alpha=0.25)
     axes.tick_params(labelsize=8)

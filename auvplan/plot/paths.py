@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
@@ -118,65 +117,6 @@ def _draw_paths(pen: Map, leg: LegRecord, index: int) -> None:
     pen.dots(first[-1], zorder=6, **style.GOAL)
     if index:
         pen.dots(plan.positions[0], zorder=7, **style.VEHICLE)
-
-
-def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
-    """Draw the first path of a leg and every later one that was followed, on one map.
-
-    Obstacles are drawn where they truly were at each re-plan, the later the darker, within the boundary that
-    had grown around them since the vehicle last saw them; the errors of measurement, which widen it further,
-    are left out.
-
-    Args:
-        run: as executed.
-        leg: that of `busiest_leg` where not given.
-    """
-    leg = leg or scene.busiest_leg(run)
-    if leg is None:
-        return style.figure_of(style.annotate_empty(None, "no path was planned"))
-    plans = leg.followed_plans
-    low, high = scene.window(scene.extent_points(leg), 0.06, run.chart)
-    tall, wide = high - low
-    figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)
-    pen = Map(figure.subplots(), low, high)
-    pen.coast(run.coast)
-    pen.closures(run)
-    kinds = [leg.obstacle_kinds[m] for m in scene.near_obstacles(leg)]
-    for number, plan in enumerate(plans, 1):
-        strength = 0.25 + 0.6 * number / len(plans)
-        places, radii = scene.boundaries(run, leg, plan.made_at)
-        for place, radius, m in zip(places, radii, scene.near_obstacles(leg), strict=True):
-            colour = style.KIND_COLOURS.get(leg.obstacle_kinds[m], style.GREY)
-            pen.disc(place, leg.obstacle_radii[m], fc=colour, alpha=strength, lw=0, zorder=2)
-            pen.disc(place, radius, fill=False, ec=colour, alpha=strength, lw=1.1, zorder=2)
-    pen.handles += style.obstacle_patches(kinds, ", later darker", alpha=0.7)
-    lines: dict[str, dict[str, Any]] = {
-        "first path": {"ls": "--", "lw": 1.4, "zorder": 4},
-        "re-planned": {"lw": 2.8, "zorder": 5},
-        "given up at the next re-plan": {"ls": ":", "lw": 1.2, "zorder": 3},
-    }
-    first, followed, dropped = (
-        kind | {"color": "black", "path_effects": style.halo(kind["lw"] + 1.4)} for kind in lines.values()
-    )
-    pen.line(plans[0].positions, **first)
-    for number, plan in enumerate(plans[1:], start=1):
-        executed, given_up = scene.until_next(plans, number)
-        pen.line(given_up, **dropped)
-        pen.line(executed, **followed)
-        pen.dots(plan.positions[0], **(style.VEHICLE | {"zorder": 7}))
-    pen.dots(plans[0].positions[0], **(style.START | {"zorder": 6}))
-    pen.dots(plans[0].positions[-1], **(style.GOAL | {"zorder": 6}))
-    pen.handles += [style.line(label, color="black", **kind) for label, kind in lines.items()]
-    style.legend_below(figure, pen.handles + style.marks(vehicle="vehicle at a re-plan"))
-    causes = [plan.cause for plan in plans[1:]]
-    count = ", ".join(f"{causes.count(cause)} by {cause}" for cause in dict.fromkeys(causes)) or "none"
-    name = run.scenario.get("name") or "leg"
-    pen.axes.set_title(f"{name}, seed {run.seed}: re-plans {count}; {leg.t_path:,.0f} s", fontsize=11)
-    texts = [f"{plan.made_at:,.0f} s" for plan in plans[1:]]
-    where = [plan.positions[0] for plan in plans[1:]]
-    kind: dict[str, Any] = {"fontsize": 8, "color": style.RED, "weight": "bold", "zorder": 8}
-    pen.labels(where, texts, plans[0].positions[[0, -1]], **kind)
-    return figure
 
 
 def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:

@@ -5,9 +5,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from auvplan.plot import style
 from auvplan.plot.maps import unit_of
@@ -19,8 +16,6 @@ from auvplan.view import scene
 _FAR = 0.6
 #: Height of the box beside its horizontal edges, and greatest vertical exaggeration.
 _HEIGHT, _STRETCH = 0.5, 3.0
-#: Points along each edge of a layer of current: of its colours and of its arrows. Height of its box.
-_FINE, _ARROWS, _LAYERS_HEIGHT = 50, 8, 0.75
 
 
 class Space:
@@ -144,101 +139,3 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
         fontsize=11,
     )
     return axes
-
-
-def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
-    """Draw a leg's paths among its obstacles, with the current of every time step in a layer of its own.
-
-    Obstacles are drawn where they truly were at the last step, with their tracks; the rings are their
-    boundaries at each step, which grow until the vehicle sees them again.
-
-    Args:
-        run: as executed.
-        leg: that of `busiest_leg` where not given.
-    """
-    leg = leg or scene.busiest_leg(run)
-    if leg is None:
-        return style.figure_of(style.annotate_empty(None, "no path was planned"))
-    plans = leg.followed_plans
-    figure = style.new_figure(9.6, 7.4)
-    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-    low, high = scene.window(scene.extent_points(leg), 0.04)
-    pen = Space(axes, low, high)
-    depths = scene.extent_points(leg)[:, 2]
-    top, bottom = float(min(depths.min(), 0.0)), float(depths.max()) * 1.1 + 10.0
-    speeds = _draw_currents(pen, plans, np.linspace(top, bottom, len(plans) + 2)[1:-1])
-    kinds = _draw_boundaries(pen, run, leg, [plan.made_at for plan in plans])
-    pen.line(plans[0].positions, color=style.RED, ls="--", lw=1.5, zorder=4)
-    for number in range(1, len(plans)):
-        executed, given_up = scene.until_next(plans, number)
-        pen.line(given_up, color="black", ls=":", lw=1.1, zorder=4)
-        pen.line(executed, color="black", lw=2.8, zorder=4)
-    pen.finish(plans, (top, bottom), _LAYERS_HEIGHT, pad=8)
-    axes.view_init(elev=24, azim=-62)
-    bar = figure.colorbar(ScalarMappable(speeds, "cividis"), ax=axes, shrink=0.55, pad=0.08)
-    bar.set_label("current [m/s]")
-    style.legend_below(figure, [
-        style.line("first path", color=style.RED, ls="--", lw=1.5),
-        style.line("re-planned", color="black", lw=2.8),
-        style.line("given up at the next re-plan", color="black", ls=":", lw=1.1),
-        *style.marks(vehicle="vehicle at a re-plan"),
-        *style.obstacle_patches(kinds, ", boundaries as rings", alpha=0.6),
-    ])  # fmt: skip
-    times = ", ".join(f"{plan.made_at:,.0f}" for plan in plans)
-    stretch = _LAYERS_HEIGHT * float((high - low)[0]) / (bottom - top)
-    name = run.scenario.get("name") or "leg"
-    figure.suptitle(
-        f"{name}, seed {run.seed}: layers of the current at {times} s, the first on top\n"
-        f"vertical exaggeration {stretch:.1f}; obstacles are stretched with it",
-        fontsize=11,
-    )
-    return figure
-
-
-def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> Normalize:
-    """Draw a plane for each plan, coloured by speed, with arrows."""
-
-    def plane(plan: PlanRecord, depth: float, count: int) -> tuple[Array, ...]:
-        """East and north in the axes' unit, and the current's components there, m/s, [count, count] each."""
-        edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
-        north, east = np.meshgrid(*edges, indexing="ij")
-        return (
-            east / pen.metres,
-            north / pen.metres,
-            *scene.current_on(plan.current, *edges, depth, plan.made_at),
-        )
-
-    planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
-    fastest = max(float(np.quantile([np.hypot(u, v) for *_, u, v in planes], 0.995)), 1e-3)
-    norm, levels = Normalize(0.0, fastest), np.linspace(0.0, fastest, 12)
-    reach = 0.8 * float((pen.high - pen.low)[0]) / _ARROWS / fastest / pen.metres
-    for plan, (east, north, u, v), depth in zip(plans, planes, depths, strict=True):
-        pen.axes.contourf(
-            east, north, np.minimum(np.hypot(u, v), fastest), levels, zdir="z",
-            offset=depth, cmap="cividis", norm=norm, alpha=0.3, antialiased=False, zorder=0,
-        )  # fmt: skip
-        east, north, u, v = (part.ravel() for part in plane(plan, float(depth), _ARROWS))
-        pen.axes.quiver(
-            east, north, np.full(len(u), depth), v * reach, u * reach, 0.0 * u,
-            color="#444444", lw=0.6, arrow_length_ratio=0.25, zorder=1,
-        )  # fmt: skip
-    return norm
-
-
-def _draw_boundaries(pen: Space, run: MissionRun, leg: LegRecord, times: list[float]) -> list[str]:
-    """Draw each obstacle at the last time, its track, and rings: its boundary at each; return their kinds."""
-    kinds, circle = [], np.linspace(0.0, 2.0 * np.pi, 40)
-    steps = [scene.boundaries(run, leg, time) for time in times]
-    for k, m in enumerate(scene.near_obstacles(leg)):
-        track = np.stack([places[k] for places, _ in steps])
-        if not ((track[-1, :2] > pen.low) & (track[-1, :2] < pen.high)).all():
-            continue
-        kinds.append(leg.obstacle_kinds[m])
-        colour = style.KIND_COLOURS.get(kinds[-1], style.GREY)
-        pen.sphere(track[-1], float(leg.obstacle_radii[m]), kinds[-1], 10, zorder=2)
-        pen.line(track, color=colour, lw=1.0, zorder=2)
-        for number, (place, (_, radii)) in enumerate(zip(track, steps, strict=True), 1):
-            around = np.stack([np.sin(circle), np.cos(circle), np.zeros(len(circle))], axis=1)
-            kind = {"color": colour, "lw": 1.1, "alpha": 0.3 + 0.7 * number / len(steps)}
-            pen.line(place + radii[k] * around, zorder=3, **kind)
-    return kinds

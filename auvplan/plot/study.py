@@ -75,7 +75,7 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
     place = np.arange(len(used))
     figure = style.new_figure(11.0, 6.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-    size = _mark_size(len(place))
+    size = mark_size(len(place))
     for kept, kind in (
         (success, {"marker": "o", "ms": size, "color": style.BLUE, "label": "on time"}),
         (~success, {"marker": "x", "ms": size + 3, "mew": 1.8, "color": style.RED, "label": "failed"}),
@@ -83,7 +83,7 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
         if kept.any():
             upper.plot(place[kept], used[kept], ls="none", **kind)
         lower.bar(place[kept], left[kept], width=0.8, color=kind["color"])
-    _mission_axis(lower, dataset)
+    mission_axis(lower, dataset)
     edges = np.concatenate([lower.get_xlim()[:1], place, lower.get_xlim()[1:]])
     limit = np.concatenate([available[:1], available, available[-1:]])
     upper.plot(edges, limit, color="red", lw=2.0, drawstyle="steps-mid", zorder=1, label="$T_{available}$")
@@ -132,7 +132,7 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
             whiskerprops={"color": edge}, capprops={"color": edge},
             flierprops={"marker": "o" if alpha < 1.0 else ".", "ms": 4, "mec": edge},
         )  # fmt: skip
-    _mission_axis(left, dataset, _BOXES)
+    mission_axis(left, dataset, _BOXES)
     left.set_ylabel("travel time of a leg, without its task [s]" if apart else "time of a leg [s]")
     left.legend(loc="upper left", ncols=2, fontsize=8)
     low, high = left.get_ylim()
@@ -159,7 +159,7 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     figure = style.new_figure(11.0, 5.4)
     axes = figure.subplots()
     axes.set_yscale("log")
-    size = _mark_size(len(place))
+    size = mark_size(len(place))
     marks: dict[str, Any] = {"ls": "none", "ms": size}
     every = "all planning of the mission: paths, routes, travel times"
     axes.plot(place, whole, marker="s", color=style.RED, label=every, **marks)
@@ -168,50 +168,11 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     axes.plot(place, middle, marker="o", color=style.BLUE, label="one path planning call, median", **marks)
     axes.set_ylabel("CPU time of planning [s]")
     style.grid(axes, which="both", axis="y")
-    _mission_axis(axes, dataset)
+    mission_axis(axes, dataset)
     style.legend_below(figure, ncols=3)
     one, total = (float(statistics.over_finite(values.ravel(), np.nanmedian)) for values in (calls, whole))
     text = f"median of a path planning call {one:.3g} s, of a mission's planning {total:.3g} s"
     set_title(figure, dataset, text)
-    return figure
-
-
-def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> Figure:
-    """Single path planning calls in one thread beside all planning of a mission (Fig. 14).
-
-    Args:
-        dataset: without a sweep, missions in order of seed.
-        calls: `first_cpu` and `window_cpu` [mission] s, CPU time of single calls in one thread, by `seed`.
-        interval: s between two measurements by the vehicle's sensors.
-    """
-    figure = style.new_figure(11.6, 5.6)
-    left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)
-    place, whole = np.arange(dataset.sizes["mission"]), np.nan_to_num(statistics.planning_time(dataset))
-    at = np.searchsorted(dataset["seed"].values, calls["seed"].values)
-    shown = (
-        (place, whole, "s", style.RED, "all planning of the mission, wall-clock time"),
-        (at, calls["first_cpu"].values, "o", style.BLUE, "one path call, a leg, CPU time in one thread"),
-        (at, calls["window_cpu"].values, "^", style.GREEN, "one path call, a re-plan, the same"),
-    )
-    for x, values, marker, colour, label in shown:
-        left.plot(x, values, ls="none", marker=marker, ms=_mark_size(len(x)), color=colour, label=label)
-    right.boxplot(
-        [values for _, values, *_ in shown], widths=0.6, whis=(5, 95), patch_artist=True,
-        boxprops={"facecolor": "#dddddd"}, medianprops={"color": "black"},
-    )  # fmt: skip
-    medians = [float(np.median(values)) for _, values, *_ in shown]
-    names = ("mission", "leg", "re-plan")
-    right.set_xticklabels([f"{name}\n{value:.2g} s" for name, value in zip(names, medians, strict=True)])
-    right.set_title("box: quartiles; whiskers: 5-95 %\nbelow: medians", fontsize=9)
-    for axes in (left, right):
-        axes.axhline(interval, color=style.GREY, ls="--", lw=1.3, label=f"between two looks, {interval:g} s")
-        axes.set_yscale("log")
-        style.grid(axes, which="both", axis="y")
-    left.set_ylabel("time of planning [s]")
-    _mission_axis(left, dataset)
-    style.legend_below(figure, ncols=2)
-    share = 100.0 * medians[1] / medians[0]
-    set_title(figure, dataset, f"a path call takes {share:.2g} % of a mission's planning (medians)")
     return figure
 
 
@@ -362,7 +323,7 @@ def _draw_scatter(axes: Axes, expected: Array, executed: Array, errors: Array) -
     axes.set_title(f"{counted(len(executed), 'leg')} of all missions", fontsize=10)
 
 
-def _mission_axis(axes: Axes, dataset: xr.Dataset, most: int | None = None) -> None:
+def mission_axis(axes: Axes, dataset: xr.Dataset, most: int | None = None) -> None:
     """Places 0, 1, ... along x are missions; the ticks are their seeds."""
     seeds = dataset["seed"].values
     count = min(len(seeds), most or len(seeds))
@@ -388,6 +349,6 @@ def _seconds(value: float, _: Any) -> str:
     return f"{value:,.0f}".replace("-", "−")
 
 
-def _mark_size(count: int) -> float:
+def mark_size(count: int) -> float:
     """Size of the marks of `count` missions side by side, points."""
     return float(np.clip(400.0 / count, 1.8, 6.0))

@@ -1,6 +1,5 @@
 """What maps show of a run: their window, legs and plans, waypoints' names, obstacles as they are sensed."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -13,7 +12,7 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import CONFIDENCE, closest_approach
-from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.formatting import counted
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.simulator import TIME_STEP
@@ -147,16 +146,6 @@ def extent_points(leg: LegRecord) -> Array:
     return np.concatenate([leg.positions, *(plan.positions for plan in leg.plans)])
 
 
-def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
-    """Split a followed plan at the next re-plan: the part executed and the part given up, [n, 3] m each."""
-    positions = plans[index].positions
-    if index + 1 == len(plans):
-        return positions, positions[:0]
-    end = plans[index + 1].positions[0]
-    last = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
-    return (np.concatenate([positions[:last], end[None]]), np.concatenate([end[None], positions[last + 1 :]]))
-
-
 def as_filed(positions: ArrayLike) -> Array:
     """Return places, m, as single precision has them: files keep them so, and what is shown is the same."""
     return np.asarray(positions, np.float32).astype(float)
@@ -265,19 +254,6 @@ def grown(run: MissionRun, leg: LegRecord, times: Array, errors: bool = True) ->
             found[:, m] = np.where(last < 0, rule["prior"], rule["seen"])
         found[:, m] += np.minimum(rule["growth"] * since, rule["growth_max"])
     return found
-
-
-def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[Array, Array]:
-    """Return where `near_obstacles` truly are at a time, [M, 3] m, and their radii as grown by then, [M] m.
-
-    Known ones do not grow; the errors of measurement, which widen boundaries further, are left out.
-    """
-    near, shown = near_obstacles(leg), shown_obstacles(leg)
-    grew = grown(run, leg, np.array([time]), errors=False)[0] if shown else ()
-    growth = dict(zip(shown, grew, strict=True))
-    places = [track_at(leg, leg.obstacle_positions[:, m], time) for m in near]
-    radii = [leg.obstacle_radii[m] + growth.get(m, 0.0) for m in near]
-    return np.reshape(places, (-1, 3)), np.asarray(radii, float)
 
 
 def _sensors(run: MissionRun) -> SensorSettings:

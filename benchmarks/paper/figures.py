@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.whitsunday import render, whitsunday_chart
 from auvplan.plot import style
-from auvplan.plot.chart import plot_clusters
-from auvplan.plot.convergence import plot_populations
-from auvplan.plot.paths import plot_currents, plot_windows
-from auvplan.plot.space import plot_layers
-from auvplan.plot.study import plot_call_times, plot_expected_times, plot_replans, plot_time_use
+from auvplan.plot.paths import plot_currents
+from auvplan.plot.study import plot_expected_times, plot_replans, plot_time_use
 from auvplan.plot.timeline import plot_timeline
 from auvplan.records import MissionRun
 from auvplan.runtime.files import output_folder
 from benchmarks.paper.claims import NO_VIOLATION, Evidence, no_violation
 from benchmarks.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
+from benchmarks.paper.plots import (
+    plot_call_times,
+    plot_clusters,
+    plot_layers,
+    plot_populations,
+    plot_windows,
+)
 
 #: Re-plans of the paper's example of a mission.
 _REPLANS = 3

@@ -7,8 +7,8 @@ import pytest
 
 from auvplan.ocean.vortices import LambVortices
 from auvplan.records import LegRecord
-from auvplan.view.scene import boundaries, until_next
 from benchmarks.paper import legs
+from benchmarks.paper.plots import boundaries, until_next
 from tests.io.sample_run import make_plan, make_run
 
 START, GOAL = np.array([300.0, 300.0, 20.0]), np.array([1500.0, 700.0, 20.0])

@@ -6,19 +6,26 @@ import xarray as xr
 
 from auvplan.ocean.chart import Chart
 from auvplan.plot import style
-from auvplan.plot.chart import plot_clusters
-from auvplan.plot.convergence import plot_populations
-from auvplan.plot.paths import plot_currents, plot_windows
-from auvplan.plot.space import plot_layers
-from auvplan.plot.study import plot_call_times
+from auvplan.plot.paths import plot_currents
 from auvplan.plot.timeline import plot_timeline
+from benchmarks.paper.plots import (
+    plot_call_times,
+    plot_clusters,
+    plot_layers,
+    plot_populations,
+    plot_windows,
+)
 from tests.benchmarks import paper_evidence as evidence
 from tests.io.sample_run import make_run, refused_leg
 from tests.plot.sample_study import make_study
 
-pytestmark = pytest.mark.usefixtures("coarse")
-
 SENSORS = {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Pictures of few pixels: it is enough that they come about."""
+    monkeypatch.setattr(style, "DPI", 50)
 
 
 @pytest.fixture
