@@ -17,8 +17,8 @@ from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
 from benchmarks.harness import clock, figures, launch, screen, show
-from benchmarks.mission_peers import prize_collecting
-from benchmarks.mission_sets import timed_graph
+from benchmarks.missions.peers import prize_collecting
+from benchmarks.missions.sets import timed_graph
 
 #: Prizes count so many times as much as a second of the way.
 PRIZE = 10_000

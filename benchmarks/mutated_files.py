@@ -29,7 +29,7 @@ from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
 from benchmarks.files import largest, places
-from benchmarks.fuzz_changes import damage
+from benchmarks.fuzz.changes import damage
 from benchmarks.harness import launch
 
 COPIES, POINTS = 500, 40

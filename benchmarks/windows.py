@@ -3,8 +3,8 @@
 Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours, with a task at
 each waypoint in one window or one of two. Travel times and durations are whole seconds, windows close and
 the time ends half a second after one, so that the planner, in single precision, and the labels of
-`benchmarks.labels`, which begin at the best route planned, have the same routes to choose from. The gap of a
-plan is 1 - priority / bound; one that was not found counts as priority zero.
+`benchmarks.missions.labels`, which begin at the best route planned, have the same routes to choose from. The
+gap of a plan is 1 - priority / bound; one that was not found counts as priority zero.
 """
 
 import os
@@ -24,8 +24,8 @@ from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_miss
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.harness import grouped, launch, screen, show, track
-from benchmarks.labels import Windows, most_priority
-from benchmarks.mission_sets import Case
+from benchmarks.missions.labels import Windows, most_priority
+from benchmarks.missions.sets import Case
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3

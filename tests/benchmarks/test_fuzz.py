@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import utide  # noqa: F401 - it unpickles constants of its own
 
-from benchmarks.fuzz import Cases, Tripwire, Watch, attempt, write_outside
-from benchmarks.fuzz_changes import change
-from benchmarks.fuzz_readers import READERS, write_sources
+from benchmarks.fuzz.cases import Cases, Tripwire, Watch, attempt, write_outside
+from benchmarks.fuzz.changes import change
+from benchmarks.fuzz.readers import READERS, write_sources
 
 #: Cases of each reader; of those that take longer, fewer.
 CASES = 20
@@ -48,7 +48,7 @@ def test_changed_files_are_read_or_refused(name, sources, watch, wire, monkeypat
     monkeypatch.setenv("AUVPLAN_CACHE", "off")
     place = sources / name
     # The same cases whether or not there are real data beside the repository.
-    monkeypatch.setattr("benchmarks.fuzz_readers.SHARED", sources / "nowhere")
+    monkeypatch.setattr("benchmarks.fuzz.readers.SHARED", sources / "nowhere")
     seeds = tuple(READERS[name].write(place, sources / "sources"))
     cases = Cases(name, seeds, place, sources / "outside", 0)
     wrong = []

@@ -10,7 +10,7 @@ import pytest
 from auvplan.mission import plan_mission
 from benchmarks import detours
 from benchmarks.clock_peers import FILE, posed, profit_of
-from benchmarks.labels import Windows, most_priority
+from benchmarks.missions.labels import Windows, most_priority
 
 SIZE, END = 7, 1200
 SETS = json.loads(FILE.read_text(encoding="utf-8"))["sets"]

@@ -1,10 +1,4 @@
-"""Every reader of files is given changed real ones: ``python -m benchmarks.fuzz [--minutes 10]``.
-
-Each copy has to be read, or refused by one line. All else is a failure: another error, more than 10 s of
-processor time, more than 2 GiB beyond what was loaded, a dead process, a file opened that neither the call
-nor the file names, a program started, a connection made, an object unpickled. Failures are kept in a folder
-with the reader, the seed and the number of the case; the same seed makes the same cases.
-"""
+"""The cases of a reader: made, read under watch, and what becomes of each."""
 
 import contextlib
 import ctypes
@@ -15,7 +9,6 @@ import shutil
 import struct
 import sys
 import sysconfig
-import tempfile
 import threading
 import time
 import traceback
@@ -35,9 +28,8 @@ import numpy as np
 import auvplan
 from auvplan.errors import AuvplanError
 from benchmarks.apart import Late, run_apart, within
-from benchmarks.fuzz_changes import change
-from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
-from benchmarks.harness import launch, screen, show, track
+from benchmarks.fuzz.changes import change
+from benchmarks.fuzz.readers import READERS, Reader, Seed
 
 #: Processor time of a case, s; wall-clock time after which its process is ended.
 SECONDS, PATIENCE = 10, 90.0
@@ -123,7 +115,7 @@ def _own_folders() -> tuple[str, ...]:
     """Folders of Python, of packages and of the system, whose files do not depend on what is read."""
     paths = {sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *zoneinfo.TZPATH}
     paths |= {path for path in sys.path if path.rstrip("/").endswith("site-packages")}
-    paths |= {str(Path(auvplan.__file__).parent), str(Path(__file__).parent), f"/proc/{os.getpid()}"}
+    paths |= {str(Path(auvplan.__file__).parent), str(Path(__file__).parents[1]), f"/proc/{os.getpid()}"}
     paths |= {"/usr/share", "/usr/lib", "/lib", "/proc/self", "/proc/cpuinfo", "/proc/meminfo"}
     paths |= {"/sys/devices/system/cpu", "/sys/fs/cgroup"}
     # Where JAX keeps what took it long to compile.
@@ -302,40 +294,3 @@ def fuzz(cases: Cases, minutes: float, most: int, keep: Path, first: int = 0) ->
         "reader": cases.name, "cases": outcomes.total(), "failed": failures[:50], "memory": round(memory, 1),
         **{name: outcomes[name] for name in (*GOOD, "failures")},
     }  # fmt: skip
-
-
-def main(
-    minutes: float, cases: int, first: int, only: str, seed: int, keep: Path | None
-) -> tuple[dict[str, Any], bool]:
-    keep = keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
-    rows = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        outside = write_outside(folder)
-        write_sources(folder / "sources")
-        for reader in track([name for name in READERS if only in name], "readers"):
-            place = folder / "readers" / f"{len(rows)}"
-            seeds = tuple(READERS[reader].write(place, folder / "sources"))
-            rows.append(fuzz(Cases(reader, seeds, place, outside, seed), minutes, cases, keep, first))
-            for failure in {one["found"][:60]: one for one in rows[-1]["failed"][::-1]}.values():
-                line = "{case}, {change}: {found}".format(**failure)
-                screen.print(f"{reader}, case {line}", markup=False, highlight=False)
-    columns = {name: f"{{{name}}}" for name in ("reader", "cases", "read", "refused", "failures")}
-    show("changed files", rows, columns | {"most memory, MiB": "{memory}"})
-    failed = any(row["failures"] for row in rows)
-    screen.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
-    if failed:
-        screen.print(f"failures are kept in {keep}", markup=False)
-    return {"fuzz": rows}, failed
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        minutes=(10.0, "for each reader"),
-        cases=(10**9, "of each reader, at most"),
-        first=(0, "number of the first case"),
-        only=("", "part of the names of readers"),
-        seed=(0, "of the cases"),
-        keep=(Path, "folder for failures; a temporary one if absent"),
-    )

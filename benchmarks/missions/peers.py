@@ -11,7 +11,7 @@ import numpy as np
 from auvplan.mission import time_to_go
 from auvplan.mission.bound import common_step, edges_in_time, upper_bound
 from auvplan.mission.exact import ExactRoute, PathModel, in_ticks, solve_exact
-from benchmarks.mission_sets import Case
+from benchmarks.missions.sets import Case
 
 
 def cp_sat(case: Case, time_limit: float) -> ExactRoute:

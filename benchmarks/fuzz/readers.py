@@ -40,7 +40,7 @@ from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.geo.files import write_geotiff
 from tests.io.sample_run import make_run
 
-DATA = Path(__file__).resolve().parent.parent / "auvplan" / "data"
+DATA = Path(__file__).resolve().parents[2] / "auvplan" / "data"
 RUN = "mission.nc"
 
 #: Real files of currents, those of them that are small enough to be changed often.

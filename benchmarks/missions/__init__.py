@@ -1,0 +1,1 @@
+"""Mission planning: cases, other solvers, proofs by labels."""
