@@ -7,29 +7,22 @@ for development. References that are not stored are computed first.
 
 import gc
 from collections.abc import Iterable, Sequence
-from itertools import product
 from typing import Any
 
 import jax
 import numpy as np
 
 from auvplan.runtime.compiled import drop_programs
-from benchmarks.harness import figures, grouped, launch, screen, show, track
+from benchmarks.harness import figures, grouped, launch, screen, track
 from benchmarks.paths import references
 from benchmarks.paths.depths import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.paths.gaps import Run, beside, plan_one, show_gaps, summed
-from benchmarks.paths.problems import PRESETS, PathProblem, have_charts, literature
-from benchmarks.paths.ruler import World, evaluate
-from benchmarks.paths.waters import FAMILIES, KINDS, scaled, water_problem
-
-#: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
-SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0
+from benchmarks.paths.problems import PRESETS, PathProblem, have_charts
+from benchmarks.paths.ruler import World
+from benchmarks.paths.waters import FAMILIES, KINDS, water_problem
 
 #: Problems after which programs are forgotten: they differ by problem, and hundreds fill a run's memory.
 _TOGETHER = 8
-
-#: Families whose first problem is posed at all sides, beside the problems of the literature.
-SCALED_FAMILIES = "open", "coast", "sounds"
 
 #: Families whose problems have a way.
 WITH_WAY = *FAMILIES, *DEPTH_FAMILIES
@@ -107,29 +100,6 @@ def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
     return sorted(found, key=lambda row: (last.index(row["name"]) if row["name"] in last else 0, row["name"]))
 
 
-def at_all_sides(presets: Sequence[str]) -> dict[str, Any]:
-    """Plan problems posed at all `SIDES`; print travel times per unit of length next to the first's."""
-    problems = [*literature(), *(water_problem(family, 0) for family in SCALED_FAMILIES)]
-    found, shown = [], []
-    for problem, preset in track([*product(problems, presets)], "scales"):
-        side = float(np.max(np.asarray(problem.environment.upper) - np.asarray(problem.environment.lower)))
-        first, row = None, {"problem": problem.name, "preset": preset}
-        for wanted in SIDES:
-            posed = scaled(problem, factor := wanted / side)
-            plan = posed.plan(jax.random.key(0), PRESETS[preset]())
-            score = evaluate(posed, plan.positions)
-            per_unit = score.travel_time / factor
-            first = per_unit if first is None else first
-            apart = per_unit / first - 1.0 if np.isfinite(per_unit) else None
-            row[f"{wanted:g} m"] = ("-" if apart is None else f"{apart:+.3%}") + "!" * (not score.feasible)
-            one = {"problem": problem.name, "preset": preset, "side": wanted, "difference": apart}
-            found.append(one | {"claimed": plan.feasible, "feasible": score.feasible})
-        shown.append(row)
-    title = f"Travel time per unit of length, next to sides of {SIDES[0]:g} m (! breaks a limit)"
-    show(title, shown, {heading: f"{{{heading}}}" for heading in shown[0]}, names=2)
-    return {"scales": found}
-
-
 def gaps(
     seeds: Sequence[int], families: Sequence[str], presets: Sequence[str], most: int | None, plans: bool
 ) -> dict[str, Any] | None:
@@ -165,11 +135,11 @@ def gaps(
 
 
 def main(
-    seeds: range, families: list[str], preset: list[str], most: int | None, references: bool, scales: bool
+    seeds: range, families: list[str], preset: list[str], most: int | None, references: bool
 ) -> dict[str, Any] | None:
     if not have_charts():
         screen.print("real coast: the shipped chart stands in, the shared maps were not found")
-    return at_all_sides(preset) if scales else gaps(seeds, families, preset, most, plans=not references)
+    return gaps(seeds, families, preset, most, plans=not references)
 
 
 if __name__ == "__main__":
@@ -180,5 +150,4 @@ if __name__ == "__main__":
         preset=(("default", "quick"), "to plan with", PRESETS),
         most=(int, "problems that have a way, the first of the seeds in order"),
         references=(False, "compute references and end"),
-        scales=(False, "pose problems in units of all sizes instead"),
     )

@@ -21,7 +21,7 @@ from scipy import ndimage
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
-from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
+from auvplan.ocean.currents import Current, Velocity, evaluated
 from auvplan.ocean.deviation import deviation
 from benchmarks.paths import land
 from benchmarks.paths.problems import (
@@ -149,68 +149,6 @@ def water_problem(family: str, seed: int) -> PathProblem:
     while (problem := _drawn(rng, KINDS[family], family, f"{family}-{seed}")) is None:
         pass
     return problem
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class ScaledCurrent:
-    """A current of the same speeds in a world whose lengths and times are `factor` times as great."""
-
-    current: Current
-    factor: ArrayLike
-
-    @property
-    def steady(self) -> bool:
-        return is_steady(self.current)
-
-    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        return self.current(x / self.factor, y / self.factor, z / self.factor, t / self.factor)
-
-
-def scaled(problem: PathProblem, factor: float) -> PathProblem:
-    """Pose a problem with lengths and times `factor` times as great; speeds are kept.
-
-    Its best path is the same one, scaled, and takes `factor` times as long. Margins change by settings.
-    """
-    env, vehicle = problem.environment, problem.vehicle
-    chart, found = env.chart, env.obstacles
-    if chart is not None:
-        chart = _multiplied(chart, factor, "signed_distance", "origin", "pixel_size")
-    # Growth and velocities are speeds.
-    lengths = ("position", "radius", "position_std", "radius_std", "growth_max", "observed_at")
-    obstacles = _multiplied(found, factor, *lengths)
-    config, changes = ap.PathConfig(**problem.changes), dict(problem.changes)
-    # Settings are compiled in: margins of what is not there stay as they are.
-    if chart is not None:
-        changes["coast_margin"] = config.coast_margin * factor
-    if len(found):
-        changes["obstacle_margin"] = config.obstacle_margin * factor
-    corners = (np.asarray(corner, float) * factor for corner in (env.lower, env.upper))
-    return replace(
-        problem,
-        name=f"{problem.name} x {factor:g}",
-        environment=ap.Environment(_scaled_current(env.current, factor), chart, obstacles, *corners),
-        start=tuple(factor * axis for axis in problem.start),
-        goal=tuple(factor * axis for axis in problem.goal),
-        vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),
-        depart=factor * problem.depart,
-        changes=changes,
-        best_known=None if problem.best_known is None else factor * problem.best_known,
-    )
-
-
-def _multiplied(placed: Any, factor: float, *names: str) -> Any:
-    return replace(placed, **{name: getattr(placed, name) * factor for name in names})
-
-
-def _scaled_current(current: Current, factor: float) -> Current:
-    """Scale vortices and tides field by field, so that they stay what they are; wrap any other current."""
-    if isinstance(current, TidalCurrent):
-        steady = _scaled_current(current.current, factor)
-        return replace(current, current=steady, period=jnp.asarray(current.period) * factor)
-    if isinstance(current, ap.LambVortices) and current.strength.shape[0] == 1:
-        return _multiplied(current, factor, "centers", "strength", "radius")
-    return ScaledCurrent(current, jnp.asarray(factor, float))
 
 
 def least_gap(side: float) -> float:

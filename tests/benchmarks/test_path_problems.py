@@ -10,9 +10,9 @@ from scipy import ndimage
 
 import auvplan as ap
 from benchmarks.paths.depths import DEPTH_FAMILIES, PITCH, EkmanCurrent, LayeredCurrent, have_levels, way
-from benchmarks.paths.problems import PIXELS, literature
+from benchmarks.paths.problems import PIXELS
 from benchmarks.paths.ruler import World, evaluate, velocity_at
-from benchmarks.paths.waters import KINDS, TidalCurrent, scaled
+from benchmarks.paths.waters import KINDS, TidalCurrent
 from benchmarks.waters import posed
 
 pytestmark = pytest.mark.slow
@@ -94,18 +94,3 @@ def test_tides_layers_and_spirals_are_what_they_are_called():
     spiral = EkmanCurrent(*(jnp.asarray(v) for v in ([1.0, 0.0], [0.0, 0.0], 20.0, 1.0)))
     water = velocity_at(spiral, x, y, 20.0 * np.pi * np.array([0.0, 0.5, 1.0]), t)[:2]
     np.testing.assert_allclose(water, [[1.0, 0, -np.exp(-np.pi)], [0, np.exp(-np.pi / 2.0), 0]], atol=1e-6)
-
-
-@pytest.mark.parametrize("factor", [1e-3, 20.0])
-@pytest.mark.parametrize("family", ["open", "coast", "moving", "techy"])
-def test_scaled_problems_are_the_same_ones_in_other_units(family, factor):
-    problem = literature()[3] if family == "techy" else drawn(family, SEED)
-    larger, rng = scaled(problem, factor), np.random.default_rng(0)
-    side = float(problem.environment.upper[0] - problem.environment.lower[0])
-    path = np.linspace(problem.start, problem.goal, 33)
-    path[1:-1, :2] += 0.002 * side * rng.normal(size=(31, 2))
-    first, other = evaluate(problem, path), evaluate(larger, factor * path)
-    assert other.travel_time == pytest.approx(factor * first.travel_time, rel=1e-4)
-    assert other.clearance == pytest.approx(factor * first.clearance, rel=1e-3, abs=1e-4 * factor * side)
-    assert other.excess == pytest.approx(first.excess, rel=1e-3, abs=1e-3)
-    assert larger.environment.current(*(jnp.zeros(1),) * 4)[0].shape == (1,)
