@@ -1,3 +1,4 @@
+from .bound import trail_bound as trail_bound
 from .bound import upper_bound as upper_bound
 from .config import MissionConfig as MissionConfig
 from .exact import certify as certify
@@ -14,7 +15,6 @@ from .route import MissionRoutes as MissionRoutes
 from .route import MissionStatus as MissionStatus
 from .tasks import task_graph as task_graph
 from .timetable import Timetable as Timetable
-from .trail_bound import trail_bound as trail_bound
 from .travel_times import TravelTimeConfig as TravelTimeConfig
 
 __all__ = [

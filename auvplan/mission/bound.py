@@ -1,11 +1,18 @@
-"""Upper bound on the total priority of a mission: linear relaxation with connectivity cuts."""
+"""Upper bounds on the total priority of a mission: linear relaxations with connectivity cuts.
+
+Paths are unit flows x_ij on the edges, and no set of waypoints without the start gains more than flows into
+it. Sets for which a solution breaks that are found by minimum cuts, a few in each round. A bound is the value
+of the dual multipliers, so that it holds whatever the tolerances of the solver: any multipliers of the right
+sign give a valid one.
+"""
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix, hstack, vstack
 from scipy.sparse.csgraph import breadth_first_order, dijkstra, maximum_flow
 
 Array = NDArray[np.floating]
@@ -32,11 +39,9 @@ def upper_bound(
     It holds for a whole mission in which no waypoint is visited twice, however often it is re-planned;
     where waypoints may be visited again, `trail_bound` does.
 
-    Paths are unit flows x_ij on the edges, relaxed to [0, 1]: conservation at every waypoint, at most one
-    visit of each, sum(t_ij x_ij) <= T, and x(edges into S) >= visits of h for sets S of waypoints without the
-    start and h in S (generalised subtour elimination). The sets are found by minimum cuts, a few in each
-    round. The bound is the value of the dual multipliers, so that it holds whatever the tolerances of the
-    solver: any multipliers of the right sign give a valid bound.
+    Flows are relaxed to [0, 1]: conservation at every waypoint, at most one visit of each,
+    sum(t_ij x_ij) <= T, and x(edges into S) >= visits of h for sets S of waypoints without the start and h in
+    S (generalised subtour elimination).
 
     Args:
         leg_times: [N, N] s, t_ij with the task; infinite off the edges.
@@ -63,73 +68,224 @@ def upper_bound(
     References:
         Fischetti, Salazar Gonzalez, Toth (1998), Solving the orienteering problem through branch-and-cut.
     """
-    times, rho = checked(leg_times, priority, start, goal, time_available)
-    if rounds < 1:
-        raise ValueError(f"rounds must be at least 1, got {rounds}")
-    tails, heads = edges_in_time(times, start, goal, time_available)
+    times, rho = checked(leg_times, priority, start, goal, time_available, rounds)
+    tails, heads = edges = edges_in_time(times, start, goal, time_available)
     if start == goal or not len(tails):
         return 0.0
-    size, profit = len(times), rho[tails, heads]
-    edges, count = np.arange(len(tails)), len(tails)
-
-    into = csr_matrix((np.ones(count), (heads, edges)), (size, count))
-    out_of = csr_matrix((np.ones(count), (tails, edges)), (size, count))
-    balance, supply = (out_of - into).tocsr(), np.zeros(size)
-    supply[[start, goal]] = 1.0, -1.0
-    pairs = _pair_rows(tails, heads, into)
-    duration = csr_matrix(times[tails, heads][None] / time_available)
-    rows, limits = [duration, into], [np.ones(1 + size)]
+    size, count, profit = len(times), len(tails), rho[edges]
+    into, balance = _incidence(edges, size)
+    pairs = _pair_rows(edges, into)
+    rows, limits = [csr_matrix(times[edges][None] / time_available), into], [np.ones(1 + size)]
     sparse = count <= EDGES_PER_NODE * size
     if sparse:
         rows.append(pairs)
         limits.append(np.zeros(len(pairs.indptr) - 1))
 
+    def violated(flow: Array, turn: int) -> list[csr_matrix] | None:
+        found = [] if sparse else [pairs[np.flatnonzero(pairs @ flow > LEAST_VIOLATION)]]
+        if not sparse and turn == 0:
+            return found
+        visits, covered = np.bincount(heads, flow, size), np.zeros(size, bool)
+        covered[[start, goal]] = True
+        sets: dict[bytes, Array] = {}
+        for waypoint, entering, nearest, largest in _cuts(edges, flow, covered, start):
+            if entering > visits[waypoint] - LEAST_VIOLATION:
+                continue
+            covered |= nearest
+            most_visited = int(np.argmax(np.where(largest, visits, -1.0)))
+            for inside, served in ((nearest, waypoint), (largest, most_visited)):
+                row = (heads == served) * 1.0 - (inside[heads] & ~inside[tails])
+                sets.setdefault(inside.tobytes(), row)
+        found.append(csr_matrix(np.array([*sets.values()]).reshape(len(sets), count)))
+        return found if any(part.shape[0] for part in found) else None
+
     dearest = np.zeros(size)
     np.maximum.at(dearest, heads, profit)
-    best = float(dearest.sum())
-    for turn in range(rounds):
-        matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
-        solved = solve_relaxation(profit, matrix, limit, balance, supply)
-        if solved is None:
-            break
-        flow, value = solved
-        best = min(best, value)
-        violated = [] if sparse else [pairs[np.flatnonzero(pairs @ flow > LEAST_VIOLATION)]]
-        if sparse or turn > 0:
-            violated.append(_cut_rows(tails, heads, flow, size, start, goal))
-        found = sum(len(row.indptr) - 1 for row in violated)
-        if not found and (sparse or turn > 0):
-            break
-        rows += violated
-        limits.append(np.zeros(found))
-    return rounded_down(best + 1e-9 * (1.0 + best), profit)
+    return _tightened(float(dearest.sum()), profit, rows, limits, balance, (start, goal), rounds, violated)
 
 
-def solve_relaxation(
-    profit: Array, matrix: csr_matrix, limit: Array, balance: csr_matrix, supply: Array
-) -> tuple[Array, float] | None:
-    """Maximise ``profit @ x`` where ``matrix @ x <= limit`` and ``balance @ x = supply``, 0 <= x.
+def trail_bound(
+    leg_times: Any,
+    priority: Any,
+    start: int,
+    goal: int,
+    time_available: float,
+    *,
+    waypoint_priority: Any = None,
+    waypoint_duration: Any = None,
+    rounds: int = 12,
+) -> float:
+    """Bound the total priority of any trail from the start to the goal in time, each task counted once.
+
+    Where re-planning bars the passed edges alone (section 3.3.2), a whole mission is a trail: no edge is
+    taken twice, in either direction, but waypoints may be visited again. It is a unit flow x_ij <= 1 on the
+    edges with x_ij + x_ji <= 1; the task at waypoint j is y_j <= 1 with y_j <= x(edges into j), done on the
+    first arrival. sum(t_ij x_ij) + sum(delta_j y_j) <= T, and x(edges into S) >= x_ij + x_ji for edges inside
+    sets S without the start.
 
     Args:
-        profit: [C]; no solution that counts has a component above one.
-        matrix, limit: [R, C], [R].
-        balance, supply: [N, C], [N].
+        leg_times: [N, N] s, t_ij with the tasks of edge and waypoint; infinite off the edges.
+        priority: [N, N] rho_ij >= 0 of edge and waypoint together.
+        start, goal: indices.
+        time_available: T, s; a mission takes strictly less.
+        waypoint_priority: [N], the part of `priority` of every edge into a waypoint that counts once, as in
+            `MissionGraph`; zeros if absent.
+        waypoint_duration: [N] s, the same part of `leg_times`.
+        rounds: linear programs solved at most, at least 1.
 
     Returns:
-        The solution [C] and the value of its dual multipliers, which is a bound whatever the tolerances of
-        the solver; None where it finds no solution.
+        Bound on the sum of priorities, rounded down to a multiple of `common_step` where there is one; 0.0
+        where the goal is the start or cannot be reached in time, tasks at waypoints left out.
+
+    Raises:
+        ValueError: an argument is out of range or of the wrong shape.
+
+    Example:
+        >>> import numpy as np
+        >>> times = np.full((3, 3), np.inf)
+        >>> times[0, 1] = times[1, 0] = times[1, 2] = times[0, 2] = times[2, 0] = 10.0
+        >>> trail_bound(times, np.isfinite(times) * 2.0, 0, 2, 45.0)
+        4.0
+    """
+    times, rho = checked(leg_times, priority, start, goal, time_available, rounds)
+    size = len(times)
+    once, stay = np.zeros((2, size))
+    for name, given, value in (
+        ("waypoint_priority", waypoint_priority, once),
+        ("waypoint_duration", waypoint_duration, stay),
+    ):
+        if given is not None and np.shape(given) != (size,):
+            raise ValueError(f"{name} must be [N] = ({size},), got shape {np.shape(given)}")
+        value[:] = 0.0 if given is None else given
+        if not (np.isfinite(value) & (value >= 0.0)).all():
+            raise ValueError(f"{name} must be finite and not negative")
+    # What is done on the first arrival alone is no part of the later ones.
+    travel = np.where(np.isfinite(times), np.maximum(times - stay, 0.0), np.inf)
+    tails, heads = edges = edges_in_time(travel, start, goal, time_available, revisits=True)
+    if start == goal or not len(tails):
+        return 0.0
+    count = len(tails)
+    own = np.maximum(rho[edges] - once[heads], 0.0)
+    into, balance = _incidence(edges, size)
+    pair = np.unique(np.sort(edges, axis=0), axis=1, return_inverse=True)[1].ravel()
+    many, identity = int(pair.max()) + 1, csr_matrix(np.eye(size))
+    rows = [
+        csr_matrix(np.r_[travel[edges], stay][None] / time_available),
+        hstack(
+            [csr_matrix((np.ones(count), (pair, np.arange(count))), (many, count)), csr_matrix((many, size))]
+        ),
+        hstack([csr_matrix((size, count)), identity]),
+        hstack([-into, identity]),
+    ]
+
+    def violated(values: Array, _: int) -> list[csr_matrix] | None:
+        flow, covered, found = values[:count], np.zeros(size, bool), []
+        covered[start] = True
+        for _, entering, nearest, largest in _cuts(edges, flow, covered, start):
+            for inside in (nearest, largest):
+                within = inside[tails] & inside[heads]
+                if not within.any():
+                    continue
+                both = pair == pair[int(np.argmax(np.where(within, flow, -1.0)))]
+                if flow[both].sum() > entering + LEAST_VIOLATION:
+                    found.append(np.r_[both * 1.0 - (inside[heads] & ~inside[tails]), np.zeros(size)])
+                    covered |= nearest
+        return [csr_matrix(np.array(found))] if found else None
+
+    dearest = np.zeros(many)
+    np.maximum.at(dearest, pair, own)
+    best, limits = float(dearest.sum() + once.sum()), [np.ones(1 + many + size), np.zeros(size)]
+    balance = csr_matrix(hstack([balance, csr_matrix((size, size))]))
+    return _tightened(best, np.r_[own, once], rows, limits, balance, (start, goal), rounds, violated)
+
+
+def _incidence(edges: tuple[IntArray, IntArray], size: int) -> tuple[csr_matrix, csr_matrix]:
+    """[N, M] which edges lead into each waypoint, and those that lead out of it less those into it."""
+    numbers = np.arange(len(edges[0]))
+    out_of, into = (csr_matrix((np.ones(len(ends)), (ends, numbers)), (size, len(ends))) for ends in edges)
+    return into, (out_of - into).tocsr()
+
+
+def _pair_rows(edges: tuple[IntArray, IntArray], into: csr_matrix) -> csr_matrix:
+    """Rows of x_ij + x_ji <= visits of j, [K, M], for each edge whose reverse is there too."""
+    (tails, heads), (size, count) = edges, into.shape
+    number = np.full((size, size), -1)
+    number[edges] = np.arange(count)
+    forth = np.flatnonzero(number[heads, tails] >= 0)
+    back = number[heads[forth], tails[forth]]
+    row = np.arange(len(forth))
+    both = csr_matrix((np.ones(2 * len(row)), (np.r_[row, row], np.r_[forth, back])), (len(row), count))
+    return (both - into[heads[forth]]).tocsr()
+
+
+def _cuts(
+    edges: tuple[IntArray, IntArray], flow: Array, covered: BoolArray, start: int
+) -> Iterator[tuple[int, float, BoolArray, BoolArray]]:
+    """Yield for waypoints visited, the most visited first, the least flow that enters any set with it.
+
+    And two such sets without the start, masks [N]: the smallest, nearest to the waypoint, and the largest.
+    Waypoints that are `covered` [N] by then are passed over.
+    """
+    (tails, heads), size = edges, len(covered)
+    visits = np.bincount(heads, flow, size)
+    units = np.round(flow * FLOW_UNITS).astype(np.int32)
+    used = units > 0
+    capacity = csr_matrix((units[used], (tails[used], heads[used])), (size, size))
+    for waypoint in np.argsort(-visits, kind="stable").tolist():
+        if covered[waypoint] or visits[waypoint] < LEAST_VIOLATION:
+            continue
+        cut = maximum_flow(capacity, start, waypoint)
+        residual = (capacity - cut.flow).tocsr()
+        residual.eliminate_zeros()
+        nearest, largest = np.zeros(size, bool), np.ones(size, bool)
+        nearest[breadth_first_order(residual.T.tocsr(), waypoint, return_predecessors=False)] = True
+        largest[breadth_first_order(residual, start, return_predecessors=False)] = False
+        yield waypoint, cut.flow_value / FLOW_UNITS, nearest, largest
+
+
+def _tightened(
+    best: float,
+    profit: Array,
+    rows: list[csr_matrix],
+    limits: list[Array],
+    balance: csr_matrix,
+    ends: tuple[int, int],
+    rounds: int,
+    violated: Callable[[Array, int], list[csr_matrix] | None],
+) -> float:
+    """Maximise ``profit @ x`` where ``rows @ x <= limits`` and x [C] flows from one end to the other, 0 <= x.
+
+    Args:
+        best: a bound to begin with.
+        profit: [C]; no solution that counts has a component above one.
+        rows, limits: [R, C], [R], in parts.
+        balance: [N, C], of the flow at every waypoint.
+        ends: start and goal.
+        rounds: linear programs at most.
+        violated: rows with limits of zero that the solution of a round breaks; None where it is the last one.
     """
     from scipy.optimize import linprog  # a third of a second, and no plan needs it
 
-    answer = linprog(
-        -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
-        bounds=(0.0, None), method="highs", options={"presolve": False},
-    )  # fmt: skip
-    if answer.status != 0:
-        return None
-    weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
-    reduced = profit - balance.T @ potential - matrix.T @ weight
-    return answer.x, float(potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum())
+    supply = np.zeros(balance.shape[0])
+    supply[list(ends)] = 1.0, -1.0
+    for turn in range(rounds):
+        matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
+        answer = linprog(
+            -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
+            bounds=(0.0, None), method="highs", options={"presolve": False},
+        )  # fmt: skip
+        if answer.status != 0:
+            break
+        weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
+        reduced = profit - balance.T @ potential - matrix.T @ weight
+        value = potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum()
+        best = min(best, float(value))
+        found = violated(answer.x, turn)
+        if found is None:
+            break
+        rows = [*rows, *found]
+        limits = [*limits, np.zeros(sum(row.shape[0] for row in found))]
+    return rounded_down(best + 1e-9 * (1.0 + best), profit)
 
 
 def common_step(values: Any) -> float:
@@ -163,7 +319,7 @@ def common_step(values: Any) -> float:
 
 
 def checked(
-    leg_times: Any, priority: Any, start: int, goal: int, time_available: float
+    leg_times: Any, priority: Any, start: int, goal: int, time_available: float, rounds: int = 1
 ) -> tuple[Array, Array]:
     """Leg times and priorities as float arrays [N, N].
 
@@ -184,6 +340,8 @@ def checked(
             raise ValueError(f"{name} must be an index in [0, {len(times)}), got {index}")
     if np.isnan(time_available):
         raise ValueError("time_available must be a number, got nan")
+    if rounds < 1:
+        raise ValueError(f"rounds must be at least 1, got {rounds}")
     return times, rho
 
 
@@ -239,77 +397,6 @@ def edges_in_time(
     kept = since[tails] + times + togo[heads] <= time_available * (1.0 + 1e-12)
     kept &= np.isfinite(togo[heads]) & np.isfinite(since[tails])
     return tails[kept], heads[kept]
-
-
-def _pair_rows(tails: IntArray, heads: IntArray, into: csr_matrix) -> csr_matrix:
-    """Rows of x_ij + x_ji <= visits of j, [K, M], for each edge whose reverse is there too."""
-    size, count = len(into.indptr) - 1, len(tails)
-    number = np.full((size, size), -1)
-    number[tails, heads] = np.arange(count)
-    forth = np.flatnonzero(number[heads, tails] >= 0)
-    back = number[heads[forth], tails[forth]]
-    row = np.arange(len(forth))
-    both = csr_matrix((np.ones(2 * len(row)), (np.r_[row, row], np.r_[forth, back])), (len(row), count))
-    return (both - into[heads[forth]]).tocsr()
-
-
-def _cut_rows(tails: IntArray, heads: IntArray, flow: Array, size: int, start: int, goal: int) -> csr_matrix:
-    """Rows of visits of h <= x(edges into S), [K, M], for the sets found violated."""
-    rows = [
-        (heads == waypoint) * 1.0 - (inside[heads] & ~inside[tails])
-        for inside, waypoint in _violated_sets(tails, heads, flow, size, start, goal)
-    ]
-    return csr_matrix(np.array(rows).reshape(len(rows), len(tails)))
-
-
-def _violated_sets(
-    tails: IntArray, heads: IntArray, flow: Array, size: int, start: int, goal: int
-) -> list[tuple[BoolArray, int]]:
-    """Sets S, a mask [N], and a waypoint h of each, that less flow enters than visits h.
-
-    For each waypoint visited the minimum cut from the start to it: the set nearest to the waypoint, which is
-    the smallest, and the one nearest to the start, the largest. Waypoints of a set found are passed over.
-    """
-    visits = np.bincount(heads, flow, size)
-    found: dict[bytes, tuple[BoolArray, int]] = {}
-    covered = np.zeros(size, bool)
-    covered[[start, goal]] = True
-    capacity = flow_capacity(tails, heads, flow, size)
-    for waypoint in np.argsort(-visits, kind="stable").tolist():
-        if covered[waypoint] or visits[waypoint] < LEAST_VIOLATION:
-            continue
-        value, nearest, largest = minimum_cut(capacity, start, waypoint, size)
-        if value > visits[waypoint] - LEAST_VIOLATION:
-            continue
-        covered |= nearest
-        most_visited = int(np.argmax(np.where(largest, visits, -1.0)))
-        found.setdefault(nearest.tobytes(), (nearest, waypoint))
-        found.setdefault(largest.tobytes(), (largest, most_visited))
-    return list(found.values())
-
-
-def flow_capacity(tails: IntArray, heads: IntArray, flow: Array, size: int) -> csr_matrix:
-    """Return a flow [M] on edges as whole capacities [N, N], in parts of `FLOW_UNITS`."""
-    units = np.round(flow * FLOW_UNITS).astype(np.int32)
-    used = units > 0
-    return csr_matrix((units[used], (tails[used], heads[used])), (size, size))
-
-
-def minimum_cut(
-    capacity: csr_matrix, start: int, waypoint: int, size: int
-) -> tuple[float, BoolArray, BoolArray]:
-    """Least flow that enters any set with a waypoint and without the start, and two sets that it enters.
-
-    Returns:
-        The flow; the smallest such set and the largest one, masks [N].
-    """
-    cut = maximum_flow(capacity, start, waypoint)
-    residual = (capacity - cut.flow).tocsr()
-    residual.eliminate_zeros()
-    nearest, largest = np.zeros(size, bool), np.ones(size, bool)
-    nearest[breadth_first_order(residual.T.tocsr(), waypoint, return_predecessors=False)] = True
-    largest[breadth_first_order(residual, start, return_predecessors=False)] = False
-    return cut.flow_value / FLOW_UNITS, nearest, largest
 
 
 def rounded_down(bound: float, priority: Array) -> float:

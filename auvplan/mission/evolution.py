@@ -1,6 +1,6 @@
 """The compiled search for a route: seeds from a beam, then biogeography-based optimisation."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -20,32 +20,40 @@ from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import over_rows
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Missions:
+    """Missions to be searched, stacked along an axis B.
+
+    Attributes:
+        edges: of the graphs.
+        start, goal: [B] indices.
+        time_available: [B] s.
+        visited: [B, N] bool, waypoints not to be visited again.
+        return_margin: [B] share by which the way to the goal is taken to last longer than expected.
+        given: [B, P, D] habitats to start from, of which the first ones are used.
+        known: [B, N] routes to start from, padded with -1; all -1 where there is none.
+    """
+
+    edges: Edges
+    start: Any
+    goal: Any
+    time_available: Any
+    visited: Any
+    return_margin: Any
+    given: Any
+    known: Any
+
+
 @partial(compiled, static_argnames=("config",), quick=True)
 def search_missions(
-    keys: jax.Array,
-    edges: Edges,
-    starts: jax.Array,
-    goals: jax.Array,
-    budgets: jax.Array,
-    visited: jax.Array,
-    margins: jax.Array,
-    given: jax.Array,
-    known: jax.Array,
-    count: jax.Array,
-    iterations: jax.Array,
-    config: MissionConfig,
+    keys: jax.Array, missions: Missions, count: jax.Array, iterations: jax.Array, config: MissionConfig
 ) -> tuple[search.Result, decoders.Decoded, jax.Array]:
     """Search B missions at once.
 
     Args:
         keys: [B].
-        edges: of the graphs, stacked.
-        starts, goals: [B] indices.
-        budgets: [B] s, T_available.
-        visited: [B, N] bool.
-        margins: [B] return margins.
-        given: [B, P, D] habitats to start from, of which the first `count` are used.
-        known: [B, N] routes to start from, padded with -1; all -1 where there is none.
+        missions: of B.
         count: number of habitats given.
         iterations: to be made, at most those of the settings; later rows of histories are zero.
         config: static settings.
@@ -54,21 +62,21 @@ def search_missions(
         Results, decoded best habitats [B, 1, ...] and least times to the goal [B] s.
     """
 
-    def one(
-        key: jax.Array, edges: Edges, start: jax.Array, goal: jax.Array,
-        budget: jax.Array, visited: jax.Array, margin: jax.Array, given: jax.Array, known: jax.Array,
-    ) -> tuple[search.Result, decoders.Decoded, jax.Array]:  # fmt: skip
-        problem = prepare(edges, start, goal, budget, visited, margin)
+    def one(key: jax.Array, mission: Missions) -> tuple[search.Result, decoders.Decoded, jax.Array]:
+        ends, given = (mission.start, mission.goal), mission.given
+        problem = prepare(
+            mission.edges, *ends, mission.time_available, mission.visited, mission.return_margin
+        )
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
         start_key, run_key = jax.random.split(key)
         population = search.uniform_population(start_key, config.bbo.population, lower, upper)
         if config.plant:
             # Early arrival wastes a random habitat: the destination starts as the last resort.
-            population = population.at[:, goal].set(decoders.LOWEST)
+            population = population.at[:, mission.goal].set(decoders.LOWEST)
         population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
         if config.plant:
-            population = _planted(population, known, problem, config)
+            population = _planted(population, mission.known, problem, config)
         result = search.run(
             run_key,
             partial(_score, config=config),
@@ -82,15 +90,15 @@ def search_missions(
             iterations,
         )
         best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
-        return result, best, problem.time_to_go[start]
+        return result, best, problem.time_to_go[mission.start]
 
-    return over_rows(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
+    return over_rows(one)(keys, missions)
 
 
 def search_within(
     budget: Budget | None,
     keys: jax.Array,
-    *problem: Any,
+    missions: Missions,
     count: int,
     iterations: int,
     config: MissionConfig,
@@ -99,12 +107,10 @@ def search_within(
 
     Where it is too short for a beam search, it starts without one.
     """
-    *graph, given, known = problem
-    share = share_of(budget)
-    kind = given.shape, known.shape, len(keys)
+    share, kind = share_of(budget), (missions.given.shape, missions.known.shape, len(keys))
     seeded = config if share.allows((config, *kind)) else config.replace(seeds=0)
     done = iterations if budget is None else 0
-    begin = partial(search_missions, keys, *graph, given, known, count=count, config=seeded)
+    begin = partial(search_missions, keys, missions, count=count, config=seeded)
     result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(done)))
     later, chunks = config.replace(seeds=0, plant=False), [search.rows(result.history, slice(0, done + 1))]
     while done < iterations and (chunk := share.units((later, *kind), iterations - done)):
@@ -112,9 +118,7 @@ def search_within(
         search_on = partial(
             search_missions,
             prng.folded_rows(keys, done + 1),
-            *graph,
-            population,
-            known,
+            replace(missions, given=population),
             count=population.shape[1],
             iterations=np.int32(chunk),
             config=later,

@@ -134,64 +134,47 @@ def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
     Raises:
         ImportError: OR-Tools is not installed: `pip install 'auvplan[exact]'`; by the clock it is not needed.
     """
-    if route.timetable is not None:
-        return _certify_by_the_clock(route, time_limit)
-    times, rho, goal = route.limiting_times, route.edge_priority, route.goal
-    start = int(route.nodes[0])
-    hint = route.nodes if route.feasible else None
-    found = solve_exact(times, rho, start, goal, route.time_available, time_limit=time_limit, hint=hint)
-    if start == goal or found.infeasible:
-        return route
-    bound = min(found.bound, route.bound)
-    worse = len(found.nodes) == 0 or (route.feasible and found.priority <= route.priority)
-    if worse or route.return_margin > 0.0:
-        return replace(route, proven_bound=bound)
-    legs = route.edge_times[found.nodes[:-1], found.nodes[1:]]
-    return replace(
-        route,
-        nodes=found.nodes,
-        time=float(legs.sum()),
-        priority=found.priority,
-        tasks=int(np.count_nonzero(rho[found.nodes[:-1], found.nodes[1:]])),
-        leg_times=legs,
-        status=MissionStatus.OK,
-        proven_bound=bound,
-    )
-
-
-def _certify_by_the_clock(route: MissionRoute, time_limit: float) -> MissionRoute:
-    """`certify` by labels."""
-    if route.nodes[0] == route.goal:
+    rho, start, clock = route.edge_priority, int(route.nodes[0]), route.timetable
+    if start == route.goal:
         return route
     known = route.priority if route.feasible else -np.inf
-    found = labels.prove(route.clocked, known, time_limit)
-    bound = route.proven_bound if found.proved else None
-    if found.proved and np.isfinite(found.bound):
-        bound = found.bound
-    elif not found.proved:
-        bound = min(found.bound, route.bound)
+    if clock is None:
+        hint = route.nodes if route.feasible else None
+        asked = route.limiting_times, rho, start, route.goal, route.time_available
+        found = solve_exact(*asked, time_limit=time_limit, hint=hint)
+        if found.infeasible:
+            return route
+        bound: float | None = min(found.bound, route.bound)
+    else:
+        found = labels.prove(route.clocked, known, time_limit)
+        bound = min(found.bound, route.bound) if not found.proved else route.proven_bound
+        if found.proved and np.isfinite(found.bound):
+            bound = found.bound
+    route = replace(route, proven_bound=bound)
     if not len(found.nodes) or route.return_margin > 0.0:
-        return replace(route, proven_bound=bound)
-    assert route.timetable is not None
-    assert route.duration is not None
-    legs = stages(route.timetable, route.duration, found.nodes.tolist())
-    edges = list(pairwise(found.nodes.tolist()))
-    worth = [
-        float(route.edge_priority[edge]) - route.timetable.lost(*edge, float(begins))
-        for edge, begins in zip(edges, legs.begins, strict=True)
-    ]
-    if not legs.ends[-1] < route.time_available or sum(worth) <= known:
-        return replace(route, proven_bound=bound)
+        return route
+    edges = found.nodes[:-1], found.nodes[1:]
+    if clock is None:
+        lasts, waits, worth = route.edge_times[edges], np.zeros(len(edges[0])), rho[edges]
+        time_taken, priority = float(lasts.sum()), float(worth.sum())
+    else:
+        assert route.duration is not None
+        legs = stages(clock, route.duration, found.nodes.tolist())
+        begun = zip(*(ends.tolist() for ends in edges), legs.begins.tolist(), strict=True)
+        worth = rho[edges] - [clock.lost(*leg) for leg in begun]
+        lasts, waits, time_taken = legs.ends - legs.departs, legs.begins - legs.arrives, float(legs.ends[-1])
+        priority = sum(worth.tolist())
+    if priority <= known or not time_taken < route.time_available:
+        return route
     return replace(
         route,
         nodes=found.nodes,
-        time=float(legs.ends[-1]),
-        priority=sum(worth),
+        time=time_taken,
+        priority=priority,
         tasks=int(np.count_nonzero(worth)),
-        leg_times=legs.ends - legs.departs,
-        waits=legs.begins - legs.arrives,
+        leg_times=lasts,
+        waits=waits,
         status=MissionStatus.OK,
-        proven_bound=bound,
     )
 
 

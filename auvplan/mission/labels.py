@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission.bound import Array, IntArray, common_step
-from auvplan.mission.timetable import Timetable
+from auvplan.mission.timetable import Schedule, Timetable
 
 #: Moments at which the bound is known, at least and at most.
 _MOMENTS = 128, 2000
@@ -62,47 +62,17 @@ class Clocked:
             i, j: waypoints.
             since: s, finite; all of shapes that broadcast.
         """
-        table, lasts = self.timetable, self.duration[i, j]
-        if table.enters.shape[-1]:
-            arrives = np.full(np.broadcast_shapes(np.shape(i), np.shape(j), np.shape(since)), np.inf)
-            for k in range(table.enters.shape[-1]):
-                entered = np.maximum(since, table.enters[i, j, k])
-                ends = self._crossed(i, j, np.where(np.isfinite(entered), entered, self.end))
-                kept = (ends + lasts <= table.until[i, j, k]) & np.isfinite(entered)
-                kept &= table.waiting | (entered == since)
-                arrives = np.where(kept, np.minimum(arrives, ends), arrives)
-        else:
-            arrives = self._crossed(i, j, since)
-        begins = arrives
-        if table.opens.shape[-1]:
-            begins = np.full_like(arrives, np.inf)
-            for k in range(table.opens.shape[-1]):
-                first = np.maximum(arrives, table.opens[i, j, k])
-                kept = (arrives <= table.closes[i, j, k]) & (table.waiting | (first == arrives))
-                begins = np.where(kept, np.minimum(begins, first), begins)
+        with np.errstate(invalid="ignore"):  # of edges that are shut
+            _, begins = self._schedule.begins(i, j, since)
         worth = np.broadcast_to(self.priority[i, j], begins.shape)
-        for k in range(table.drops.shape[-1]):
-            worth = worth - np.where(begins > table.falls[i, j, k], table.drops[i, j, k], 0.0)
-        return np.where(self.open[i, j], begins + lasts, np.inf), worth
-
-    def _crossed(self, i: IntArray, j: IntArray, since: Array) -> Array:
-        """When the ends of edges are reached that are entered at times, or later by waiting."""
-        table = self.timetable
-        departures, travel = table.departures, table.travel_time
-        step, final = (departures[1] - departures[0] if len(departures) > 1 else 1.0), len(departures) - 1
-        place = np.maximum((since - departures[0]) / step, 0.0)
-        cell = np.minimum(place.astype(int), final)
-        share = np.minimum(place - cell, 1.0)
-        a, b = travel[cell, i, j], travel[np.minimum(cell + 1, final), i, j]
-        shut = np.isinf(a) | np.isinf(b)
-        between = np.where(shut, np.inf, a + share * np.where(shut, 0.0, b - np.where(shut, 0.0, a)))
-        arrives = since + np.where(share == 0.0, a, between)
-        return np.minimum(arrives, self._later[cell, i, j]) if table.waiting else arrives
+        for k in range(self.timetable.drops.shape[-1]):
+            fallen = begins > self.timetable.falls[i, j, k]
+            worth = worth - np.where(fallen, self.timetable.drops[i, j, k], 0.0)
+        return np.where(self.open[i, j], begins + self.duration[i, j], np.inf), worth
 
     @cached_property
-    def _later(self) -> Array:
-        """[M, N, N] s, earliest arrivals of those that enter later, see `Timetable.later`."""
-        return self.timetable.later
+    def _schedule(self) -> Schedule:
+        return Schedule.whole(self.timetable, self.duration)
 
 
 @dataclass(frozen=True)
@@ -294,19 +264,9 @@ def _labels(
             limit = total + left + ahead.best[moment, nodes]
             fits[:, goal] = False
             row, column = np.nonzero(fits & (limit >= best + least) & (limit > -np.inf))
-            parts.append(
-                (
-                    rows[row],
-                    column,
-                    done[row, column],
-                    total[row, column],
-                    left[row, column],
-                    limit[row, column],
-                )
-            )
-        parent, onward, now, gained, spare, bound = (
-            np.concatenate(part) for part in zip(*parts, strict=True)
-        )
+            found = (values[row, column] for values in (done, total, left, limit))
+            parts.append((rows[row], column, *found))
+        parent, onward, now, gained, spare, bound = map(np.concatenate, zip(*parts, strict=True))
         marks = seen[parent] | bits[onward]
         # Of those that end at one waypoint and have visited the same, those go on that are earlier or richer.
         kept = np.lexsort((-gained, now, *marks.T, onward))
@@ -372,8 +332,9 @@ def least_within_reach(mission: Clocked) -> Array:
     least = np.full((size, size), np.inf)
     for number, departure in enumerate(departures):
         near = (departure > first - step) & (departure < last + step)
-        near |= ((number == 0) & (departure >= first)) | (
-            (number == len(departures) - 1) & (departure <= last)
-        )
+        if number == 0:
+            near |= departure >= first
+        if number == len(departures) - 1:
+            near |= departure <= last
         least = np.where(near, np.minimum(least, table.travel_time[number]), least)
     return np.where(usable, least + mission.duration, np.inf)

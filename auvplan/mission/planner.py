@@ -13,7 +13,7 @@ import numpy as np
 from auvplan.mission import decoder as decoders
 from auvplan.mission import labels
 from auvplan.mission.config import MissionConfig
-from auvplan.mission.evolution import search_within
+from auvplan.mission.evolution import Missions, search_within
 from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.labels import Clocked
@@ -256,11 +256,7 @@ def plan_missions(
         None if graphs.timetable is None else graphs.timetable.padded(more),
         np.pad(graphs.duration, square),
     )
-    watch = None if budget is None else Budget(budget, batch)
-    program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
-    found = batch_map(
-        program,
-        keys,
+    missions = Missions(
         edges,
         starts,
         goals,
@@ -270,7 +266,9 @@ def plan_missions(
         np.insert(given, [size] * more, 0, axis=2),
         np.pad(known, row, constant_values=-1),
     )
-    result, best, least = found
+    watch = None if budget is None else Budget(budget, batch)
+    program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
+    result, best, least = batch_map(program, keys, missions)
     population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
     result = replace(result, state=replace(result.state, population=population))
     best = replace(best, nodes=best.nodes[..., :size])

@@ -28,6 +28,13 @@ class MissionStatus(Enum):
     NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
 
 
+#: Attributes of a route that are single numbers.
+_NUMBERS = {
+    "time": float, "priority": float, "tasks": int, "cost": float, "least_time": float,
+    "time_available": float, "return_margin": float,
+}  # fmt: skip
+
+
 @dataclass(frozen=True, repr=False)
 class MissionRoute(ReprMixin):
     """An ordered list of tasks.
@@ -183,23 +190,8 @@ class MissionRoutes(ReprMixin):
 
     def __getitem__(self, b: int) -> MissionRoute:
         count = int(self.count[b])
-        return MissionRoute(
-            nodes=self.nodes[b, :count],
-            time=float(self.time[b]),
-            priority=float(self.priority[b]),
-            tasks=int(self.tasks[b]),
-            cost=float(self.cost[b]),
-            leg_times=self.leg_times[b, : count - 1],
-            waits=self.waits[b, : count - 1],
-            status=self.status[b],
-            least_time=float(self.least_time[b]),
-            time_available=float(self.time_available[b]),
-            population=self.population[b],
-            history=jax.tree.map(lambda rows: rows[b], self.history),
-            edge_times=self.edge_times[b],
-            edge_priority=self.edge_priority[b],
-            goal=int(self.goals[b]),
-            return_margin=float(self.return_margin[b]),
-            timetable=jax.tree.map(lambda rows: rows[b], self.timetable),
-            duration=None if self.duration is None else self.duration[b],
-        )
+        rows = {k: v for k, v in vars(self).items() if k not in ("count", "goals", "status")}
+        row = jax.tree.map(lambda leaf: leaf[b], rows)
+        row |= {name: kind(row[name]) for name, kind in _NUMBERS.items()}
+        row |= {"nodes": row["nodes"][:count]} | {k: row[k][: count - 1] for k in ("leg_times", "waits")}
+        return MissionRoute(**row, status=self.status[b], goal=int(self.goals[b]))

@@ -28,6 +28,24 @@ _HALVINGS = 26
 #: s; no vehicle is so punctual.
 _MOMENT = 1e-3
 
+#: Fields of a timetable that go together in pairs, what they hold for none, and where all is open always.
+_NONE = {
+    "opens": np.inf,
+    "closes": -np.inf,
+    "enters": np.inf,
+    "until": -np.inf,
+    "falls": np.inf,
+    "drops": 0.0,
+}
+_ALWAYS = {
+    "opens": -np.inf,
+    "closes": np.inf,
+    "enters": -np.inf,
+    "until": np.inf,
+    "falls": np.inf,
+    "drops": 0.0,
+}
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -76,13 +94,14 @@ class Timetable:
         if np.isnan(travel).any() or (travel < 0.0).any():
             raise ValueError("travel_time must not be negative or NaN; infinite where an edge is closed")
         shape = (*travel.shape[:-3], *travel.shape[-2:])
-        for name in _PAIRS:
+        for name in _NONE:
             given = getattr(self, name)
             value = np.zeros((*shape, 0)) if given is None else np.asarray(given, float)
             if value.shape[:-1] != shape:
                 raise ValueError(f"{name} must be [N, N, W] with N = {shape[-1]}, got shape {value.shape}")
             object.__setattr__(self, name, value)
-        for first, last in zip(_PAIRS[::2], _PAIRS[1::2], strict=True):
+        names = list(_NONE)
+        for first, last in zip(names[::2], names[1::2], strict=True):
             one, other = getattr(self, first).shape, getattr(self, last).shape
             if one != other:
                 raise ValueError(f"{first} and {last} must be as many, got {one}, {other}")
@@ -128,22 +147,14 @@ class Timetable:
         square = [(0, more), (0, more)]
         lead = [(0, 0)] * (self.travel_time.ndim - 2)
         windows = [*lead[1:], *square, (0, 0)]
-        return replace(
-            self,
-            travel_time=np.pad(self.travel_time, [*lead, *square], constant_values=np.inf),
-            opens=np.pad(self.opens, windows, constant_values=np.inf),
-            closes=np.pad(self.closes, windows, constant_values=-np.inf),
-            enters=np.pad(self.enters, windows, constant_values=np.inf),
-            until=np.pad(self.until, windows, constant_values=-np.inf),
-            falls=np.pad(self.falls, windows, constant_values=np.inf),
-            drops=np.pad(self.drops, windows),
-        )
+        parts = {name: np.pad(getattr(self, name), windows, constant_values=v) for name, v in _NONE.items()}
+        travel_time = np.pad(self.travel_time, [*lead, *square], constant_values=np.inf)
+        return replace(self, travel_time=travel_time, **parts)
 
     def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
         """Return a copy in which the tasks of pairs, a mask [..., N, N], may be done at any time."""
-        always = zip(_PAIRS, (-np.inf, np.inf, -np.inf, np.inf, np.inf, 0.0), strict=True)
         at = pairs[..., None]
-        return replace(self, **{name: np.where(at, value, getattr(self, name)) for name, value in always})
+        return replace(self, **{name: np.where(at, v, getattr(self, name)) for name, v in _ALWAYS.items()})
 
     def lost(self, i: int, j: int, begins: float) -> float:
         """Return by how much the priority of the task from i to j has fallen when it begins."""
@@ -153,10 +164,6 @@ class Timetable:
         """Return whether a task along the edge from i to j lies in one of its windows, s."""
         enters, until = self.enters[i, j], self.until[i, j]
         return not len(enters) or bool(((leaves >= enters - _MOMENT) & (ends <= until + _MOMENT)).any())
-
-
-#: Fields of a timetable that go together.
-_PAIRS = ("opens", "closes", "enters", "until", "falls", "drops")
 
 
 class Stages(NamedTuple):
@@ -230,7 +237,7 @@ def stages(
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Schedule:
-    """A timetable as the compiled planner sees it, in neighbour lists of length K.
+    """A timetable by lists of length K of the edges from each waypoint: in JAX of neighbours, in NumPy of all.
 
     Attributes:
         origin: [...] s, the first departure.
@@ -257,43 +264,34 @@ class Schedule:
     waiting: bool = field(default=True, metadata={"static": True})
 
     @classmethod
+    def whole(cls, timetable: Timetable, duration: Array) -> "Schedule":
+        """Return a timetable by lists of all N waypoints, in double precision."""
+        origin, *later = np.moveaxis(timetable.departures[..., :2], -1, 0)
+        step = later[0] - origin if later else np.ones_like(origin)
+        planes = (np.moveaxis(values, -3, -1) for values in (timetable.travel_time, timetable.later))
+        pairs = (getattr(timetable, name) for name in _NONE)
+        return cls(origin, step, *planes, duration, *pairs, timetable.waiting)
+
+    @classmethod
     def of(
         cls, timetable: Timetable, duration: Array, neighbours: NDArray[np.int_], used: NDArray[np.bool_]
     ) -> "Schedule":
         """Gather a timetable by neighbour lists [..., N, K], of which `used` says what is no padding."""
-        departures = timetable.departures
-        count = departures.shape[-1]
-        step = departures[..., 1] - departures[..., 0] if count > 1 else np.ones(departures.shape[:-1])
-
-        def gathered(values: Array, filling: float) -> Array:
-            rows = np.take_along_axis(values, neighbours, axis=-1)
-            return np.where(used, rows, filling).astype(np.float32)
-
-        def planes(values: Array, filling: float, axis: int) -> Array:
-            parts = [gathered(part, filling) for part in np.moveaxis(values, axis, 0)]
-            empty = np.zeros((*neighbours.shape, 0), np.float32)
-            return np.stack(parts, axis=-1) if parts else empty
-
+        whole = cls.whole(timetable, duration)
         # What rounding may add up to on the way must not let a task begin too late.
         slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
 
-        def earlier(moments: Array) -> Array:
-            return np.where(np.isfinite(moments), (1.0 - slack) * moments, moments)
+        def gathered(name: str) -> Array:
+            values, filling = getattr(whole, name), _NONE.get(name, 0.0 if name == "duration" else np.inf)
+            if name in ("closes", "until", "falls"):
+                values = np.where(np.isfinite(values), (1.0 - slack) * values, values)
+            more = (...,) + (None,) * (values.ndim - neighbours.ndim)
+            rows = np.take_along_axis(values, neighbours[more], axis=neighbours.ndim - 1)
+            return np.where(used[more], rows, filling).astype(np.float32)
 
-        return cls(
-            departures[..., 0].astype(np.float32),
-            step.astype(np.float32),
-            planes(timetable.travel_time, np.inf, -3),
-            planes(timetable.later, np.inf, -3),
-            gathered(duration, 0.0),
-            planes(timetable.opens, np.inf, -1),
-            planes(earlier(timetable.closes), -np.inf, -1),
-            planes(timetable.enters, np.inf, -1),
-            planes(earlier(timetable.until), -np.inf, -1),
-            planes(earlier(timetable.falls), np.inf, -1),
-            planes(timetable.drops, 0.0, -1),
-            timetable.waiting,
-        )
+        names = "travel_time", "later", "duration", *_NONE
+        single = (np.asarray(value, np.float32) for value in (whole.origin, whole.step))
+        return cls(*single, *map(gathered, names), timetable.waiting)
 
     def begins(
         self, node: Any, edge: Any, time: Any, waiting: bool | None = None
@@ -306,14 +304,14 @@ class Schedule:
             time: s.
             waiting: instead of the timetable's own.
         """
-        waits = self.waiting if waiting is None else waiting
+        waits, xp = self.waiting if waiting is None else waiting, self._library
         if self.enters.shape[-1]:
             enters, until = self.enters[node, edge], self.until[node, edge]
-            entered = jnp.maximum(time[..., None], enters)
+            entered = xp.maximum(time[..., None], enters)
             ends = self._crossed(node[..., None], edge[..., None], entered, waits)
             missed = ends + self.duration[node, edge][..., None] > until
             missed = missed if waits else missed | (time[..., None] < enters)
-            arrives = jnp.where(missed, jnp.inf, ends).min(axis=-1)
+            arrives = xp.where(missed, xp.inf, ends).min(axis=-1)
         else:
             arrives = self._crossed(node, edge, time, waits)
         if not self.opens.shape[-1]:
@@ -322,7 +320,11 @@ class Schedule:
         late = arrives[..., None] > closes
         early = arrives[..., None] < opens
         missed = late if waits else late | early
-        return arrives, jnp.where(missed, jnp.inf, jnp.maximum(arrives[..., None], opens)).min(axis=-1)
+        return arrives, xp.where(missed, xp.inf, xp.maximum(arrives[..., None], opens)).min(axis=-1)
+
+    @property
+    def _library(self) -> Any:
+        return np if isinstance(self.travel_time, np.ndarray) else jnp
 
     def lost(self, node: Any, edge: Any, begins: Any) -> Any:
         """Return by how much priorities have fallen where tasks begin at times; arguments as in `begins`."""
@@ -331,16 +333,16 @@ class Schedule:
 
     def _crossed(self, node: Any, edge: Any, time: Any, waits: bool) -> jax.Array:
         """Return when edges are at their ends that are entered at times, or later where the vehicle waits."""
-        final = self.travel_time.shape[-1] - 1
-        place = jnp.maximum((time - self.origin) / self.step, 0.0)
-        cell = jnp.clip(jnp.floor(place), 0, final).astype(jnp.int32)
-        share = jnp.clip(place - cell, 0.0, 1.0)
+        final, xp = self.travel_time.shape[-1] - 1, self._library
+        place = xp.maximum((time - self.origin) / self.step, 0.0)
+        cell = xp.clip(xp.floor(place), 0, final).astype(xp.int32)
+        share = xp.clip(place - cell, 0.0, 1.0)
         a = self.travel_time[node, edge, cell]
-        b = self.travel_time[node, edge, jnp.minimum(cell + 1, final)]
-        shut = jnp.isinf(a) | jnp.isinf(b)
-        between = jnp.where(shut, jnp.inf, a + share * jnp.where(shut, 0.0, b - a))
-        lasts = jnp.where(share == 0.0, a, between)
-        return jnp.minimum(time + lasts, self.later[node, edge, cell]) if waits else time + lasts
+        b = self.travel_time[node, edge, xp.minimum(cell + 1, final)]
+        shut = xp.isinf(a) | xp.isinf(b)
+        between = xp.where(shut, xp.inf, a + share * xp.where(shut, 0.0, b - a))
+        lasts = xp.where(share == 0.0, a, between)
+        return xp.minimum(time + lasts, self.later[node, edge, cell]) if waits else time + lasts
 
     def lasts(self, node: Any, edge: Any, time: Any, waiting: bool | None = None) -> jax.Array:
         """Seconds from entering edges until their tasks are done; arguments as in `begins`."""
