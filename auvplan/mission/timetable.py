@@ -237,7 +237,7 @@ def stages(
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Schedule:
-    """A timetable by lists of length K of the edges from each waypoint: in JAX of neighbours, in NumPy of all.
+    """A timetable by lists of the K edges from each waypoint: of neighbours in JAX, of all in NumPy.
 
     Attributes:
         origin: [...] s, the first departure.
