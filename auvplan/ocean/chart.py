@@ -254,7 +254,25 @@ def classify_file(
         ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` tells
             nothing of its greys.
     """
-    return classify_picture(*_read_picture(path, grey=bool(colours)), clusters, seed, colours)
+    path = Path(path)
+    try:
+        with opened(path, ChartError) as file:
+            values, shown = read_pixels(path, file, ChartError)
+            nodata = file.nodata
+    except ChartError:
+        raise
+    except Exception as error:  # a decoder may raise anything on a damaged file
+        raise ChartError(f"{path}: {reason_of(error)}") from None
+    blank = np.zeros(values.shape[:2], bool) if shown is None else ~shown
+    if values.ndim == 2:
+        if not colours or values.dtype != np.uint8:
+            raise ChartError(
+                f"{path}: a picture without colour: water and land look the same, unless chart.colours "
+                "or --water and --land name the greys of both (of 256 levels)"
+            )
+        blank |= values == nodata
+        values = np.repeat(values[..., None], 3, axis=2)
+    return classify_picture(values, blank, clusters, seed, colours)
 
 
 def settled(found: Classified, what: str | Path) -> Classified:
@@ -278,33 +296,3 @@ def settled(found: Classified, what: str | Path) -> Classified:
     for line in found.warnings:
         warnings.warn(f"{what} {line}", ScenarioWarning, stacklevel=3)
     return found
-
-
-def _read_picture(path: str | Path, grey: bool) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """[rows, columns, 3] RGB, and [rows, columns] which pixels show nothing.
-
-    Args:
-        path: of the file.
-        grey: whether a picture without colour is read as well.
-
-    Raises:
-        ChartError: the file is missing, no picture, damaged, too large, or has no colour.
-    """
-    path = Path(path)
-    try:
-        with opened(path, ChartError) as file:
-            values, shown = read_pixels(path, file, ChartError)
-            nodata = file.nodata
-    except ChartError:
-        raise
-    except Exception as error:  # a decoder may raise anything on a damaged file
-        raise ChartError(f"{path}: {reason_of(error)}") from None
-    blank = np.zeros(values.shape[:2], bool) if shown is None else ~shown
-    if values.ndim == 3:
-        return values, blank
-    if not grey or values.dtype != np.uint8:
-        raise ChartError(
-            f"{path}: a picture without colour: water and land look the same, unless chart.colours "
-            "or --water and --land name the greys of both (of 256 levels)"
-        )
-    return np.repeat(values[..., None], 3, axis=2), blank | (values == nodata)

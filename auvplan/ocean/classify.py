@@ -10,6 +10,7 @@ import hashlib
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import ImageColor
 
 from auvplan.ocean.frame import edge_of, find_frame, joined, shade_of, surround
-from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name
+from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name, shares
 from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, to_hex, to_lab, to_rgb
 from auvplan.runtime.cache import kept
 
@@ -41,15 +42,8 @@ _SCATTER_BOTH, _BETWEEN_BOTH = 2.5, 0.01
 _LEAST_WATER = 0.02  # share of water within a frame, without which it is none
 
 
-@dataclass(frozen=True)
-class Cluster:
-    """Pixels of like colour.
-
-    Attributes:
-        colour: of its centre, #rrggbb.
-        share: of the picture without what is no data.
-        kind: coast, uncertain or water.
-    """
+class Cluster(NamedTuple):
+    """Pixels of like colour: #rrggbb of the centre, share of what is shown; coast, uncertain or water."""
 
     colour: str
     share: float
@@ -137,7 +131,7 @@ def _classified(
 ) -> Classified:
     """`classify_picture` of what is a picture."""
     if blank.all():
-        return _empty(blank)
+        return Classified(np.zeros(blank.shape, np.float32), (), ("it holds nothing but no data",))
     frame, shade = find_frame(rgb, blank)
     found = _cluster(rgb, clusters, seed, colours, blank | frame)
     if frame.any() and (found.passability == 1.0).sum() < _LEAST_WATER * (~(blank | frame)).sum():
@@ -149,7 +143,8 @@ def _classified(
         for what, part in (("what is see-through or no data", blank), (f"the {shade} frame", frame))
         if part.any()
     )
-    beyond = joined(blank if _is_named(shade, colours) else blank | frame, edge_of(blank.shape))
+    named = {shade_of(np.asarray(ImageColor.getrgb(colour))) for colour in colours.listed()[0]}
+    beyond = joined(blank if shade and shade in named else blank | frame, edge_of(blank.shape))
     found = replace(found, notes=(*notes, *found.notes), outside=beyond)
     around = surround(rgb)
     if around and not frame.any() and found.passability[0, 0] == 1.0:
@@ -161,12 +156,6 @@ def _classified(
     return found
 
 
-def _is_named(shade: str, colours: ChartColours) -> bool:
-    """Return whether the user says what black or white, or nearly so, stands for."""
-    named = (*colours.water, *colours.land, *colours.uncertain)
-    return bool(shade) and any(shade_of(np.asarray(ImageColor.getrgb(colour))) == shade for colour in named)
-
-
 def _cluster(
     rgb: NDArray[np.uint8], clusters: int, seed: int, colours: ChartColours, blank: NDArray[np.bool_]
 ) -> Classified:
@@ -174,10 +163,8 @@ def _cluster(
     # Imported here because it takes most of a second, and only pictures need it.
     from sklearn.cluster import KMeans
 
-    smooth = np.stack(
-        [scipy.ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)], axis=-1
-    )
-    pixels = smooth.reshape(-1, 3)
+    smooth = [scipy.ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)]
+    pixels = np.stack(smooth, axis=-1).reshape(-1, 3)
     shown = pixels[~blank.ravel()]
     sample = shown[np.random.default_rng(seed).integers(0, len(shown), min(_SAMPLE, len(shown)))]
     k = min(clusters, len(np.unique(sample, axis=0)))
@@ -193,25 +180,28 @@ def _cluster(
     labels[blank.ravel()] = -1
     centres = model.cluster_centers_ / _WEIGHT
     naming = name(centres, labels.reshape(rgb.shape[:2]), colours)
-    reference = model.cluster_centers_[_references(centres, naming.kinds)]
+    # The clusters from which the colour distance of uncertain pixels counts.
+    bluest, water = int(np.argmax(blueness(centres))), np.flatnonzero(naming.kinds == WATER)
+    references = water if water.size and bluest not in water else np.array([bluest])
     out = np.zeros(len(pixels), np.float32)
     for block in blocks:
         kind = np.where(labels[block] < 0, COAST, naming.kinds[labels[block]])
         colour = to_lab(pixels[block]) * _WEIGHT
         distance = np.full(len(colour), np.inf, np.float32)
-        for centre in reference:
+        for centre in model.cluster_centers_[references]:
             distance = np.minimum(distance, np.linalg.norm(colour - centre, axis=-1))
         uncertain = UNCERTAIN_MAX * np.exp(-distance / _DISTANCE_SCALE)
         out[block] = np.where(kind == UNCERTAIN, uncertain, kind == WATER)
 
-    share = np.bincount(labels[labels >= 0], minlength=k) / len(shown)
+    share, tones = shares(labels, k), [to_hex(to_rgb(centre)) for centre in centres]
+    kinds = [KINDS[kind] for kind in naming.kinds]
     scatter, between = _spread(sampled, np.asarray(model.labels_), centres, naming.kinds)
     doubts = [doubt.reason for doubt in naming.doubts]
     if between > _BETWEEN_MAX and not colours.complete:
         doubts.append(f"{between:.0%} of the pixels lie between the classes")
     warnings = [
-        f"has the colour {to_hex(to_rgb(centres[n]))} ({share[n]:.1%}), which is unlike all that were named: "
-        f"it is taken for {KINDS[naming.kinds[n]]}"
+        f"has the colour {tones[n]} ({share[n]:.1%}), which is unlike all that were named: "
+        f"it is taken for {kinds[n]}"
         for n in sorted(naming.unlike)
     ]
     apart = scatter <= _SCATTER_BOTH or between <= _BETWEEN_BOTH
@@ -220,21 +210,9 @@ def _cluster(
             "looks more like a photograph than a chart: its colours scatter by "
             f"{scatter:.1f} (CIELAB) about the clusters, {between:.1%} of the pixels lie between the classes"
         )
-    order = np.argsort(-share, kind="stable")
-    return Classified(
-        out.reshape(rgb.shape[:2]),
-        tuple(Cluster(to_hex(to_rgb(centres[n])), float(share[n]), KINDS[naming.kinds[n]]) for n in order),
-        tuple(doubts),
-        naming.notes,
-        tuple(warnings),
-    )
-
-
-def _references(centres: NDArray[np.floating], kinds: NDArray[np.uint8]) -> NDArray[np.integer]:
-    """Return the clusters from which the colour distance of uncertain pixels counts."""
-    bluest = int(np.argmax(blueness(centres)))
-    water = np.flatnonzero(kinds == WATER)
-    return water if water.size and bluest not in water else np.array([bluest])
+    found = tuple(Cluster(tones[n], float(share[n]), kinds[n]) for n in np.argsort(-share, kind="stable"))
+    passability = out.reshape(rgb.shape[:2])
+    return Classified(passability, found, tuple(doubts), naming.notes, tuple(warnings))
 
 
 def _spread(
@@ -252,8 +230,3 @@ def _spread(
     own = distance[np.arange(len(colour)), label]
     other = np.where(kinds != kinds[label][:, None], distance, np.inf).min(axis=1)
     return float(np.sqrt(np.mean(own**2))), float((own > 0.5 * other).mean())
-
-
-def _empty(blank: NDArray[np.bool_]) -> Classified:
-    """`classify_picture` where nothing is shown."""
-    return Classified(np.zeros(blank.shape, np.float32), (), ("it holds nothing but no data",))

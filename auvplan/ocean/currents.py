@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.deviation import deviation
-from auvplan.ocean.functions import PlainFunction, check_traceable
+from auvplan.ocean.functions import PlainFunction, as_pytree
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import elementwise
 
@@ -48,29 +48,16 @@ class FunctionCurrent(PlainFunction):
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
-        dtype = jnp.result_type(x)
-        u, v, w = _components(self.function(x, y, z, t))
-        return (
-            jnp.broadcast_to(jnp.asarray(u, dtype), shape),
-            jnp.broadcast_to(jnp.asarray(v, dtype), shape),
-            jnp.broadcast_to(jnp.asarray(w, dtype), shape),
-        )
-
-
-def _components(found: Any) -> tuple[Any, Any, Any]:
-    """Return the three components that a function returned.
-
-    Raises:
-        ValueError: there are more, fewer or none.
-    """
-    try:
-        u, v, w = found
-    except (TypeError, ValueError):
-        got = f"{len(found)} values" if hasattr(found, "__len__") else type(found).__name__
-        raise ValueError(
-            f"a current returns (u, v, w), m/s north, east and down; the function returned {got}"
-        ) from None
-    return u, v, w
+        dtype, found = jnp.result_type(x), self.function(x, y, z, t)
+        try:
+            u, v, w = found
+        except (TypeError, ValueError):
+            got = f"{len(found)} values" if hasattr(found, "__len__") else type(found).__name__
+            raise ValueError(
+                f"a current returns (u, v, w), m/s north, east and down; the function returned {got}"
+            ) from None
+        u, v, w = (jnp.broadcast_to(jnp.asarray(component, dtype), shape) for component in (u, v, w))
+        return u, v, w
 
 
 def evaluated(
@@ -174,16 +161,10 @@ def as_current(current: object) -> Current:
     """
     if current is None:
         return UniformCurrent()
-    leaves = jax.tree.leaves(current)
-    if len(leaves) == 1 and leaves[0] is current:
-        if not callable(current):
-            raise TypeError(
-                f"current must be callable as (x, y, z, t) -> (u, v, w), got {type(current).__name__}"
-            )
-        function = FunctionCurrent(current)
-        check_traceable(function, "current", "(u, v, w)")
-        return replace(function, steady=not axes_used(function, vertical=True)[3])
-    return current  # type: ignore[return-value]
+    found = as_pytree(current, FunctionCurrent, "current", "(u, v, w)")
+    if found is current:
+        return found
+    return replace(found, steady=not axes_used(found, vertical=True)[3])
 
 
 def is_steady(current: Current) -> bool:

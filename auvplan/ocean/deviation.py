@@ -1,7 +1,7 @@
 """Bounds on the difference between a current at a place and means of it around that place."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,30 +16,23 @@ Places = Sequence[Array]
 Edges = Sequence[Any]
 
 
-@runtime_checkable
-class Bounded(Protocol):
-    """A current with a bound on its departure from means."""
-
-    def deviation(self, places: Places, edges: Edges) -> Array | None:
-        """Bound the departure of the current from means within boxes, m/s.
-
-        In every box it is an upper bound on |c(mean of p) - mean of c(p)| for any points p of it and any
-        weights: zero for a current that is linear there, and falling with the square of the size for a
-        smooth one.
-
-        Args:
-            places: centres of boxes, north, east, depth, time, of one shape.
-            edges: their lengths along each, numbers or of that shape.
-
-        Returns:
-            Of that shape; None where it is not known.
-        """
-        ...
-
-
 def deviation(current: object, places: Places, edges: Edges) -> Array | None:
-    """Return `Bounded.deviation` of a current; None where it has none."""
-    return current.deviation(places, edges) if isinstance(current, Bounded) else None
+    """Bound the departure of a current from means within boxes, m/s, by its own method of this name.
+
+    In every box it is an upper bound on |c(mean of p) - mean of c(p)| for any points p of it and any
+    weights: zero for a current that is linear there, and falling with the square of the size for a
+    smooth one.
+
+    Args:
+        current: any; its method takes the other arguments and returns the same.
+        places: centres of boxes, north, east, depth, time, of one shape.
+        edges: their lengths along each, numbers or of that shape.
+
+    Returns:
+        Of that shape; None where it is not known.
+    """
+    own = getattr(current, "deviation", None)
+    return own(places, edges) if own is not None else None
 
 
 def interpolation_deviation(

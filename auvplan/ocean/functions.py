@@ -54,11 +54,14 @@ class PlainFunction:
         return self.function(x, y, z, t)
 
 
-def check_traceable(given: PlainFunction, name: str, returns: str) -> None:
-    """Trace a function as planners will, so that one that cannot be is refused where it is given.
+def as_pytree(given: Any, kind: type[PlainFunction], name: str, returns: str) -> Any:
+    """Return a pytree that is callable as it is, and a plain function of the same signature as one of a kind.
+
+    A function is traced as planners will, so that one that cannot be is refused where it is given.
 
     Args:
-        given: the function as a pytree.
+        given: pytree or function.
+        kind: the class for a function.
         name: what it is, such as "current".
         returns: what it returns, such as "(u, v, w)".
 
@@ -66,29 +69,30 @@ def check_traceable(given: PlainFunction, name: str, returns: str) -> None:
         TypeError: it does not take (x, y, z, t), or JAX cannot trace it; one line that says what to do.
         ValueError: what it returns does not fit its arguments.
     """
+    leaves = jax.tree.leaves(given)
+    if len(leaves) != 1 or leaves[0] is not given:
+        return given
+    wanted = f"{name} must be callable as (x, y, z, t) -> {returns}"
+    if not callable(given):
+        raise TypeError(f"{wanted}, got {type(given).__name__}")
     with suppress(ValueError):  # what has no signature is not looked at
         try:
-            signature(given.function).bind(*"xyzt")
+            signature(given).bind(*"xyzt")
         except TypeError as error:
-            raise TypeError(f"{name} must be callable as (x, y, z, t) -> {returns}: {error}") from None
-    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
+            raise TypeError(f"{wanted}: {error}") from None
+    found, places = kind(given), [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
     try:
-        jax.eval_shape(given, *places)
+        jax.eval_shape(found, *places)
     except jax.errors.TracerArrayConversionError:
-        raise TypeError(
-            f"the {name}'s function hands its arguments to NumPy, which JAX cannot trace: "
-            "write it with jax.numpy, such as jnp.sin for np.sin"
-        ) from None
+        does, write = "hands its arguments to NumPy", "it with jax.numpy, such as jnp.sin for np.sin"
     except jax.errors.TracerBoolConversionError:
-        raise TypeError(
-            f"the {name}'s function branches on its arguments, which JAX cannot trace: "
-            "write jnp.where(condition, this, that) for if"
-        ) from None
+        does, write = "branches on its arguments", "jnp.where(condition, this, that) for if"
     except jax.errors.ConcretizationTypeError:
-        raise TypeError(
-            f"the {name}'s function makes plain numbers of its arguments, which JAX cannot trace: "
-            "write it with jax.numpy, such as jnp.sin for math.sin"
-        ) from None
+        does = "makes plain numbers of its arguments"
+        write = "it with jax.numpy, such as jnp.sin for math.sin"
+    else:
+        return found
+    raise TypeError(f"the {name}'s function {does}, which JAX cannot trace: write {write}")
 
 
 def _code_words(code: CodeType) -> str:

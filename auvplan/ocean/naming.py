@@ -5,7 +5,7 @@ greys, night palettes) cannot all be distinguished by colour, so the proposal sa
 why.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -30,9 +30,7 @@ _SURE_HUES, _SURE_CHROMA = (195.0, 305.0), 8.0  # a tone outside these may be an
 _LAND_HUES, _LAND_CHROMA, _FAINT_CHROMA = (40.0, 155.0), 65.0, 20.0  # strong tones of other hues are odd
 _ONE_TONE = 25.0  # CIELAB distance up to which all clusters may be water
 _RIM = 0.012  # width of a line along the picture's edge, as a share of the edge
-_FRINGE = (
-    0.03  # half the width of water or land, as a share of the picture's edge, up to which it is a fringe
-)
+_FRINGE = 0.03  # half the width up to which water or land is a fringe, as a share of the edge
 _DARK = 35.0  # water darker than this (L) is found in night palettes and satellite pictures
 _PALE = 68.0  # water paler than this (L) may be the shallows of a chart whose deep water is white
 _PAPER = 88.0, 12.0  # lightest tones: least L, greatest chroma
@@ -48,21 +46,14 @@ _UNLIKE, _UNCLEAR = 25.0, 0.7
 _NEAR = 15.0  # CIELAB distance up to which a named colour means a cluster, where not all classes are named
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """Why a proposal may be wrong.
-
-    Attributes:
-        reason: in words.
-        clusters: the numbers of those that it is about; once they are named by colour it is settled.
-    """
+class Doubt(NamedTuple):
+    """Why a proposal may be wrong, and the clusters that it is about: once these are named it is settled."""
 
     reason: str
-    clusters: frozenset[int]
+    clusters: frozenset[int] = frozenset()
 
 
-@dataclass(frozen=True)
-class Naming:
+class Naming(NamedTuple):
     """What the clusters stand for.
 
     Attributes:
@@ -76,6 +67,25 @@ class Naming:
     doubts: tuple[Doubt, ...] = ()
     notes: tuple[str, ...] = ()
     unlike: frozenset[int] = frozenset()
+
+
+class _Clusters:
+    """Clusters of a picture [k]: centres in CIELAB, shares of the picture, and the cluster of each pixel."""
+
+    def __init__(self, lab: NDArray[np.floating], labels: NDArray[np.integer]):
+        step = max(max(labels.shape) // _EDGE, 1)
+        self.lab, self.labels = lab, labels[::step, ::step]
+        self.shown, self.share = self.labels >= 0, shares(self.labels, len(lab))
+        self.large = self.share >= _NOTEWORTHY
+        self.hue, self.chroma = hue_and_chroma(lab)
+
+    def mean(self, which: NDArray[np.bool_]) -> NDArray[np.floating]:
+        """Return the mean colour [3] of some clusters."""
+        return np.average(self.lab[which], axis=0, weights=self.share[which] + 1e-9)
+
+    def pixels(self, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the pixels [h, w] of some clusters."""
+        return which[np.where(self.shown, self.labels, 0)] & self.shown
 
 
 def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -128,12 +138,18 @@ def name(lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartC
         doubts = [doubt for doubt in doubts if doubt.clusters]
     for kind, given, what in ((WATER, colours.water, "water"), (COAST, colours.land, "land")):
         if given and not (kinds[meant] == kind).any():
-            doubts.append(Doubt(f"none of its colours is near {' or '.join(given)} of {what}", frozenset()))
+            doubts.append(Doubt(f"none of its colours is near {' or '.join(given)} of {what}"))
     own = distance.min(axis=1)
     other = np.where(classes != classes[nearest][:, None], distance, np.inf).min(axis=1)
     unlike = meant & ((own > _UNLIKE) | (own > _UNCLEAR * other))
-    share = np.bincount(labels[labels >= 0], minlength=len(lab)) / max((labels >= 0).sum(), 1)
-    return Naming(kinds, tuple(doubts), (*proposed.notes, *notes), _numbers(unlike & (share >= _NOTEWORTHY)))
+    unlike &= shares(labels, len(lab)) >= _NOTEWORTHY
+    return Naming(kinds, tuple(doubts), (*proposed.notes, *notes), _numbers(unlike))
+
+
+def shares(labels: NDArray[np.integer], count: int) -> NDArray[np.floating]:
+    """Return the share of each of `count` clusters in the pixels that have one, [k]."""
+    shown = labels[labels >= 0]
+    return np.bincount(shown, minlength=count) / max(shown.size, 1)
 
 
 def _is_sea(lab: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -143,72 +159,58 @@ def _is_sea(lab: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 def _propose(lab: NDArray[np.floating], labels: NDArray[np.integer]) -> Naming:
     """Return what the rules make of clusters, and where they are in doubt."""
-    step = max(max(labels.shape) // _EDGE, 1)
-    labels = labels[::step, ::step]
-    share = np.bincount(labels[labels >= 0], minlength=len(lab)) / max((labels >= 0).sum(), 1)
-    kinds = name_clusters(lab)
-    water = kinds == WATER
-    if not water.any():
-        return Naming(kinds, (Doubt("none of them looks like water", frozenset()),))
-    doubts = [
-        *_odd_water(lab, share, water),
-        *_odd_land(lab, share, kinds),
-        *_odd_shape(lab, share, kinds, labels),
-    ]
-    pale = _pale_water(lab, share, kinds, labels)
-    if isinstance(pale, Doubt):
-        doubts.append(pale)
-    elif pale is not None:
+    kinds, clusters = name_clusters(lab), _Clusters(lab, labels)
+    if not (kinds == WATER).any():
+        return Naming(kinds, (Doubt("none of them looks like water"),))
+    pale, notes = _pale_water(clusters, kinds), ()
+    if isinstance(pale, np.ndarray):
+        kinds, found = pale, [_odd_land(clusters, pale), _odd_shape(clusters, pale)]
         said = "the palest tone is taken for deep water, the pale blue along the land for uncertain area"
-        return Naming(pale, (*_odd_land(lab, share, pale), *_odd_shape(lab, share, pale, labels)), (said,))
-    return Naming(kinds, tuple(doubts))
+        notes = (said,)
+    else:
+        found = [*(rule(clusters, kinds) for rule in (_odd_water, _odd_land, _odd_shape)), pale]
+    return Naming(kinds, tuple(doubt for doubt in found if doubt), notes)
 
 
-def _odd_water(lab: NDArray, share: NDArray, water: NDArray[np.bool_]) -> list[Doubt]:
-    """Doubts about the colour of the water itself."""
-    middle = np.average(lab[water], axis=0, weights=share[water] + 1e-9)
+def _odd_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
+    """Doubt about the colour of the water itself."""
+    middle, about = clusters.mean(kinds == WATER), _numbers(kinds == WATER)
     hue, chroma = (float(value) for value in hue_and_chroma(middle))
-    about = _numbers(water)
     if middle[0] < _DARK:
-        return [Doubt("the bluest tone is so dark that it may be land as well", about)]
+        return Doubt("the bluest tone is so dark that it may be land as well", about)
     if chroma < _SURE_CHROMA or not _SURE_HUES[0] <= hue <= _SURE_HUES[1]:
-        return [Doubt("no tone is clearly blue", about)]
-    return []
+        return Doubt("no tone is clearly blue", about)
+    return None
 
 
-def _odd_land(lab: NDArray, share: NDArray, kinds: NDArray[np.uint8]) -> list[Doubt]:
-    """Doubts about the colours of what is not water."""
-    large = share >= _NOTEWORTHY
-    hue, chroma = hue_and_chroma(lab)
+def _odd_land(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
+    """Doubt about the colours of what is not water."""
+    hue, chroma, large = clusters.hue, clusters.chroma, clusters.large
     earthy = (hue >= _LAND_HUES[0]) & (hue <= _LAND_HUES[1]) & (chroma <= _LAND_CHROMA)
     odd = (kinds == COAST) & large & ~earthy & (chroma > _FAINT_CHROMA)
     if odd.any():
-        return [Doubt("a tone is neither water's nor land's", _numbers(odd))]
-    if not (kinds == COAST)[large].any() and _spread_of(lab[large]) > _ONE_TONE:
-        return [Doubt("none of them looks like land", _numbers(kinds != COAST))]
-    return []
+        return Doubt("a tone is neither water's nor land's", _numbers(odd))
+    if not (kinds == COAST)[large].any() and _spread_of(clusters.lab[large]) > _ONE_TONE:
+        return Doubt("none of them looks like land", _numbers(kinds != COAST))
+    return None
 
 
-def _odd_shape(
-    lab: NDArray, share: NDArray, kinds: NDArray[np.uint8], labels: NDArray[np.integer]
-) -> list[Doubt]:
-    """Doubts about water that lies in the land as islands do in the sea, or along it as a fringe.
+def _odd_shape(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
+    """Doubt about water that lies in the land as islands do in the sea, or along it as a fringe.
 
-    And about land that is a fringe between waters of two tones, one of which it may surround as a beach does.
+    Or about land that is a fringe between waters of two tones, one of which it may surround as a beach does.
     """
-    image = np.where(labels >= 0, kinds[labels], COAST)
-    water = image == WATER
-    about = _numbers(kinds == WATER)
-    lakes, islands = _inside(water, labels), _inside(~water, labels)
+    water, land = clusters.pixels(kinds == WATER), clusters.pixels(kinds == COAST)
+    lakes, islands = _inside(water, clusters.shown), _inside(~water, clusters.shown)
     if lakes > islands and lakes > _NOTEWORTHY:
-        return [Doubt("the blue areas lie within the others as islands do", about)]
+        return Doubt("the blue areas lie within the others as islands do", _numbers(kinds == WATER))
     if _narrow(water):
-        return [Doubt("the blue areas are narrow as a fringe", about)]
-    land = (image == COAST) & (labels >= 0)
-    tones = lab[(kinds != COAST) & (share >= max(share[kinds == COAST].sum(), _NOTEWORTHY))]
+        return Doubt("the blue areas are narrow as a fringe", _numbers(kinds == WATER))
+    most = max(clusters.share[kinds == COAST].sum(), _NOTEWORTHY)
+    tones = clusters.lab[(kinds != COAST) & (clusters.share >= most)]
     if land.mean() >= _NOTEWORTHY and _narrow(land) and _spread_of(tones) > _ONE_TONE:
-        return [Doubt("land is narrow as a fringe between two tones of water", _numbers(kinds != COAST))]
-    return []
+        return Doubt("land is narrow as a fringe between two tones of water", _numbers(kinds != COAST))
+    return None
 
 
 def _narrow(area: NDArray[np.bool_]) -> bool:
@@ -222,17 +224,15 @@ def _spread_of(lab: NDArray) -> float:
     return float(np.linalg.norm(lab[:, None] - lab, axis=-1).max(initial=0.0))
 
 
-def _inside(area: NDArray[np.bool_], labels: NDArray[np.integer]) -> float:
+def _inside(area: NDArray[np.bool_], shown: NDArray[np.bool_]) -> float:
     """Return share of a picture in the parts of an area that reach neither its edge nor a line along it."""
-    shown = np.pad(labels >= 0, 1)
-    reach = max(_RIM * max(labels.shape), 1.0)
-    brink = scipy.ndimage.distance_transform_edt(shown)[1:-1, 1:-1] <= reach  # type: ignore[index]
-    return float((area & ~brink & ~joined(area & (labels >= 0), brink)).sum() / max(shown.sum(), 1))
+    reach = max(_RIM * max(shown.shape), 1.0)
+    edge = scipy.ndimage.distance_transform_edt(np.pad(shown, 1))
+    brink = edge[1:-1, 1:-1] <= reach  # type: ignore[index]
+    return float((area & ~brink & ~joined(area & shown, brink)).sum() / max(shown.sum(), 1))
 
 
-def _pale_water(
-    lab: NDArray, share: NDArray, kinds: NDArray[np.uint8], labels: NDArray[np.integer]
-) -> NDArray[np.uint8] | Doubt | None:
+def _pale_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> NDArray[np.uint8] | Doubt | None:
     """Other names for a chart whose shallows are pale blue and whose deep water is paler still, or white.
 
     That is so where the pale blue lies between the land and the palest tones nearly all along the coast.
@@ -242,34 +242,27 @@ def _pale_water(
     Returns:
         None where the water is not pale, or there is nothing paler.
     """
-    water = kinds == WATER
-    _, chroma = hue_and_chroma(lab)
-    tone = float(np.average(lab[water, 0], weights=share[water] + 1e-9))
-    paper = (lab[:, 0] >= _PAPER[0]) & (chroma < _PAPER[1]) & ~_is_sea(lab)
-    paler = paper | (_is_sea(lab) & ~water & (lab[:, 0] > tone))
+    water, light, share = kinds == WATER, clusters.lab[:, 0], clusters.share
+    tone = float(clusters.mean(water)[0])
+    paper = (light >= _PAPER[0]) & (clusters.chroma < _PAPER[1]) & ~_is_sea(clusters.lab)
+    paler = paper | (_is_sea(clusters.lab) & ~water & (light > tone))
     if tone < _PALE or share[paler].sum() < _NOTEWORTHY:
         return None
     doubt = Doubt("the palest tone may be deep water as well as land", _numbers(paler))
     # Ink is dark and without hue, and what it mixes with at its edges has small shares.
-    land = ~water & ~paler & (share >= _NOTEWORTHY) & ((chroma >= _PAPER[1]) | (lab[:, 0] >= _INK))
+    land = ~water & ~paler & clusters.large & ((clusters.chroma >= _PAPER[1]) | (light >= _INK))
     if share[land].sum() < _NOTEWORTHY:
         return doubt
-    place = np.where(labels >= 0, labels, 0)
-    there = labels >= 0
-    ashore, blue, white = (which[place] & there for which in (land, water, paler))
+    ashore, blue, white = (clusters.pixels(which) for which in (land, water, paler))
     # The coast's pixels look for the nearest one of either tone: ink may lie between.
     gap, nearest = scipy.ndimage.distance_transform_edt(~(blue | white), return_indices=True)  # type: ignore[misc]
-    coast = ashore & (gap <= max(_RING * max(labels.shape) / _EDGE, 2.0))
+    coast = ashore & (gap <= max(_RING * max(ashore.shape) / _EDGE, 2.0))
     sandwiched = blue[tuple(nearest[:, coast])].mean() if coast.any() else 0.0
     away = np.asarray(scipy.ndimage.distance_transform_edt(~ashore))
-    distances = np.median(away[white]), np.median(away[blue])
-    if (
-        not paper[share >= _NOTEWORTHY].any()
-        and sandwiched <= 1.0 - _SANDWICHED
-        and distances[0] < distances[1]
-    ):
+    deep, shallow = np.median(away[white]), np.median(away[blue])
+    if not paper[clusters.large].any() and sandwiched <= 1.0 - _SANDWICHED and deep < shallow:
         return None  # the paler tone is that of the shallows
-    if sandwiched < _SANDWICHED or distances[0] <= 1.5 * distances[1]:
+    if sandwiched < _SANDWICHED or deep <= 1.5 * shallow:
         return doubt
     return np.where(paler, WATER, np.where(water, UNCERTAIN, kinds)).astype(np.uint8)
 

@@ -12,6 +12,10 @@ _XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 ) / np.array([[0.95047], [1.0], [1.08883]])
 
+# Linear light of each of the 256 sRGB levels.
+_LEVEL = np.arange(256) / 255.0
+_LINEAR = np.where(_LEVEL <= 0.04045, _LEVEL / 12.92, ((_LEVEL + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
 
 @dataclass(frozen=True)
 class ChartColours:
@@ -89,13 +93,6 @@ def lab_of(colours: tuple[str, ...]) -> NDArray[np.float32]:
     return to_lab(np.array([ImageColor.getrgb(colour)[:3] for colour in colours], np.uint8).reshape(-1, 3))
 
 
-def _linear_table() -> NDArray[np.float32]:
-    """Linear light of each of the 256 sRGB levels, [256]."""
-    level = np.arange(256) / 255.0
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
 def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
     """CIELAB (D65) of sRGB colours.
 
@@ -105,7 +102,7 @@ def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
     Returns:
         ``(L, a, b)`` on the last axis, [..., 3]; L in 0..100, b negative towards blue.
     """
-    xyz = _linear_table()[rgb] @ _XYZ.T.astype(np.float32)
+    xyz = _LINEAR[rgb] @ _XYZ.T.astype(np.float32)
     f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + np.float32(16.0 / 116.0))
     return np.stack(
         [116.0 * f[..., 1] - 16.0, 500.0 * (f[..., 0] - f[..., 1]), 200.0 * (f[..., 1] - f[..., 2])], axis=-1

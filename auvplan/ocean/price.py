@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 
-from auvplan.ocean.functions import PlainFunction, check_traceable
+from auvplan.ocean.functions import PlainFunction, as_pytree
 
 
 @runtime_checkable
@@ -55,11 +55,4 @@ def as_price(price: object) -> Price | None:
         TypeError: `price` cannot be called as one, or is a function that JAX cannot trace.
         ValueError: the function does not return one number for each place.
     """
-    leaves = jax.tree.leaves(price)
-    if len(leaves) == 1 and leaves[0] is price:
-        if not callable(price):
-            raise TypeError(f"price must be callable as (x, y, z, t) -> s/s, got {type(price).__name__}")
-        function = FunctionPrice(price)
-        check_traceable(function, "price", "s/s")
-        return function
-    return price  # type: ignore[return-value]
+    return as_pytree(price, FunctionPrice, "price", "s/s")

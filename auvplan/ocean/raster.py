@@ -14,38 +14,33 @@ from numpy.typing import NDArray
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
+#: Values [nx, ny] indexed [north, east], or [layers, nx, ny]; north and east of the corner of pixel (0, 0)
+#: [2] m, and m of a pixel.
+_Plane = tuple[jax.Array, jax.Array, jax.Array]
+
 
 @jax.custom_jvp
-def _bilinear(
-    raster: jax.Array,
-    origin: jax.Array,
-    pixel_size: jax.Array,
-    x: jax.Array,
-    y: jax.Array,
-    layer: jax.Array | None = None,
-) -> jax.Array:
+def _bilinear(plane: _Plane, x: jax.Array, y: jax.Array, layer: jax.Array | None = None) -> jax.Array:
     """Bilinear interpolation of a raster, held beyond the outer pixels' centres.
 
     Args:
-        raster: [nx, ny], or [layers, nx, ny] where `layer` is given; indexed [north, east].
-        origin: [2] m, north and east of the corner of pixel (0, 0).
-        pixel_size: m.
+        plane: of one layer, or of several where `layer` is given.
         x, y: north and east, m, of one shape.
         layer: of that shape, int32, in which layer each place is looked up.
 
     Returns:
         Of that shape; differentiable by `x` and `y` alone.
     """
-    return _with_slopes(raster, origin, pixel_size, x, y, layer)[0]
+    return _with_slopes(plane, x, y, layer)[0]
 
 
 @partial(_bilinear.defjvp, symbolic_zeros=True)
 def _bilinear_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
     """Take the slopes from the four pixels that the value is from: nothing is looked up twice."""
-    if not is_symbolic_zero(tangents[:3]):
+    if not is_symbolic_zero(tangents[0]):
         return jax.jvp(lambda *given: _with_slopes(*given)[0], primals, instantiated(tangents, primals))
     value, *slopes = _with_slopes(*primals)
-    dx, dy = instantiated(tangents[3:5], primals[3:5])
+    dx, dy = instantiated(tangents[1:3], primals[1:3])
     return value, slopes[0] * dx + slopes[1] * dy
 
 
@@ -54,13 +49,8 @@ bilinear = compiled(_bilinear)
 
 
 def _with_slopes(
-    raster: jax.Array,
-    origin: jax.Array,
-    pixel_size: jax.Array,
-    x: jax.Array,
-    y: jax.Array,
-    layer: jax.Array | None = None,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
+    plane: _Plane, x: jax.Array, y: jax.Array, layer: jax.Array | None = None
+) -> tuple[jax.Array, ...]:
     """Interpolated value, and its slopes along x and y, 1/m.
 
     In two halves, one after the other: what a loop finds is stored, where XLA would look the pixels up again
@@ -69,18 +59,14 @@ def _with_slopes(
     half = -(-x.size // 2)
     axes = (x, y) if layer is None else (x, y, layer)
     halves = [jnp.pad(jnp.ravel(axis), (0, 2 * half - x.size)).reshape(2, half) for axis in axes]
-    found = jax.lax.map(lambda places: _looked_up(raster, origin, pixel_size, *places), tuple(halves))
-    return tuple(row.reshape(-1)[: x.size].reshape(x.shape) for row in found)  # type: ignore[return-value]
+    found = jax.lax.map(lambda places: _looked_up(plane, *places), tuple(halves))
+    return tuple(row.reshape(-1)[: x.size].reshape(x.shape) for row in found)
 
 
 def _looked_up(
-    raster: jax.Array,
-    origin: jax.Array,
-    pixel_size: jax.Array,
-    x: jax.Array,
-    y: jax.Array,
-    layer: jax.Array | None = None,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
+    plane: _Plane, x: jax.Array, y: jax.Array, layer: jax.Array | None = None
+) -> tuple[jax.Array, ...]:
+    raster, origin, pixel_size = plane
     north, east = raster.shape[-2:]
     i, j = (x - origin[0]) / pixel_size - 0.5, (y - origin[1]) / pixel_size - 0.5
     within_i, within_j = (i > 0.0) & (i < north - 1.0), (j > 0.0) & (j < east - 1.0)
@@ -144,7 +130,7 @@ class Raster:
         """Return a plane [nx, ny] at places, or of [layers, nx, ny] the `layer` of each; see `bilinear`."""
         chex.assert_rank(plane, 2 if layer is None else 3)
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
-        return bilinear(plane, self.origin, self.pixel_size, x, y, layer)
+        return bilinear((plane, self.origin, self.pixel_size), x, y, layer)
 
     def looked_up(
         self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: NDArray[np.int_] | None = None
