@@ -382,16 +382,8 @@ def random_graph(
     adjacency[np.arange(size)[:, None], nearest] = True
     adjacency &= np.isfinite(distance)
     adjacency |= adjacency.T
-    while True:
-        count, label = scipy.sparse.csgraph.connected_components(adjacency, directed=False)
-        if count == 1:
-            break
-        first = label == label[0]
-        gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
-        i, j = np.unravel_index(np.argmin(gap), gap.shape)
-        if not np.isfinite(gap[i, j]):
-            raise ValueError("the passable edges do not connect the waypoints")
-        adjacency[i, j] = adjacency[j, i] = True
+    if len(join_parts(adjacency, distance)):
+        raise ValueError("the passable edges do not connect the waypoints")
 
     def symmetric(values: np.ndarray) -> np.ndarray:
         upper = np.triu(values, 1)
@@ -400,6 +392,28 @@ def random_graph(
     rho = rng.integers(*priority, size=(size, size), endpoint=True)
     delta = rng.uniform(*duration, size=(size, size))
     return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
+
+
+def join_parts(adjacency: NDArray[np.bool_], distance: NDArray[np.floating]) -> NDArray[np.int_]:
+    """Join the parts of an undirected graph in place, one by one to that of its first waypoint.
+
+    Args:
+        adjacency: [N, N].
+        distance: [N, N] m; by the shortest of these they are joined, infinite where no edge can be.
+
+    Returns:
+        The waypoints that cannot be joined.
+    """
+    while True:
+        _, label = scipy.sparse.csgraph.connected_components(adjacency, directed=False)
+        first = label == label[0]
+        if first.all():
+            return np.zeros(0, int)
+        gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
+        i, j = np.unravel_index(np.argmin(gap), gap.shape)
+        if not np.isfinite(gap[i, j]):
+            return np.flatnonzero(~first)
+        adjacency[i, j] = adjacency[j, i] = True
 
 
 def time_to_go(leg_times: NDArray[np.floating], goal: int) -> NDArray[np.float64]:

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from auvplan.mission.graph import MissionGraph
+from auvplan.mission.graph import MissionGraph, join_parts
 from auvplan.mission.tasks import task_graph
+from auvplan.mission.timetable import ALWAYS, NONE
 
 #: Up to this many waypoints every pair is joined by default; of more, each with this many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
@@ -194,19 +195,13 @@ def task_hours(
         points, lines: of the graph, as `jobs_graph` was given them.
         size: number of its waypoints N.
     """
-    whole = size, size
-
-    def empty(jobs: Sequence[JobPoint | JobLine], name: str, first: float, last: float) -> list[NDArray]:
-        most = max((len(getattr(job, name)) for job in jobs), default=0)
-        return [np.full((*whole, most), value) for value in (first, last)]
-
-    opens, closes = empty(points, "windows", np.inf, -np.inf)
-    enters, until = empty(lines, "windows", np.inf, -np.inf)
-    falls, drops = empty([*points, *lines], "falls", np.inf, 0.0)
-    for free in (opens, enters):
-        free[..., :1] = -np.inf
-    for free in (closes, until):
-        free[..., :1] = np.inf
+    whose = {"opens": points, "closes": points, "enters": lines, "until": lines}
+    counts = {name: max((len(job.windows) for job in jobs), default=0) for name, jobs in whose.items()}
+    counts |= dict.fromkeys(("falls", "drops"), max((len(job.falls) for job in (*points, *lines)), default=0))
+    found = {name: np.full((size, size, count), NONE[name]) for name, count in counts.items()}
+    for name in whose:
+        found[name][..., :1] = ALWAYS[name]
+    opens, closes, enters, until, falls, drops = found.values()
     for node, point in enumerate(points, 1):
         for k, span in enumerate(point.windows):
             opens[:, node, k], closes[:, node, k] = span
@@ -221,9 +216,6 @@ def task_hours(
             for k, (moment, drop) in enumerate(_drops(line)):
                 falls[(*edges, k)], drops[(*edges, k)] = moment, share * drop
         first += len(line.positions)
-    names = "opens", "closes", "enters", "until", "falls", "drops"
-    arrays = opens, closes, enters, until, falls, drops
-    found: dict[str, NDArray[np.float64]] = dict(zip(names, arrays, strict=True))
     return found if any(part.shape[-1] for part in found.values()) else {}
 
 
@@ -388,14 +380,7 @@ def _joined(
     for i, j in kept:
         adjacency[i, j] = True
     adjacency |= adjacency.T
-    while True:
-        _, label = scipy.sparse.csgraph.connected_components(adjacency, directed=False)
-        first = label == label[0]
-        if first.all():
-            return adjacency
-        gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
-        i, j = np.unravel_index(np.argmin(gap), gap.shape)
-        if not np.isfinite(gap[i, j]):
-            cut_off = ", ".join(repr(names[k]) for k in np.flatnonzero(~first)[:5])
-            raise ValueError(f"no clear line and no way around leads from the start to {cut_off}")
-        adjacency[i, j] = adjacency[j, i] = True
+    if len(apart := join_parts(adjacency, distance)):
+        cut_off = ", ".join(repr(names[k]) for k in apart[:5])
+        raise ValueError(f"no clear line and no way around leads from the start to {cut_off}")
+    return adjacency

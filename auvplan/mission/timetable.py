@@ -29,7 +29,7 @@ _HALVINGS = 26
 _MOMENT = 1e-3
 
 #: Fields of a timetable that go together in pairs, what they hold for none, and where all is open always.
-_NONE = {
+NONE = {
     "opens": np.inf,
     "closes": -np.inf,
     "enters": np.inf,
@@ -37,7 +37,7 @@ _NONE = {
     "falls": np.inf,
     "drops": 0.0,
 }
-_ALWAYS = {
+ALWAYS = {
     "opens": -np.inf,
     "closes": np.inf,
     "enters": -np.inf,
@@ -94,13 +94,13 @@ class Timetable:
         if np.isnan(travel).any() or (travel < 0.0).any():
             raise ValueError("travel_time must not be negative or NaN; infinite where an edge is closed")
         shape = (*travel.shape[:-3], *travel.shape[-2:])
-        for name in _NONE:
+        for name in NONE:
             given = getattr(self, name)
             value = np.zeros((*shape, 0)) if given is None else np.asarray(given, float)
             if value.shape[:-1] != shape:
                 raise ValueError(f"{name} must be [N, N, W] with N = {shape[-1]}, got shape {value.shape}")
             object.__setattr__(self, name, value)
-        names = list(_NONE)
+        names = list(NONE)
         for first, last in zip(names[::2], names[1::2], strict=True):
             one, other = getattr(self, first).shape, getattr(self, last).shape
             if one != other:
@@ -147,14 +147,14 @@ class Timetable:
         square = [(0, more), (0, more)]
         lead = [(0, 0)] * (self.travel_time.ndim - 2)
         windows = [*lead[1:], *square, (0, 0)]
-        parts = {name: np.pad(getattr(self, name), windows, constant_values=v) for name, v in _NONE.items()}
+        parts = {name: np.pad(getattr(self, name), windows, constant_values=v) for name, v in NONE.items()}
         travel_time = np.pad(self.travel_time, [*lead, *square], constant_values=np.inf)
         return replace(self, travel_time=travel_time, **parts)
 
     def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
         """Return a copy in which the tasks of pairs, a mask [..., N, N], may be done at any time."""
         at = pairs[..., None]
-        return replace(self, **{name: np.where(at, v, getattr(self, name)) for name, v in _ALWAYS.items()})
+        return replace(self, **{name: np.where(at, v, getattr(self, name)) for name, v in ALWAYS.items()})
 
     def lost(self, i: int, j: int, begins: float) -> float:
         """Return by how much the priority of the task from i to j has fallen when it begins."""
@@ -269,7 +269,7 @@ class Schedule:
         origin, *later = np.moveaxis(timetable.departures[..., :2], -1, 0)
         step = later[0] - origin if later else np.ones_like(origin)
         planes = (np.moveaxis(values, -3, -1) for values in (timetable.travel_time, timetable.later))
-        pairs = (getattr(timetable, name) for name in _NONE)
+        pairs = (getattr(timetable, name) for name in NONE)
         return cls(origin, step, *planes, duration, *pairs, timetable.waiting)
 
     @classmethod
@@ -282,14 +282,14 @@ class Schedule:
         slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
 
         def gathered(name: str) -> Array:
-            values, filling = getattr(whole, name), _NONE.get(name, 0.0 if name == "duration" else np.inf)
+            values, filling = getattr(whole, name), NONE.get(name, 0.0 if name == "duration" else np.inf)
             if name in ("closes", "until", "falls"):
                 values = np.where(np.isfinite(values), (1.0 - slack) * values, values)
             more = (...,) + (None,) * (values.ndim - neighbours.ndim)
             rows = np.take_along_axis(values, neighbours[more], axis=neighbours.ndim - 1)
             return np.where(used[more], rows, filling).astype(np.float32)
 
-        names = "travel_time", "later", "duration", *_NONE
+        names = "travel_time", "later", "duration", *NONE
         single = (np.asarray(value, np.float32) for value in (whole.origin, whole.step))
         return cls(*single, *map(gathered, names), timetable.waiting)
 

@@ -10,7 +10,7 @@ of detours scored and polished.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +31,8 @@ from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import padded_batches
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle, along_track
+
+T = TypeVar("T")
 
 #: Edges that one call takes, of straight lines and paths round, and of fans: larger calls gain little, and
 #: one program each serves every graph.
@@ -139,60 +141,57 @@ def travel_times(
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
         where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
     """
-    sea = replace(env, current=None, obstacles=Obstacles.none())
     inside = _inside(starts, env) & _inside(goals, env)
-
     shared = padded(env.current)
     kind = shared if world is None else row_kinds(shared)
-    deep = is_searched_in_depth(env, vehicle, kind)
     config = replace(config, path=compared(config.path, env, kind))
-    leaves, tree = jax.tree.flatten(shared)
-    hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
+    deep = is_searched_in_depth(env, vehicle, kind)
+    sea = replace(env, current=None, obstacles=Obstacles.none())
+    waters = _World(shared, sea, vehicle, config, deep, own=world is not None)
+    hosted = None if world is None else jax.tree.map(np.asarray, shared)
 
-    common = {"sea": sea, "vehicle": vehicle, "config": config, "deep": deep}
-    common["world_per_edge"] = world is not None
+    def run(program: Callable, edges: NDArray[np.int_], together: int, *rows: Any, **settings: int) -> list:
+        """Return what a program finds for edges and their rows, taken so many together."""
+        parts, departs = [], np.asarray(depart[edges], np.float32)
+        for part, real in padded_batches(len(edges), (together,)):
+            own = waters
+            if hosted is not None:
+                chosen = world[edges[part]]  # type: ignore[index]
+                own = replace(
+                    waters, currents=jax.tree.map(lambda leaf, k=chosen: jnp.asarray(leaf[k]), hosted)
+                )
+            found = program(*(row[part] for row in rows), departs[part], own, **settings)
+            parts.append([np.asarray(plane)[:real] for plane in found])
+        return [np.concatenate(planes) for planes in zip(*parts, strict=True)]
 
-    def current_of(edges: NDArray[np.int_]) -> Current:
-        if world is None:
-            return shared
-        return tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
+    def estimate(edges: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
+        """Set times of edges by the straight line or by a fan; return the tracks [S, 3] m of these."""
+        if not len(edges):
+            return []
+        ends = (np.asarray(places[edges], np.float32) for places in (starts, goals))
+        lasts, good, tracks = run(_estimate, edges, together, *ends, detours=detours, steps=steps)
+        seconds[edges], passable[edges] = lasts, good
+        return list(tracks)
 
-    def estimate(chosen: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
-        """Set times of edges by the straight line or by a fan; return the detours [S, 3] m of the fans."""
-        found = []
-        for part, real in padded_batches(len(chosen), (together,)):
-            edges = chosen[part]
-            ends = (np.asarray(a[edges], np.float32) for a in (starts, goals, depart))
-            out = _estimate(*ends, currents=current_of(edges), detours=detours, steps=steps, **common)
-            seconds[edges[:real]], passable[edges[:real]] = (np.asarray(a)[:real] for a in out[:2])
-            if detours:
-                found += list(np.asarray(out[2])[:real])
-        return found
-
-    def follow(chosen: NDArray[np.int_], polylines: list[np.ndarray], clear: NDArray[np.bool_]) -> None:
+    def follow(edges: NDArray[np.int_], polylines: list[np.ndarray], clear: NDArray[np.bool_]) -> None:
         """Set times of edges by polylines [K, 3] m clear of the coast, where these keep all limits."""
+        if not len(edges):
+            return
         count = config.path.samples * (1 if env.seabed is None else _FINER)
-        tracks = [_sampled(way, count) for way in polylines]
-        for part, real in padded_batches(len(chosen), (_LINES,)) if len(chosen) else ():
-            edges = chosen[part]
-            along = np.stack([tracks[k] for k in part]).astype(np.float32)
-            departs = np.asarray(depart[edges], np.float32)
-            out = _follow(along, clear[part], departs, currents=current_of(edges), **common)
-            for k, lasts, good in zip(part[:real], *(np.asarray(a) for a in out), strict=False):
-                edge = int(chosen[k])
-                if good and (not passable[edge] or lasts < seconds[edge]):
-                    seconds[edge], passable[edge], taken[edge] = lasts, True, polylines[k]
+        tracks = np.stack([_sampled(way, count) for way in polylines]).astype(np.float32)
+        found = run(_follow, edges, _LINES, tracks, clear)
+        for edge, polyline, lasts, good in zip(edges.tolist(), polylines, *found, strict=True):
+            if good and (not passable[edge] or lasts < seconds[edge]):
+                seconds[edge], passable[edge], taken[edge] = lasts, True, polyline
 
     def hindered(edges: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return whether edges would be quicker by the ways taken if the sea bed were deep."""
+        if not len(edges):
+            return np.zeros(0, bool)
         ways = [taken.get(int(edge), np.stack([starts[edge], goals[edge]])) for edge in edges]
-        least = np.zeros(len(edges))
-        for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
-            along = np.stack([_sampled(ways[k], _STATIONS + 1) for k in part]).astype(np.float32)
-            departs = np.asarray(depart[edges[part]], np.float32)
-            out = _unhindered(along, departs, currents=current_of(edges[part]), **common)
-            least[part[:real]] = np.asarray(out)[:real]
-        return ~passable[edges] | (seconds[edges] > (1.0 + _HINDERED) * least)
+        tracks = np.stack([_sampled(way, _STATIONS + 1) for way in ways]).astype(np.float32)
+        (least,) = run(_unhindered, edges, _LINES, tracks)
+        return ~passable[edges] | (seconds[edges] > (1.0 + _HINDERED) * least.astype(float))
 
     seconds, passable = np.zeros(len(starts)), np.zeros(len(starts), bool)
     taken: dict[int, NDArray[np.floating]] = {}
@@ -276,68 +275,80 @@ def _sampled(way: NDArray[np.floating], count: int) -> NDArray[np.floating]:
     return np.stack([np.interp(along, marks, axis) for axis in way.T], axis=1)
 
 
-@partial(compiled, static_argnames=("config", "world_per_edge", "deep"))
-def _unhindered(
-    tracks: Any,
-    departs: Any,
-    currents: Current,
-    sea: Environment,
-    vehicle: Vehicle,
-    config: TravelTimeConfig,
-    world_per_edge: bool,
-    deep: bool,
-) -> jax.Array:
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _World:
+    """What edges are timed in.
+
+    Attributes:
+        currents: one, or one for each edge where they are their `own`.
+        sea: the rest of the world, without obstacles.
+        vehicle: speed and limits.
+        config: effort.
+        deep: whether the quickest depths are looked for.
+    """
+
+    currents: Current
+    sea: Environment
+    vehicle: Vehicle
+    config: TravelTimeConfig = field(metadata={"static": True})
+    deep: bool = field(metadata={"static": True})
+    own: bool = field(metadata={"static": True})
+
+    def over_edges(self, one: Callable[..., T], *rows: Any) -> T:
+        """Return `one` of the rows and the current of each edge."""
+        return jax.vmap(one, in_axes=(*(0 for _ in rows), 0 if self.own else None))(*rows, self.currents)
+
+    def environment(self, current: Current, chart: Chart | None) -> Environment:
+        """Return the world of one edge."""
+        sea = self.sea
+        return Environment(current, chart, Obstacles.none(), sea.lower, sea.upper, sea.seabed, sea.closures)
+
+
+@compiled
+def _unhindered(tracks: Any, departs: Any, world: _World) -> tuple[jax.Array]:
     """Time [E] s over tracks [E, K + 1, 3] m at the best depths of the box, taken at will."""
 
     def one(track: jax.Array, depart: jax.Array, current: Current) -> jax.Array:
         way, middle = jnp.diff(track, axis=0), 0.5 * (track[1:] + track[:-1])
         gap = jnp.sqrt((way * way).sum(axis=1) + TINY)
-        when = depart + (jnp.cumsum(gap) - 0.5 * gap) / vehicle.speed
-        top, bottom = depths_within_reach(track[jnp.asarray([0, -1])], sea)
+        when = depart + (jnp.cumsum(gap) - 0.5 * gap) / world.vehicle.speed
+        top, bottom = depths_within_reach(track[jnp.asarray([0, -1])], world.sea)
         depth = jnp.linspace(top, bottom, _FREE_LEVELS)[None]
         u, v, _ = current(middle[:, :1], middle[:, 1:2], depth, when[:, None])
         north, east = way[:, :1] / gap[:, None], way[:, 1:2] / gap[:, None]
         along, across = u * north + v * east, jnp.abs(u * east - v * north)
-        ground, _ = along_track(config.path.speed_reading, vehicle.speed, along, across)
+        ground, _ = along_track(world.config.path.speed_reading, world.vehicle.speed, along, across)
         return (gap / ground.max(axis=1)).sum()
 
-    return jax.vmap(one, in_axes=(0, 0, 0 if world_per_edge else None))(tracks, departs, currents)
+    return (world.over_edges(one, tracks, departs),)
 
 
-@partial(compiled, static_argnames=("config", "world_per_edge", "deep"))
-def _follow(
-    tracks: Any,
-    clear: Any,
-    departs: Any,
-    currents: Current,
-    sea: Environment,
-    vehicle: Vehicle,
-    config: TravelTimeConfig,
-    world_per_edge: bool,
-    deep: bool,
-) -> tuple[jax.Array, jax.Array]:
+@compiled
+def _follow(tracks: Any, clear: Any, departs: Any, world: _World) -> tuple[jax.Array, jax.Array]:
     """Time [E] s of tracks [E, S, 3] m that keep clear of the coast, and whether they keep every limit [E].
 
     Those that are `clear` [E] keep clear of closed areas as well. Their corners are rounded by a path.
     """
+    vehicle, config = world.vehicle, world.config.path
 
     def one(
         track: jax.Array, clear: jax.Array, depart: jax.Array, current: Current
     ) -> tuple[jax.Array, jax.Array]:
-        env = Environment(current, None, Obstacles.none(), sea.lower, sea.upper, sea.seabed, sea.closures)
+        env = world.environment(current, None)
         x, y, z = (axis[:, None] for axis in track.T)
-        if sea.seabed is not None:
+        if env.seabed is not None:
             length = jnp.sqrt(jnp.diff(x, axis=0) ** 2 + jnp.diff(y, axis=0) ** 2).max()
             z = jnp.minimum(z, habitats.deepest(env, x, y, jnp.broadcast_to(2.0 * length, x.shape)))
         line = followed(Track.through(x, y, z), env, vehicle)
-        if deep:
-            line = _at_depths(line, track[0], track[-1], depart, env, vehicle, config.path)
-        trajectory = evaluate(line, depart, env, vehicle, config.path)
+        if world.deep:
+            line = _at_depths(line, track[0], track[-1], depart, env, vehicle, config)
+        trajectory = evaluate(line, depart, env, vehicle, config)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed"))
         return _quickest(trajectory, broken + jnp.where(clear, 0.0, excess["coast"]))
 
-    return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None))(tracks, clear, departs, currents)
+    return world.over_edges(one, tracks, clear, departs)
 
 
 def _at_depths(
@@ -366,55 +377,38 @@ def _quickest(trajectory: Trajectory, broken: jax.Array) -> tuple[jax.Array, jax
     return jnp.where((broken == 0.0).any(), lasts.min(), trajectory.travel_time[0]), (broken == 0.0).any()
 
 
-@partial(compiled, static_argnames=("config", "detours", "steps", "world_per_edge", "deep"))
+@partial(compiled, static_argnames=("detours", "steps"))
 def _estimate(
-    starts: Any,
-    goals: Any,
-    departs: Any,
-    currents: Current,
-    sea: Environment,
-    vehicle: Vehicle,
-    config: TravelTimeConfig,
-    detours: int,
-    steps: int,
-    world_per_edge: bool,
-    deep: bool,
+    starts: Any, goals: Any, departs: Any, world: _World, detours: int, steps: int
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours.
 
     With their samples [E, S, 3] m, at the straight line's depths.
     """
+    vehicle, config = world.vehicle, world.config.path
 
     def one(
-        start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
+        start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        box = sea.lower, sea.upper
-        env = Environment(current, chart, Obstacles.none(), *box, sea.seabed, sea.closures)
-        problem = (start, goal, depart, env, vehicle)
-        cost = partial(score, config=config.path)
-        lower, upper = habitats.bounds(start, goal, env, config.path)
+        env = world.environment(current, world.sea.chart)
+        problem, cost = (start, goal, depart, env, vehicle), partial(score, config=config)
+        lower, upper = habitats.bounds(start, goal, env, config)
         if detours:
             # The same fan for every edge: the key only shapes it.
-            fan = habitats.initial(
-                jax.random.key(0), detours + 1, start, goal, lower, upper, config.path, env
-            )
-            best = jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]
-            tried = fan[best]
+            fan = habitats.initial(jax.random.key(0), detours + 1, start, goal, lower, upper, config, env)
+            tried = fan[jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]]
         else:
-            tried = habitats.raise_above_seabed(
-                habitats.straight_line(start, goal, config.path)[None], start, goal, env, config.path
-            )
+            line = habitats.straight_line(start, goal, config)[None]
+            tried = habitats.raise_above_seabed(line, start, goal, env, config)
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
-        track = tracks(tried[:1], start, goal, env, vehicle, config.path)
-        if deep:
-            track = _at_depths(track, start, goal, depart, env, vehicle, config.path)
-        trajectory = evaluate(track, depart, env, vehicle, config.path)
+        track = tracks(tried[:1], start, goal, env, vehicle, config)
+        if world.deep:
+            track = _at_depths(track, start, goal, depart, env, vehicle, config)
+        trajectory = evaluate(track, depart, env, vehicle, config)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = reduce(jnp.add, (plane for name, plane in excess.items() if name not in VERTICAL_LIMITS))
         return *_quickest(trajectory, broken), jnp.stack([axis[:, 0] for axis in track.places], axis=1)
 
-    return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
-        starts, goals, departs, currents, sea.chart
-    )
+    return world.over_edges(one, starts, goals, departs)
