@@ -57,28 +57,24 @@ class MissionConfig:
     degree: int = 16
 
     def __post_init__(self) -> None:
-        if self.decoder not in ("paper", "timely", "rate"):
-            raise ValueError(f'decoder must be "paper", "timely" or "rate", got {self.decoder!r}')
-        if self.objective not in ("priority", "eq15"):
-            raise ValueError(f'objective must be "priority" or "eq15", got {self.objective!r}')
-        for name in ("rate_weight", "phi1", "phi2"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
-        if not 0.0 <= self.time_weight < 1.0:
-            raise ValueError(f"time_weight must be in [0, 1), got {self.time_weight}")
-        if self.beam_width is not None and self.beam_width < 1:
-            raise ValueError(f"beam_width must be at least 1, got {self.beam_width}")
-        for name in ("local_period", "degree"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
-        if self.local_rounds < 0:
-            raise ValueError(f"local_rounds must not be negative, got {self.local_rounds}")
-        if not 1 <= self.local_width <= self.bbo.population:
-            raise ValueError(f"local_width must be in [1, bbo.population], got {self.local_width}")
+        for name, known in (("decoder", ("paper", "timely", "rate")), ("objective", ("priority", "eq15"))):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} must be one of {known}, got {getattr(self, name)!r}")
+        for name, least in (
+            ("rate_weight", 0), ("phi1", 0), ("phi2", 0), ("time_weight", 0), ("beam_width", 1),
+            ("local_rounds", 0), ("local_width", 1), ("local_period", 1), ("degree", 1), ("seeds", 0),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and not value >= least:
+                raise ValueError(f"{name} must be at least {least}, got {value}")
+        if not self.time_weight < 1.0:
+            raise ValueError(f"time_weight must be less than 1, got {self.time_weight}")
+        if self.local_width > self.bbo.population:
+            raise ValueError(f"local_width must be at most bbo.population, got {self.local_width}")
+        if self.seeds > self.bbo.population - 4:
+            raise ValueError(f"seeds must be at most bbo.population - 4, got {self.seeds}")
         if self.seeds and not self.plant:
             raise ValueError("seeds of a beam search need plant")
-        if not 0 <= self.seeds <= self.bbo.population - 4:
-            raise ValueError(f"seeds must be in [0, bbo.population - 4], got {self.seeds}")
         if self.bbo.replacement == "generational" and self.bbo.elites < 1:
             raise ValueError("bbo.elites must be at least 1, so that a feasible mission once found is kept")
         if self.bbo.mutation == "gaussian":

@@ -130,13 +130,15 @@ def decode(
         rho = jnp.where(moves, problem.priority[here, edge], 0.0)
         if problem.falling:
             rho = rho - jnp.where(moves, problem.lost(here, edge, walk.time, times[rows, edge]), 0.0)
+        clocked = problem.schedule is not None
         task = rho > 0.0
         entered = jnp.where(moves, there, size)
         return _Walk(
             value=walk.value.at[rows, entered].set(-jnp.inf, mode="drop"),
             position=walk.position.at[rows, entered].set(walk.step + 1, mode="drop"),
             current=there,
-            time=walk.time + jnp.where(moves, _taken(problem, times, here, rows, edge), 0.0),
+            time=walk.time
+            + jnp.where(moves, times[rows, edge] if clocked else problem.leg_times[here, edge], 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
             inverse=walk.inverse + jnp.where(task, 1.0 / rho, 0.0),
@@ -174,13 +176,6 @@ def decode(
         late=late,
         reached=(walk.current == problem.goal) & (late == 0.0),
     )
-
-
-def _taken(
-    problem: Problem, times: jax.Array, here: jax.Array, rows: jax.Array, edge: jax.Array
-) -> jax.Array:
-    """Return the seconds [P] that the chosen edges take."""
-    return problem.leg_times[here, edge] if problem.schedule is None else times[rows, edge]
 
 
 def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax.Array:

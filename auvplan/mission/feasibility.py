@@ -40,14 +40,6 @@ class RouteCheck:
         return self.valid
 
 
-def _leg_time(graph: MissionGraph, i: int, j: int, speed: float) -> float:
-    """t_ij of Eq. 13, s, whether or not the edge exists, so that each rule is judged by itself."""
-    travel = float(graph.travel_time[i, j])
-    if np.isnan(travel):
-        travel = float(np.linalg.norm(graph.positions[j] - graph.positions[i])) / speed
-    return travel + float(graph.duration[i, j])
-
-
 def check_route(
     graph: MissionGraph,
     nodes: Sequence[int] | np.ndarray,
@@ -71,37 +63,32 @@ def check_route(
     An edge taken both ways counts as taken twice where the graph is undirected (all fields symmetric).
     """
     route = [int(node) for node in nodes]
-    known = [0 <= node < graph.size for node in route]
+    known = all(0 <= node < graph.size for node in route)
     legs = list(pairwise(route))
-    inside = [leg for k, leg in enumerate(legs) if known[k] and known[k + 1]]
+    inside = [leg for leg in legs if all(0 <= node < graph.size for node in leg)]
     missing = [leg for leg in legs if leg not in inside or leg[0] == leg[1] or not graph.adjacency[leg]]
-    symmetric = all(
-        np.array_equal(field, field.T) for field in (graph.adjacency, graph.priority, graph.duration)
-    )
+    fields = graph.adjacency, graph.priority, graph.duration
+    symmetric = all(np.array_equal(field, field.T) for field in fields)
     edges = [tuple(sorted(leg)) if symmetric else leg for leg in legs]
-    time = float(sum(_leg_time(graph, i, j, speed) for i, j in inside))
-    if graph.timetable is not None and not missing and all(known) and inside:
+    time = 0.0
+    for i, j in inside:  # whether or not the edge exists, so that each rule is judged by itself
+        straight = float(np.linalg.norm(graph.positions[j] - graph.positions[i])) / speed
+        travel = float(graph.travel_time[i, j])
+        time += (straight if np.isnan(travel) else travel) + float(graph.duration[i, j])
+    if graph.timetable is not None and not missing and known and inside:
         time = float(graph.itinerary(route, speed).ends[-1])
 
     ends = bool(route) and route[0] == start and route[-1] == goal
+    brief = f"it leads from {route[0]} to {route[-1]}" if route else "it is empty"
     verdicts = {
-        "ends": (ends, f"does not lead from {start} to {goal}: {_brief(route)}"),
-        "edges_exist": (
-            not missing and all(known),
-            f"takes edges that are not in the graph: {missing or route}",
-        ),
+        "ends": (ends, f"does not lead from {start} to {goal}: {brief}"),
+        "edges_exist": (not missing and known, f"takes edges that are not in the graph: {missing or route}"),
         "nodes_once": (len(set(route)) == len(route), f"visits waypoints twice: {_repeated(route)}"),
         "edges_once": (len(set(edges)) == len(edges), f"takes edges twice: {_repeated(edges)}"),
         "in_time": (time < time_available, f"takes {time:.1f} s, {time_available:.1f} s are available"),
     }
-    kept = {rule: verdict for rule, (verdict, _) in verdicts.items()}
-    return RouteCheck(
-        **kept, time=time, reasons=tuple(reason for verdict, reason in verdicts.values() if not verdict)
-    )
-
-
-def _brief(route: list[int]) -> str:
-    return f"it leads from {route[0]} to {route[-1]}" if route else "it is empty"
+    reasons = tuple(reason for kept, reason in verdicts.values() if not kept)
+    return RouteCheck(**{rule: kept for rule, (kept, _) in verdicts.items()}, time=time, reasons=reasons)
 
 
 def _repeated(items: list) -> list:

@@ -8,7 +8,7 @@ later the rest may begin if its legs take as long as before (forward time slack,
 changed route is then gone through, and dropped where it does not fit.
 """
 
-from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,15 +31,13 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
     Returns:
         [P, N] routes that keep all limits and gain at least as much.
     """
-    times = _table(problem, problem.leg_times, jnp.inf)
-    gains = _table(problem, gain, 0.0)
-    places = None
+    places, width = None, problem.neighbours.shape[1]
+    tables = [_table(problem, problem.leg_times, jnp.inf), _table(problem, gain, 0.0)]
     if problem.schedule is not None:
-        width = problem.neighbours.shape[1]
         number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
         places = _table(problem, number, width)
-    step = partial(_change_all, problem=problem, times=times, gains=gains, gain=gain, places=places)
-    return jax.lax.fori_loop(0, rounds, lambda _, routes: step(routes), nodes)
+    edges = _Edges(problem, gain, *tables, places)
+    return jax.lax.fori_loop(0, rounds, lambda _, routes: _change_all(routes, edges), nodes)
 
 
 def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
@@ -50,20 +48,37 @@ def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
     return jnp.full((size, size), default, values.dtype).at[rows, column].set(values, mode="drop")
 
 
-def _lasts(
-    problem: Problem,
-    times: jax.Array,
-    places: jax.Array | None,
-    here: jax.Array,
-    there: jax.Array,
-    at: jax.Array,
-) -> jax.Array:
-    """Return the seconds that edges between waypoints take where they are entered at times, of one shape."""
-    if problem.schedule is None or places is None:
-        return times[here, there]
-    place = places[here, there]
-    lasts = problem.schedule.lasts(here, jnp.minimum(place, problem.neighbours.shape[1] - 1), at)
-    return jnp.where(place < problem.neighbours.shape[1], lasts, jnp.inf)
+class _Edges(NamedTuple):
+    """Edges of a problem by their two waypoints.
+
+    Attributes:
+        problem: of N waypoints, neighbour lists of length K.
+        gain: [N, K] what taking an edge is worth.
+        times, gains: [N, N] s and worth; infinite and zero where there is no edge.
+        places: [N, N] in their lists, K where there is no edge; None where nothing depends on the clock.
+    """
+
+    problem: Problem
+    gain: jax.Array
+    times: jax.Array
+    gains: jax.Array
+    places: jax.Array | None
+
+    def lasts(self, here: jax.Array, there: jax.Array, at: jax.Array) -> jax.Array:
+        """Return the seconds that edges take where they are entered at times, all of one shape."""
+        schedule, width = self.problem.schedule, self.problem.neighbours.shape[1]
+        if schedule is None or self.places is None:
+            return self.times[here, there]
+        place = self.places[here, there]
+        lasts = schedule.lasts(here, jnp.minimum(place, width - 1), at)
+        return jnp.where(place < width, lasts, jnp.inf)
+
+    def less_lost(self, worth: Any, here: Any, there: Any, at: Any, lasts: Any) -> jax.Array:
+        """Return what edges are worth less what their tasks have lost; arguments as `lasts` has them."""
+        if not self.problem.falling or self.places is None:
+            return worth
+        place = jnp.minimum(self.places[here, there], self.problem.neighbours.shape[1] - 1)
+        return worth - self.problem.lost(here, place, at, lasts)
 
 
 def _by_the_clock(
@@ -124,15 +139,9 @@ def _by_the_clock(
     return arrival, slack.T, lost
 
 
-def _change_all(
-    nodes: jax.Array,
-    problem: Problem,
-    times: jax.Array,
-    gains: jax.Array,
-    gain: jax.Array,
-    places: jax.Array | None = None,
-) -> jax.Array:
+def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
     """One best change to each route."""
+    problem, gain, times, gains, places = edges
     count, size = nodes.shape
     rows = jnp.arange(count)
     here, onward = jnp.maximum(nodes[:, :-1], 0), nodes[:, 1:]
@@ -178,24 +187,21 @@ def _change_all(
         room = slack[:, ahead]
         fits = inside[:, ahead] & (jnp.arange(size) + 1 + cut < size)
         old_time, old_gain = arrival[:, ahead] - arrival, gained[:, ahead] - gained
-        second = _lasts(problem, times, places, via, there[:, :, None], then)
+        second = edges.lasts(via, there[:, :, None], then)
         longer = onward_times + second - old_time[:, :, None]
         richer = gain[at] + gains[via, there[:, :, None]] - old_gain[:, :, None]
         if problem.falling and places is not None:
             edge = jnp.arange(via.shape[2])[None, None]
             richer = richer - problem.lost(at[:, :, None], edge, arrival[:, :, None], onward_times)
-            onto = jnp.minimum(places[via, there[:, :, None]], via.shape[2] - 1)
-            richer = richer - problem.lost(via, onto, then, second)
+            richer = edges.less_lost(richer, via, there[:, :, None], then, second)
         worth = jnp.where(open_ & fits[:, :, None] & (longer < room[:, :, None]), richer, -jnp.inf)
         value, index = highest(worth.reshape(count, -1))
         place, edge = index // via.shape[2], index % via.shape[2]
         best, choice = consider(best, choice, value, place, cut, via[rows, place, edge])
         if cut:
-            direct = _lasts(problem, times, places, at, there, arrival)
+            direct = edges.lasts(at, there, arrival)
             longer, richer = direct - old_time, gains[at, there] - old_gain
-            if problem.falling and places is not None:
-                onto = jnp.minimum(places[at, there], via.shape[2] - 1)
-                richer = richer - problem.lost(at, onto, arrival, direct)
+            richer = edges.less_lost(richer, at, there, arrival, direct)
             worth = jnp.where(inside & fits & (longer < room), richer, -jnp.inf)
             best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 
