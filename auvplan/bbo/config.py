@@ -15,6 +15,11 @@ _CHOICES = {
     "mutation": (None, "uniform", "gaussian"),
     "replacement": ("generational", "greedy"),
 }
+_RANGES = {
+    "population": (2, np.inf), "iterations": (0, np.inf), "elites": (0, np.inf),
+    "immigration": (0.0, 1.0), "emigration": (0.0, 1.0), "mutation_max": (0.0, 1.0),
+    "mutation_genes": (0.0, np.inf), "mutation_step": (0.0, np.inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -60,22 +65,16 @@ class BBOConfig:
     replacement: Literal["generational", "greedy"] = "greedy"
 
     def __post_init__(self) -> None:
-        if self.population < 2:
-            raise ValueError(f"population must be at least 2, got {self.population}")
-        if self.iterations < 0:
-            raise ValueError(f"iterations must not be negative, got {self.iterations}")
-        if not 0 <= self.elites < self.population:
-            raise ValueError(f"elites must be in [0, population), got {self.elites}")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(f"{name} must be one of {choices}, got {getattr(self, name)!r}")
-        if self.mutation_genes is not None and not self.mutation_genes >= 0.0:
-            raise ValueError(f"mutation_genes must not be negative, got {self.mutation_genes}")
-        if not self.mutation_step >= 0.0:
-            raise ValueError(f"mutation_step must not be negative, got {self.mutation_step}")
-        for name in ("immigration", "emigration", "mutation_max"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
+        for name, (least, most) in _RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                wanted = f"at least {least}" if most == np.inf else f"in [{least}, {most}]"
+                raise ValueError(f"{name} must be {wanted}, got {value}")
+        if self.elites >= self.population:
+            raise ValueError(f"elites must be fewer than the population, got {self.elites}")
         if self.emigration == 0.0:
             raise ValueError("emigration must be positive")
 

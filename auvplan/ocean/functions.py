@@ -49,10 +49,6 @@ class PlainFunction:
         stated = "\n".join(words)
         return None if " at 0x" in stated else hashlib.sha256(stated.encode()).hexdigest()
 
-    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Any:
-        """Return what the function returns."""
-        return self.function(x, y, z, t)
-
 
 def as_pytree(given: Any, kind: type[PlainFunction], name: str, returns: str) -> Any:
     """Return a pytree that is callable as it is, and a plain function of the same signature as one of a kind.
@@ -80,7 +76,8 @@ def as_pytree(given: Any, kind: type[PlainFunction], name: str, returns: str) ->
             signature(given).bind(*"xyzt")
         except TypeError as error:
             raise TypeError(f"{wanted}: {error}") from None
-    found, places = kind(given), [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
+    found: Any = kind(given)
+    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
     try:
         jax.eval_shape(found, *places)
     except jax.errors.TracerArrayConversionError:

@@ -73,28 +73,19 @@ class Obstacles:
         """
         position = jnp.asarray(positions, float).reshape(-1, 3)
         count = position.shape[0]
-
-        def spread(value: ArrayLike, name: str) -> jax.Array:
+        numbers = {
+            "drift": drift, "radii": radii, "position_std": position_std, "radius_std": radius_std,
+            "growth": growth, "growth_max": growth_max, "observed_at": observed_at,
+        }  # fmt: skip
+        for name, value in numbers.items():
             array = jnp.asarray(value, float)
-            if array.ndim > 1 or (array.ndim == 1 and array.shape[0] != count):
+            if array.shape not in ((), (count,)):
                 raise ValueError(f"{name} must be a number or [{count}], got shape {array.shape}")
-            return jnp.broadcast_to(array, (count,))
-
-        radius = spread(radii, "radii")
-        if count and not bool(jnp.all(radius >= 0)):
+            numbers[name] = jnp.broadcast_to(array, (count,))
+        if count and not bool(jnp.all(numbers["radii"] >= 0)):
             raise ValueError("radii must not be negative")
-        return cls(
-            position,
-            jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3)),
-            spread(drift, "drift"),
-            radius,
-            spread(position_std, "position_std"),
-            spread(radius_std, "radius_std"),
-            spread(growth, "growth"),
-            spread(growth_max, "growth_max"),
-            spread(observed_at, "observed_at"),
-            jnp.ones(count, bool),
-        )
+        velocity = jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3))
+        return cls(position, velocity, *numbers.values(), jnp.ones(count, bool))
 
     @classmethod
     def none(cls) -> "Obstacles":

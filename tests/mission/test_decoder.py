@@ -16,7 +16,7 @@ from auvplan.mission.problem import Edges
 from tests.mission.naive import decode as naive_decode
 from tests.mission.naive import grid_graph, prepare_now, problem
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
-from tests.mission.test_timetable import clocked, looked_up, worth
+from tests.mission.test_timetable import Edge, clocked
 
 N, SPEED = 9, 2.0
 DECODERS = ["paper", "timely", "rate"]
@@ -182,8 +182,8 @@ def test_times_and_priorities_by_the_clock_are_those_of_a_walk(decoder: str) -> 
     for p in range(len(population)):
         now, earned = 0.0, []
         for i, j in pairwise(routes.nodes[p, : routes.count[p]].tolist()):
-            now = looked_up(graph, i, j, now)
-            earned.append(worth(graph, i, j, now))
+            now = Edge.of(graph, i, j).done(now)
+            earned.append(Edge.of(graph, i, j).worth(now))
             gone += earned[-1] < graph.priority[i, j]
         assert routes.time[p] == pytest.approx(now, rel=1e-4)
         assert routes.priority[p] == pytest.approx(sum(earned), abs=1e-4)

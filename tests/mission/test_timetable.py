@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -88,60 +89,92 @@ def _falling(rng: np.random.Generator, rho: np.ndarray, count: int) -> tuple[np.
     return tuple(np.broadcast_to(part, (SIZE, SIZE, count)).copy() for part in (falls, drops))
 
 
+class Edge(NamedTuple):
+    """What a timetable says of one edge, in plain numbers."""
+
+    departures: list[float]
+    travel: list[float]
+    starts: list[tuple[float, float]]
+    entries: list[tuple[float, float]]
+    falls: list[tuple[float, float]]
+    task: float
+    priority: float
+    waiting: bool
+
+    @classmethod
+    def of(cls, graph: MissionGraph, i: int, j: int) -> "Edge":
+        table = graph.timetable
+        names = ("opens", "closes"), ("enters", "until"), ("falls", "drops")
+        pairs = [
+            list(zip(*(getattr(table, name)[i, j].tolist() for name in pair), strict=True)) for pair in names
+        ]
+        worth = float(graph.duration[i, j]), float(graph.priority[i, j])
+        return cls(
+            table.departures.tolist(), table.travel_time[:, i, j].tolist(), *pairs, *worth, table.waiting
+        )
+
+    def done(self, time: float) -> float:
+        """When the task is done on a leg begun at a time: all that may be done, the best of it."""
+        if not self.entries:
+            return self._begun(self._crossed(time))
+        ends = []
+        for enters, until in self.entries:
+            if not self.waiting and time < enters:
+                continue
+            arrival = self._crossed(max(time, enters))
+            if arrival + self.task <= until:
+                ends.append(self._begun(arrival))
+        return min(ends, default=np.inf)
+
+    def _crossed(self, time: float) -> float:
+        """When the edge is passed that is entered at a time or later."""
+        departures, travel = self.departures, self.travel
+        before = max(k for k, departs in enumerate(departures) if departs <= time)
+        arrivals = [time + travel[before]]
+        if departures[before] < time and before < DEPARTURES - 1:
+            weight = (time - departures[before]) / (departures[before + 1] - departures[before])
+            ends = travel[before], travel[before + 1]
+            arrivals = [np.inf if np.inf in ends else time + (1.0 - weight) * ends[0] + weight * ends[1]]
+        if self.waiting:
+            arrivals += [departures[k] + travel[k] for k in range(before + 1, DEPARTURES)]
+        return min(arrivals)
+
+    def _begun(self, arrival: float) -> float:
+        """When the task is done after an arrival."""
+        if not self.starts:
+            return arrival + self.task
+        served = (pair for pair in self.starts if arrival <= pair[1] and (self.waiting or arrival >= pair[0]))
+        return min((max(arrival, opens) for opens, _ in served), default=np.inf) + self.task
+
+    def worth(self, done: float) -> float:
+        """Priority of a task that is done at a time: what has not fallen when it begins."""
+        return self.priority - sum(drop for falls, drop in self.falls if done - self.task > falls)
+
+
 def looked_up(graph: MissionGraph, i: int, j: int, time: float) -> float:
-    """When a task at j is done on a leg from i begun at a time: all that may be done, the best of it."""
-    table = graph.timetable
-    if not table.enters.shape[-1]:
-        return begun(graph, i, j, crossed(graph, i, j, time))
-    ends = []
-    for enters, until in zip(table.enters[i, j].tolist(), table.until[i, j].tolist(), strict=True):
-        if not table.waiting and time < enters:
-            continue
-        arrival = crossed(graph, i, j, max(time, enters))
-        if arrival + graph.duration[i, j] <= until:
-            ends.append(begun(graph, i, j, arrival))
-    return min(ends, default=np.inf)
-
-
-def crossed(graph: MissionGraph, i: int, j: int, time: float) -> float:
-    """When an edge is passed that is entered at a time or later."""
-    table = graph.timetable
-    travel, departures = table.travel_time[:, i, j].tolist(), table.departures.tolist()
-    before = max(k for k, departs in enumerate(departures) if departs <= time)
-    arrivals = [time + travel[before]]
-    if departures[before] < time and before < DEPARTURES - 1:
-        weight = (time - departures[before]) / (departures[before + 1] - departures[before])
-        ends = travel[before], travel[before + 1]
-        arrivals = [np.inf if np.inf in ends else time + (1.0 - weight) * ends[0] + weight * ends[1]]
-    if table.waiting:
-        arrivals += [departures[k] + travel[k] for k in range(before + 1, DEPARTURES)]
-    return min(arrivals)
-
-
-def begun(graph: MissionGraph, i: int, j: int, arrival: float) -> float:
-    """When the task at the end of an edge is done after an arrival."""
-    table, done = graph.timetable, []
-    for opens, closes in zip(table.opens[i, j].tolist(), table.closes[i, j].tolist(), strict=True):
-        if arrival <= closes and (table.waiting or arrival >= opens):
-            done.append(max(arrival, opens))
-    return (min(done, default=np.inf) if table.opens.shape[-1] else arrival) + float(graph.duration[i, j])
+    """When the task at j is done on a leg from i begun at a time."""
+    return Edge.of(graph, i, j).done(time)
 
 
 def best_priority(graph: MissionGraph, budget: float) -> float:
     """Most total priority of all routes in time, over pairs of waypoints visited and place."""
-    goal = SIZE - 1
+    goal, edges = (
+        SIZE - 1,
+        {edge: Edge.of(graph, *edge) for edge in map(tuple, np.argwhere(graph.adjacency).tolist())},
+    )
+    onwards = {i: [j for k, j in edges if k == i] for i in range(SIZE)}
     fronts, best = {(1, 0): [(0.0, 0.0)]}, -np.inf
     for _ in range(SIZE - 1):
         onward: dict[tuple[int, int], list[tuple[float, float]]] = {}
         for (seen, i), front in fronts.items():
-            for j in np.flatnonzero(graph.adjacency[i]).tolist():
+            for j in onwards[i]:
                 if seen >> j & 1:
                     continue
                 for time, gained in front:
-                    done = looked_up(graph, i, j, time)
+                    done = edges[i, j].done(time)
                     if done >= budget:
                         continue
-                    more = gained + worth(graph, i, j, done)
+                    more = gained + edges[i, j].worth(done)
                     if j == goal:
                         best = max(best, more)
                         continue
@@ -152,15 +185,6 @@ def best_priority(graph: MissionGraph, budget: float) -> float:
                         others[:] = [(t, g) for t, g in others if t < done or g > more] + [(done, more)]
         fronts = onward
     return best
-
-
-def worth(graph: MissionGraph, i: int, j: int, done: float) -> float:
-    """Priority of a task that is done at a time: what has not fallen when it begins."""
-    table, begins = graph.timetable, done - graph.duration[i, j]
-    fallen = [
-        drop for falls, drop in zip(table.falls[i, j], table.drops[i, j], strict=True) if begins > falls
-    ]
-    return float(graph.priority[i, j] - sum(fallen))
 
 
 @settings(max_examples=8, deadline=None, derandomize=True)

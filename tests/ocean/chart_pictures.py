@@ -12,6 +12,9 @@ from auvplan.ocean.whitsunday import classes
 
 Colour = tuple[int, int, int]
 
+#: Pixels along each edge.
+SIZE = 400
+
 
 @dataclass(frozen=True)
 class Style:
@@ -53,7 +56,7 @@ STYLES = {
 
 
 @functools.cache
-def paint(style: Style, size: int = 500, seed: int = 0) -> np.ndarray:
+def paint(style: Style, size: int = SIZE, seed: int = 0) -> np.ndarray:
     """A picture of the shipped waters in a style, [size, size, 3] uint8, row 0 in the north, read-only."""
     picture = _paint(classes(size), style, seed)
     picture.setflags(write=False)

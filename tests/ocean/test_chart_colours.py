@@ -9,9 +9,9 @@ from auvplan.ocean.chart import Chart, ChartError, classify_file
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.palette import ChartColours, as_hex, lab_of, to_hex, to_lab, to_rgb
 from auvplan.ocean.whitsunday import classes, render
-from tests.ocean.chart_pictures import STYLES, Style, paint, satellite, shares_right
+from tests.ocean.chart_pictures import SIZE, STYLES, Style, paint, satellite, shares_right
 
-KINDS = classes(500)
+KINDS = classes(SIZE)
 BLUE = Style((214, 196, 146), (150, 214, 204), (70, 130, 200), grain=3.0)
 
 
@@ -114,8 +114,14 @@ def test_photographs_are_warned_of(tmp_path):
         Chart.from_image(tmp_path / "view.png", colours=ChartColours(**style.named))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("texture", [0.3, 1.0, 1.5])
+SCENES = [(texture, seed) for texture in (0.3, 1.0, 1.5) for seed in (0, 1, 2)]
+LATIN = ((0.3, 0), (1.0, 1), (1.5, 2))
+
+
+@pytest.mark.parametrize(
+    ("texture", "seed"),
+    [scene if scene in LATIN else pytest.param(*scene, marks=pytest.mark.slow) for scene in SCENES],
+)
 def test_pictures_from_space_are_told_from_charts(texture, seed):
     found = classify_picture(satellite(texture, seed))
     assert any("more like a photograph" in line for line in found.warnings)
@@ -139,8 +145,8 @@ def test_pictures_without_colour_are_read_by_told_greys(tmp_path):
 
 
 def framed(inner: np.ndarray, shade: int) -> tuple[np.ndarray, tuple[slice, slice]]:
-    outer = np.full((600, 640, 3), shade, np.uint8)
-    place = slice(40, 540), slice(60, 560)
+    outer = np.full((SIZE + 80, SIZE + 112, 3), shade, np.uint8)
+    place = slice(32, 32 + SIZE), slice(48, 48 + SIZE)
     outer[place] = inner
     return outer, place
 
@@ -171,12 +177,12 @@ def test_corners_of_a_turned_raster_are_coast(shade):
 
 
 def test_see_through_pixels_are_no_cluster(tmp_path):
-    picture = np.dstack([paint(BLUE), np.full((500, 500), 255, np.uint8)])
-    picture[:100, :, 3] = 0
+    picture, cut = np.dstack([paint(BLUE), np.full((SIZE, SIZE), 255, np.uint8)]), SIZE // 5
+    picture[:cut, :, 3] = 0
     Image.fromarray(picture).save(tmp_path / "cut.png")
     found = classify_file(tmp_path / "cut.png")
-    assert (found.passability[:100] == 0.0).all()
-    assert min(shares_right(found.passability[100:], KINDS[100:]).values()) > 0.98
+    assert (found.passability[:cut] == 0.0).all()
+    assert min(shares_right(found.passability[cut:], KINDS[cut:]).values()) > 0.98
     assert "#ffffff" not in found.listed()
     assert found.notes[0].startswith("what is see-through or no data, 20.0% of the picture")
     picture[..., 3] = 0

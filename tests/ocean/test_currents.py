@@ -139,7 +139,7 @@ def test_depth_interpolates_between_layers_and_holds_outside():
     assert not np.allclose(at(0.0), at(300.0))
 
 
-@pytest.mark.parametrize("layers", [1, 2, 4])
+@pytest.mark.parametrize("layers", [1, 3])
 @pytest.mark.usefixtures("x64")
 def test_gradients_through_all_layers_match_finite_differences(layers):
     field, t = field_of(layers), jnp.zeros(2)
