@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
@@ -275,9 +275,10 @@ def plan_missions(
     open_legs = np.where(closed[:, None, :], np.inf, legs)
     nodes = np.where(np.asarray(best.reached), np.asarray(best.nodes[:, 0]), -1)
     nodes[:, 0] = starts
+    asked = _Asked(graphs, open_legs, goals, available, margins)
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
-        nodes = _without_waiting(nodes, known, graphs, open_legs, goals, available, margins)
-    return _collect(result, nodes, np.asarray(least), graphs, open_legs, goals, available, margins)
+        nodes = _without_waiting(nodes, known, asked)
+    return _collect(result, nodes, np.asarray(least), asked)
 
 
 def _speed(vehicle: Vehicle | None, speed: Any) -> Any:
@@ -296,15 +297,22 @@ def _padded(size: int) -> int:
     return next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1])
 
 
-def _without_waiting(
-    nodes: np.ndarray,
-    known: np.ndarray,
-    graphs: MissionGraph,
-    legs: np.ndarray,
-    goals: np.ndarray,
-    budget: np.ndarray,
-    margins: np.ndarray,
-) -> np.ndarray:
+class _Asked(NamedTuple):
+    """B missions: graphs, times of legs [B, N, N] s, infinite where closed, and what is asked of each."""
+
+    graphs: MissionGraph
+    legs: np.ndarray
+    goals: np.ndarray
+    available: np.ndarray
+    margins: np.ndarray
+
+    def along(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """Return values [B, N, N] of the legs of routes [B, N] padded with -1, [B, N - 1]; zero beyond."""
+        here, there = nodes[:, :-1], nodes[:, 1:]
+        return np.where(there >= 0, values[np.arange(len(nodes))[:, None], here, there], 0.0)
+
+
+def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.ndarray:
     """Return the best of routes found, known ones and those that few labels reach, each [B, N].
 
     The search takes an earlier arrival for the better one. Without waiting it need not be.
@@ -312,54 +320,40 @@ def _without_waiting(
     chosen, most = np.full_like(nodes, -1), np.full(len(nodes), -np.inf)
     chosen[:, 0] = nodes[:, 0]
     for routes in (nodes, known):
-        rows = np.arange(len(nodes))[:, None]
-        leg_times, _, lost = _by_the_clock(graphs, routes)
-        taken = routes[:, 1:] >= 0
-        here, there = np.maximum(routes[:, :-1], 0), np.maximum(routes[:, 1:], 0)
-        worth = np.where(taken, graphs.priority[rows, here, there] - lost, 0.0).sum(axis=1)
-        fits = leg_times.sum(axis=1) < budget
-        fits &= (np.isfinite(legs[rows, here, there]) | ~taken).all(axis=1)
-        fits &= (routes == goals[:, None]).any(axis=1)
+        leg_times, _, lost = _by_the_clock(asked.graphs, routes)
+        worth = (asked.along(asked.graphs.priority, routes) - np.where(routes[:, 1:] >= 0, lost, 0.0)).sum(
+            axis=1
+        )
+        fits = leg_times.sum(axis=1) < asked.available
+        fits &= np.isfinite(asked.along(asked.legs, routes)).all(axis=1)
+        fits &= (routes == asked.goals[:, None]).any(axis=1)
         better = fits & (worth > most)
         chosen[better], most[better] = routes[better], worth[better]
     for row, route in enumerate(chosen):
-        graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
-        open_, ends = np.isfinite(legs[row]), (int(route[0]), int(goals[row]), float(budget[row]))
-        clocked = Clocked(
-            graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=float(margins[row])
-        )
+        graph, legs, goal, end, margin = jax.tree.map(lambda leaf, row=row: leaf[row], asked)
+        ends = int(route[0]), int(goal), float(end)
+        open_, margin = np.isfinite(legs), float(margin)
+        clocked = Clocked(graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=margin)
         if ends[0] != ends[1] and len(found := labels.better(clocked, float(most[row])).nodes):
             route[:] = -1
             route[: len(found)] = found
     return chosen
 
 
-def _collect(
-    result: Any,
-    nodes: np.ndarray,
-    least: np.ndarray,
-    graphs: MissionGraph,
-    legs: np.ndarray,
-    goals: np.ndarray,
-    budget: np.ndarray,
-    margins: np.ndarray,
-) -> MissionRoutes:
+def _collect(result: Any, nodes: np.ndarray, least: np.ndarray, asked: _Asked) -> MissionRoutes:
     """Return routes [B, N], padded with -1, that a search found, added up in double precision."""
-    batch, size = legs.shape[:2]
+    graphs, legs, goals, available, margins = asked
     reached = (nodes == goals[:, None]).any(axis=1)
-    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * rounding_margin(size))
-    here, there = nodes[:, :-1], nodes[:, 1:]
-    taken = there >= 0
-    rows = np.arange(batch)[:, None]
-    leg_times, lost = np.where(taken, legs[rows, here, there], 0.0), np.zeros((batch, size - 1))
-    waits = np.zeros_like(lost)
+    late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
+    leg_times = asked.along(legs, nodes)
+    waits = lost = np.zeros_like(leg_times)
     if graphs.timetable is not None:
         leg_times, waits, lost = _by_the_clock(graphs, nodes)
-        kept = leg_times.sum(axis=1) < budget
+        kept = leg_times.sum(axis=1) < available
         reached &= kept
         nodes[~kept, 1:], leg_times[~kept], waits[~kept], lost[~kept] = -1, 0.0, 0.0, 0.0
-        there, taken = nodes[:, 1:], nodes[:, 1:] >= 0
-    rho = np.where(taken, graphs.priority[rows, here, there] - lost, 0.0)
+    taken = nodes[:, 1:] >= 0
+    rho = asked.along(graphs.priority, nodes) - np.where(taken, lost, 0.0)
     return MissionRoutes(
         nodes=nodes,
         count=1 + taken.sum(axis=1),
@@ -371,7 +365,7 @@ def _collect(
         waits=waits,
         status=tuple(_status(*row) for row in zip(reached, least, late, strict=True)),
         least_time=least,
-        time_available=budget,
+        time_available=available,
         population=result.state.population,
         history=result.history,
         edge_times=legs,

@@ -93,16 +93,6 @@ def test_a_current_is_a_pytree_that_goes_through_jit():
     assert jax.tree.structure(grid("uneven", vertical=False)) != jax.tree.structure(field)
 
 
-def test_precision_follows_the_places():
-    single = grid("uneven")
-    assert single(0.0, 100.0, 2.0, 0.0)[0].dtype == jnp.float32
-    points = places(single)
-    with jax.enable_x64(True):
-        double = jnp.stack(grid("uneven")(*points))
-        assert double.dtype == jnp.float64
-    np.testing.assert_allclose(jnp.stack(single(*points)), double, atol=2e-5)
-
-
 def lake():
     """u, v of a round lake whose water moves at its level's number plus 1 m/s; dry around and below it."""
     north, east = np.meshgrid(np.arange(12.0), np.arange(10.0), indexing="ij")

@@ -21,7 +21,9 @@ each_row = jax.vmap(lambda field, *at: jnp.stack(field(*at)), in_axes=(0, None, 
 def test_equals_the_sum_over_sixteen_corners(axes, vertical):
     field = grid(axes, vertical)
     points = places(field)
-    np.testing.assert_allclose(jnp.stack(field(*points)), twin(field, points), atol=2e-5)
+    found = jnp.stack(field(*points))
+    assert found.dtype == jnp.float32
+    np.testing.assert_allclose(found, twin(field, points), atol=2e-5)
 
 
 @pytest.mark.usefixtures("x64")

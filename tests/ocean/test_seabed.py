@@ -113,12 +113,6 @@ def test_slopes_are_finite_at_cliffs_and_beyond_the_raster():
         assert np.isfinite(axis).all()
 
 
-def test_slopes_by_pixels_are_their_shares():
-    bed = Seabed.from_depth([[10.0, 20.0], [30.0, 40.0]], 10.0)
-    slopes = jax.grad(lambda bed: bed.depth_at(5.0, 5.0))(bed)
-    assert slopes.depth.sum() == pytest.approx(1.0)
-
-
 def test_made_in_double_precision_it_serves_in_single():
     with jax.enable_x64(True):
         bed = Seabed.from_depth(rough((4, 5), 0), 10.0)
