@@ -26,6 +26,7 @@ pytestmark = pytest.mark.slow
 PAGE = Path(__file__).parent.parent / "docs" / "first-plan.md"
 BLOCK = re.compile(r"^```(.+?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LAND = (0xD8, 0xB2, 0x6E)
+UTM = Transformer.from_crs(4326, 32626, always_xy=True)
 
 
 @pytest.fixture(scope="module")
@@ -110,77 +111,70 @@ def test_every_job_is_done_at_most_once(done, jobs):
     assert len(done) == len(set(done))
 
 
-def test_circles_of_the_fence_are_the_known_obstacles(plan):
-    known = json.loads(Path("obstacles.geojson").read_text())["features"]
-    expected = {
-        (*feature["geometry"]["coordinates"][::-1], feature["properties"]["radius"]) for feature in known
-    }
-    circles = plan["geoFence"]["circles"]
-    assert not any(circle["inclusion"] for circle in circles)
-    found = np.array(sorted((*one["circle"]["center"], one["circle"]["radius"]) for one in circles))
-    assert found == pytest.approx(np.array(sorted(expected)), abs=1e-6)
-
-
-def test_polygons_of_the_fence_lie_around_land_and_waypoints_outside_of_them(plan):
+def test_fences_are_known_obstacles_and_land_and_waypoints_lie_outside_of_them(plan):
+    expected = sorted(
+        (*feature["geometry"]["coordinates"][::-1], feature["properties"]["radius"]) for feature in known()
+    )
+    circles, polygons = plan["geoFence"]["circles"], plan["geoFence"]["polygons"]
+    assert not any(fence["inclusion"] for fence in (*circles, *polygons))
+    found = sorted((*one["circle"]["center"], one["circle"]["radius"]) for one in circles)
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-6)
     pixels = np.asarray(Image.open("chart.png").convert("RGB"))
     rows, columns = np.nonzero((pixels == LAND).all(axis=2))
     land = np.stack([359000 + 5.0 * columns + 2.5, 4263400 - 5.0 * rows - 2.5], axis=1)
-    utm = Transformer.from_crs(4326, 32626, always_xy=True)
-    polygons = plan["geoFence"]["polygons"]
-    assert polygons
-    shapes = []
-    for one in polygons:
-        assert one["inclusion"] is False
-        latitude, longitude = np.array(one["polygon"]).T
-        shapes.append(shapely.Polygon(np.stack(utm.transform(longitude, latitude), axis=1)))
-        inside = shapely.contains_xy(shapes[-1], *land.T).sum() * 25.0
-        assert inside > 0.5 * shapes[-1].area, "a fence is more land than water"
+    shapes = [
+        shapely.Polygon(np.stack(UTM.transform(*np.array(one["polygon"]).T[::-1]), axis=1))
+        for one in polygons
+    ]
+    assert shapes
+    for shape in shapes:
+        inside = shapely.contains_xy(shape, *land.T).sum() * 25.0
+        assert inside > 0.5 * shape.area, "a fence is more land than water"
     fenced = shapely.union_all(shapes)
     for item in places(plan):
         latitude, longitude = item["params"][4:6]
-        assert not fenced.contains(shapely.Point(utm.transform(longitude, latitude)))
+        assert not fenced.contains(shapely.Point(UTM.transform(longitude, latitude)))
 
 
-def test_the_plan_holds_at_each_job_for_its_time(plan, done, jobs):
+def known():
+    """Obstacles of the page."""
+    return json.loads(Path("obstacles.geojson").read_text())["features"]
+
+
+def test_paths_pass_clear_of_obstacles(out):
+    features = json.loads((out / "itinerary.geojson").read_text())["features"]
+    for one in (one for one in features if one["properties"]["kind"] == "plan"):
+        line = shapely.LineString([UTM.transform(*place[:2]) for place in one["geometry"]["coordinates"]])
+        for obstacle in known():
+            centre = shapely.Point(UTM.transform(*obstacle["geometry"]["coordinates"]))
+            assert line.distance(centre) > obstacle["properties"]["radius"] + 10 - 0.1
+
+
+def test_vehicles_hold_at_each_job_for_its_time(plan, out, done, jobs):
     held = [item["params"] for item in places(plan) if item["params"][0]]
-    assert [params[0] for params in held] == [float(jobs[name]["duration"]) for name in done]
-    for params, name in zip(held, done, strict=True):
-        place = [float(jobs[name][field]) for field in ("latitude", "longitude", "depth")]
-        assert [*params[4:6], -params[6]] == pytest.approx(place, abs=1e-4)
+    found = [(params[0], *params[4:6], -params[6]) for params in held]
+    order = ("duration", "latitude", "longitude", "depth")
+    assert np.array(found) == pytest.approx(
+        np.array([[float(jobs[n][of]) for of in order] for n in done]), abs=1e-4
+    )
+    loiters = etree.parse(out / "itinerary.imc.xml").findall(".//Loiter")
+    found = [[float(one.findtext(of)) for of in ("duration", "lat", "lon")] for one in loiters]
+    found = np.array(found) * [1.0, *np.degrees([1.0, 1.0])]
+    assert found == pytest.approx(
+        np.array([[float(jobs[n][of]) for of in order[:3]] for n in done]), abs=1e-4
+    )
 
 
-def test_kml_names_the_jobs(out, done):
+def test_every_file_names_the_jobs_in_their_order(out, done, jobs):
     document = fastkml.KML.parse(out / "itinerary.kml")
-    names = {mark.name for mark in find_all(document, of_type=fastkml.Placemark)}
-    assert set(done) <= names
-
-
-def test_gpx_names_the_jobs_in_their_route(done):
+    assert set(done) <= {mark.name for mark in find_all(document, of_type=fastkml.Placemark)}
     route = etree.parse("vehicle/itinerary.gpx").iterfind(".//{*}rtept/{*}name")
     assert [point.text for point in route if point.text in done] == done
-
-
-def test_csv_names_the_jobs_with_their_times(out, done, jobs):
     with open(out / "itinerary.csv", newline="") as file:
         held = {row["name"]: float(row["hold"]) for row in csv.DictReader(file) if float(row["hold"])}
-    assert held == {name: float(jobs[name]["duration"]) for name in done}
-
-
-def test_geojson_names_the_jobs_and_its_paths_pass_clear_of_obstacles(out, done):
+    assert list(held.items()) == [(name, float(jobs[name]["duration"])) for name in done]
     features = json.loads((out / "itinerary.geojson").read_text())["features"]
-    tasks = [one["properties"]["name"] for one in features if one["properties"].get("task")]
-    assert tasks == done
-    utm = Transformer.from_crs(4326, 32626, always_xy=True)
-    known = json.loads(Path("obstacles.geojson").read_text())["features"]
-    for one in features:
-        if one["properties"]["kind"] == "plan":
-            line = shapely.LineString([utm.transform(*place[:2]) for place in one["geometry"]["coordinates"]])
-            for obstacle in known:
-                centre = shapely.Point(utm.transform(*obstacle["geometry"]["coordinates"]))
-                assert line.distance(centre) > obstacle["properties"]["radius"] + 10 - 0.1
-
-
-def test_netcdf_has_a_trajectory_for_each_leg(out, done):
+    assert [one["properties"]["name"] for one in features if one["properties"].get("task")] == done
     with xr.open_dataset(out / "itinerary.nc", engine="netcdf4") as track:
         assert track.attrs["featureType"] == "trajectory"
         assert track.sizes["trajectory"] == len(done) + 1
@@ -188,24 +182,9 @@ def test_netcdf_has_a_trajectory_for_each_leg(out, done):
         assert 2 - 1e-3 <= float(track["depth"].min()) <= float(track["depth"].max()) <= 30 + 1e-3
 
 
-def test_imc_loiters_once_for_each_job(out, done, jobs):
-    spec = etree.parse(out / "itinerary.imc.xml")
-    loiters = spec.findall(".//Loiter")
-    assert [float(one.findtext("duration")) for one in loiters] == [
-        float(jobs[name]["duration"]) for name in done
-    ]
-    for one, name in zip(loiters, done, strict=True):
-        place = np.degrees([float(one.findtext("lat")), float(one.findtext("lon"))])
-        assert place == pytest.approx([float(jobs[name][of]) for of in ("latitude", "longitude")], abs=1e-4)
-
-
-def test_the_mission_sheet_names_every_job(out, jobs):
-    page = etree.parse(out / "sheet.html", etree.HTMLParser())
-    cells = {"".join(cell.itertext()).strip() for cell in page.iterfind(".//td")}
-    assert set(jobs) <= cells
-
-
-def test_the_mission_sheet_names_the_files_by_their_hashes(out):
+def test_the_mission_sheet_names_every_job_and_the_files_by_their_hashes(out, jobs):
     page = (out / "sheet.html").read_text(encoding="utf-8")
+    cells = etree.parse(out / "sheet.html", etree.HTMLParser()).iterfind(".//td")
+    assert set(jobs) <= {"".join(cell.itertext()).strip() for cell in cells}
     for name in ("jobs.csv", "chart.png"):
         assert hashlib.sha256(Path(name).read_bytes()).hexdigest()[:16] in page

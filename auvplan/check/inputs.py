@@ -1,6 +1,5 @@
 """What a saved run was made from, as it keeps it: jobs, obstacles, closed areas, digests of its files."""
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-import xarray as xr
 from pyproj import Transformer
 
-from auvplan.check.legs import TIME_TOLERANCE, near, scenario_of, waypoint_names
-from auvplan.check.track import Array
+from auvplan.check.saved import TIME_TOLERANCE, Array, Saved, near
 from auvplan.runtime.files import digest, folder_size
 
 Spans = list[tuple[float, float]]
@@ -83,17 +80,13 @@ class ClosedArea:
         return found
 
 
-def _saved(dataset: xr.Dataset, name: str) -> Any:
-    return json.loads(str(dataset.attrs.get(name, "null")))
-
-
 def _spans(stated: list[list[float | None]]) -> Spans:
     return [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in stated]
 
 
-def read_jobs(dataset: xr.Dataset) -> list[Job] | None:
+def read_jobs(run: Saved) -> list[Job] | None:
     """Return the jobs that a run has saved; None where it has saved none."""
-    stated = _saved(dataset, "jobs")
+    stated = run.stated("jobs")
     if stated is None:
         return None
     return [
@@ -109,12 +102,12 @@ def read_jobs(dataset: xr.Dataset) -> list[Job] | None:
     ]
 
 
-def read_obstacles(dataset: xr.Dataset, notes: list[str]) -> list[Cylinder]:
-    """Return the obstacles known beforehand; `notes` get a line where the run has not saved them."""
-    stated = _saved(dataset, "known_obstacles")
+def read_obstacles(run: Saved) -> list[Cylinder]:
+    """Return the obstacles known beforehand; a note says where the run has not saved them."""
+    stated = run.stated("known_obstacles")
     if stated is None:
-        if (scenario_of(dataset).get("obstacles") or {}).get("file"):
-            notes.append("known obstacles were not saved and not looked at")
+        if run.section("obstacles").get("file"):
+            run.notes.append("known obstacles were not saved and not looked at")
         return []
     return [
         Cylinder(
@@ -129,88 +122,81 @@ def read_obstacles(dataset: xr.Dataset, notes: list[str]) -> list[Cylinder]:
     ]
 
 
-def read_closed_areas(dataset: xr.Dataset, notes: list[str]) -> list[ClosedArea]:
-    """Return the areas closed always or at some hours; `notes` get a line on what the run has not saved."""
-    found = [
-        ClosedArea(name, shapely.from_wkt(text), None) for name, text in _saved(dataset, "closed_areas") or []
-    ]
-    stated = _saved(dataset, "closures")
-    if stated is None and (scenario_of(dataset).get("chart") or {}).get("no_go"):
-        notes.append("hours of closed areas were not saved and not looked at")
+def read_closed_areas(run: Saved) -> list[ClosedArea]:
+    """Return the areas closed always or at some hours; notes say what the run has not saved."""
+    always, stated = run.stated("closed_areas") or [], run.stated("closures")
+    found = [ClosedArea(name, shapely.from_wkt(text), None) for name, text in always]
+    if stated is None and run.section("chart").get("no_go"):
+        run.notes.append("hours of closed areas were not saved and not looked at")
     for one in stated or []:
         if one["area"]:
             found.append(ClosedArea(one["name"], shapely.from_wkt(one["area"]), _spans(one["closed"])))
         else:
-            notes.append(f"the outline of closed area {one['name']!r} was not saved and not looked at")
+            run.notes.append(f"the outline of closed area {one['name']!r} was not saved and not looked at")
     for area in found:
         shapely.prepare(area.shape)
     return found
 
 
-def source_faults(dataset: xr.Dataset, notes: list[str]) -> Iterator[str]:
-    """Yield files beside a run that are not those it was made from; `notes` get what cannot be compared."""
-    stated = _saved(dataset, "sources")
+def source_faults(run: Saved) -> Iterator[str]:
+    """Yield files beside a run that are not those it was made from; notes say what cannot be compared."""
+    stated = run.stated("sources")
     if stated is None:
-        notes.append("digests of the files that the run was made from were not saved")
+        run.notes.append("digests of the files that the run was made from were not saved")
     for one in stated or []:
         path = Path(one["path"])
         try:
             same = folder_size(path) == one["size"] and (not one["sha256"] or digest(path) == one["sha256"])
         except OSError:
-            notes.append(f"{one['field']}: {path.name} is not there any more and was not compared")
+            run.notes.append(f"{one['field']}: {path.name} is not there any more and was not compared")
             continue
         if not same:
             yield f"{one['field']}: {path.name} is not the file that the run was made from"
 
 
-def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
+def job_faults(run: Saved, jobs: list[Job]) -> Iterator[str]:
     """Yield jobs that the graph of the run has in another place, of other worth or with other windows."""
-    names = waypoint_names(dataset)
-    places = dataset["waypoint_position"].values.astype(float)
     for job in jobs:
         wanted = [f"{job.name}[{k}]" for k in range(1, len(job.places) + 1)] if job.is_line else [job.name]
         nodes = [
-            [node for node, name in enumerate(names) if name == own and near(places[node], place)]
+            [node for node, name in enumerate(run.names) if name == own and near(run.places[node], place)]
             for own, place in zip(wanted, job.places, strict=True)
         ]
-        if not all(own in names for own in wanted):
+        if not all(own in run.names for own in wanted):
             continue  # at a place that has another name, such as the start
         if not all(nodes):
             yield f"job {job.name!r} is not where the graph has it"
             continue
         chain = [own[0] for own in nodes]
         for name, value in (("priority", job.priority), ("duration", job.duration)):
-            at, along = (dataset[f"{of}_{name}"].values for of in ("waypoint", "task"))
+            at, along = (run[f"{of}_{name}"] for of in ("waypoint", "task"))
             own = sum(float(along[i, j]) for i, j in pairwise(chain)) if job.is_line else float(at[chain[0]])
             if not np.isclose(own, value, rtol=1e-5, atol=TIME_TOLERANCE / 10.0):
                 yield f"job {job.name!r}: its {name} is {value:g}, {own:g} in the graph"
-        if not job.is_line and "window_opens" in dataset:
-            yield from _window_faults(dataset, job, chain[0])
+        if not job.is_line and "window_opens" in run:
+            yield from _window_faults(run, job, chain[0])
 
 
-def _window_faults(dataset: xr.Dataset, job: Job, node: int) -> Iterator[str]:
+def _window_faults(run: Saved, job: Job, node: int) -> Iterator[str]:
     """Yield that the graph has windows of a task that its job has not; closed areas may narrow them."""
-    pairs = zip(*(dataset[f"window_{name}"].values[node] for name in ("opens", "closes")), strict=True)
+    pairs = zip(*(run[f"window_{name}"][node] for name in ("opens", "closes")), strict=True)
     given = [(float(opens), float(closes)) for opens, closes in pairs if opens <= closes]
     wanted = job.windows or [(-np.inf, np.inf)]
 
     def held(span: tuple[float, float], others: Spans) -> bool:
         return any(a - TIME_TOLERANCE <= span[0] and span[1] <= b + TIME_TOLERANCE for a, b in others)
 
-    whole = bool(_saved(dataset, "closures")) or all(held(span, given) for span in wanted)
+    whole = bool(run.stated("closures")) or all(held(span, given) for span in wanted)
     if not (whole and all(held(span, wanted) for span in given)):
         yield f"job {job.name!r}: its windows are not those of the graph"
 
 
-def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
+def places_of(run: Saved) -> Callable[[Array, Array], tuple[Array, Array]]:
     """Return the way from m north and east of a run with a site to longitude and latitude, degrees."""
-    attributes = dataset.attrs
-    frame = (
-        f"+proj=aeqd +lon_0={float(attributes['site_longitude'])!r} "
-        f"+lat_0={float(attributes['site_latitude'])!r} +datum=WGS84 +units=m"
-    )
+    longitude, latitude = run.number("site_longitude"), run.number("site_latitude")
+    frame = f"+proj=aeqd +lon_0={longitude!r} +lat_0={latitude!r} +datum=WGS84 +units=m"
     back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
-    origin = np.asarray(attributes["site_origin"], float)
+    origin = np.asarray(run.data.attrs["site_origin"], float)
 
     def places(north: Array, east: Array) -> tuple[Array, Array]:
         longitude, latitude = back.transform(np.asarray(east) - origin[1], np.asarray(north) - origin[0])

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from auvplan.check.inputs import places_of
-from auvplan.check.legs import TIME_TOLERANCE, Array, Leg, scenario_of
+from auvplan.check.saved import TIME_TOLERANCE, Array, Saved
 
 #: m by which a position may differ from where the stored velocity leads in one step, on a straight track.
 POSITION_TOLERANCE = 0.3
@@ -42,12 +40,10 @@ class Velocities:
     course: Array  # [..., n] degrees, as stored
 
     @classmethod
-    def of(cls, dataset: xr.Dataset, prefix: str = "") -> "Velocities":
+    def of(cls, run: Saved, prefix: str = "") -> "Velocities":
         """Return those of all observations of a saved run, or with the prefix "plan_" of all plans."""
         names = ("yaw", "pitch", "course", "surge", "sway", "heave")
-        yaw, pitch, course, surge, sway, heave = (
-            np.asarray(dataset[prefix + name].values, float) for name in names
-        )
+        yaw, pitch, course, surge, sway, heave = (np.asarray(run[prefix + name], float) for name in names)
         cy, sy, cp, sp = (f(np.radians(angle)) for angle in (yaw, pitch) for f in (np.cos, np.sin))
         ahead = np.stack([cy * cp, sy * cp, -sp], axis=-1)
         aside = np.stack([-sy, cy, 0.0 * cy], axis=-1)
@@ -59,35 +55,28 @@ class Velocities:
         return Velocities(self.ground[part], self.heading[part], self.course[part])
 
 
-def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Iterator[str]:
-    """Yield where positions, times, velocities, attitude and the current of a track contradict each other.
-
-    Args:
-        notes: what could not be looked at is added.
-    """
-    velocities = Velocities.of(dataset)
-    simulated = bool(dataset.attrs.get("simulated", 1))
-    made_at = dataset["plan_made_at"].values if "plan_made_at" in dataset else ()
-    for leg in legs:
+def motion_faults(run: Saved) -> Iterator[str]:
+    """Yield where positions, times, velocities, attitude and the current of a track contradict each other."""
+    velocities = Velocities.of(run)
+    made_at = run.get("plan_made_at", ())
+    for leg in run.legs:
         own = velocities[leg.rows]
         if len(leg.times) < 2:
             continue
         if not np.isfinite(own.ground).all():
             yield f"{leg}: a velocity is not a number"
             continue
-        yield from _step_faults(str(leg), leg.times, leg.positions, own.ground, simulated, made_at)
+        yield from _step_faults(str(leg), leg.times, leg.positions, own.ground, run.simulated, made_at)
         turned = np.degrees(np.arctan2(own.ground[:, 1], own.ground[:, 0])) - own.course
         turned = np.abs((turned + 180.0) % 360.0 - 180.0)
         level = np.hypot(own.ground[:, 0], own.ground[:, 1]) > 0.05
         for k in np.flatnonzero(level & ~(turned <= COURSE_TOLERANCE))[:1]:
-            yield (
-                f"{leg}: the course at {leg.times[k]:.2f} s is {own.course[k]:.1f} deg, "
-                f"{turned[k]:.1f} deg off the velocity"
-            )
-    yield from _plan_faults(dataset)
-    yield from _vertical_faults(dataset, legs)
-    yield from _speed_faults(dataset, legs, velocities, notes)
-    yield from _geographic_faults(dataset)
+            off = f"{turned[k]:.1f} deg off the velocity"
+            yield f"{leg}: the course at {leg.times[k]:.2f} s is {own.course[k]:.1f} deg, {off}"
+    yield from _plan_faults(run)
+    yield from _vertical_faults(run)
+    yield from _speed_faults(run, velocities)
+    yield from _geographic_faults(run)
 
 
 def _step_faults(
@@ -137,12 +126,12 @@ def _step_faults(
         )
 
 
-def _plan_faults(dataset: xr.Dataset) -> Iterator[str]:
+def _plan_faults(run: Saved) -> Iterator[str]:
     """Yield path plans that begin at another time than they were made for, or contradict themselves."""
-    if "plan_time" not in dataset or "plan_yaw" not in dataset:
+    if "plan_time" not in run or "plan_yaw" not in run:
         return
-    times, positions = dataset["plan_time"].values, dataset["plan_position"].values.astype(float)
-    velocity, made_at = Velocities.of(dataset, "plan_").ground, dataset["plan_made_at"].values
+    times, positions = run["plan_time"], run["plan_position"].astype(float)
+    velocity, made_at = Velocities.of(run, "plan_").ground, run["plan_made_at"]
     for number, count in enumerate(np.isfinite(times).sum(axis=1)):
         own = times[number, :count]
         if count and not abs(own[0] - made_at[number]) <= TIME_TOLERANCE:
@@ -152,30 +141,24 @@ def _plan_faults(dataset: xr.Dataset) -> Iterator[str]:
             yield from _step_faults(f"plan {number}", own, places, velocity[number, : count - 1])
 
 
-def _vertical_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
+def _vertical_faults(run: Saved) -> Iterator[str]:
     """Yield plans, and legs as they were executed, that are steeper or faster in depth than the vehicle is.
 
     Plans that are stored as breaking a limit are left out, and limits that are not stored.
     """
-    attributes = dataset.attrs
-    speed = float(attributes["vehicle_speed"])
-    limits = {
-        name: float(attributes[f"vehicle_{name}"])
-        for name in ("pitch_max", "climb_rate_max", "dive_rate_max")
-        if f"vehicle_{name}" in attributes
-    }
-    simulated = bool(attributes.get("simulated", 1))
-    if "plan_pitch" in dataset:
-        times, depths = dataset["plan_time"].values, dataset["plan_position"].values[..., 2].astype(float)
-        pitch, kept = np.radians(dataset["plan_pitch"].values.astype(float)), dataset["plan_feasible"].values
+    speed, names = run.number("vehicle_speed"), ("pitch_max", "climb_rate_max", "dive_rate_max")
+    limits = {name: run.number(f"vehicle_{name}") for name in names if f"vehicle_{name}" in run.data.attrs}
+    if "plan_pitch" in run:
+        times, depths = run["plan_time"], run["plan_position"][..., 2].astype(float)
+        pitch, kept = np.radians(run["plan_pitch"].astype(float)), run["plan_feasible"]
         for number in np.flatnonzero(kept):
             count = int(np.isfinite(times[number]).sum())
             own = times[number, :count], depths[number, :count], pitch[number, : max(count - 1, 0)]
             yield from _steep(f"plan {number}", *own, speed, limits, False)
-    pitch = np.radians(dataset["pitch"].values.astype(float))
-    for leg in legs:
+    pitch = np.radians(run["pitch"].astype(float))
+    for leg in run.legs:
         own = leg.times, leg.positions[:, 2], pitch[leg.rows][:-1]
-        yield from _steep(str(leg), *own, speed, limits, simulated)
+        yield from _steep(str(leg), *own, speed, limits, run.simulated)
 
 
 def _steep(
@@ -216,25 +199,22 @@ def _steep(
             yield f"{name}: {kind}s at {rate[k]:.2f} m/s at {times[k]:.2f} s, the vehicle's limit is {most:g}"
 
 
-def _speed_faults(
-    dataset: xr.Dataset, legs: list[Leg], velocities: Velocities, notes: list[str]
-) -> Iterator[str]:
+def _speed_faults(run: Saved, velocities: Velocities) -> Iterator[str]:
     """Yield legs on which the vehicle's speed through the known current is not its own."""
-    speed = float(dataset.attrs["vehicle_speed"])
+    speed, saved = run.number("vehicle_speed"), None
     # A plan's velocity is that of its segment, in the current in the middle of it.
-    half = 0.0 if dataset.attrs.get("simulated", 1) else 0.5
-    saved, settings = None, scenario_of(dataset)
-    if "current_north" in dataset:
-        saved = np.stack([dataset[f"current_{name}"].values for name in ("north", "east")], axis=1)
+    half = 0.0 if run.simulated else 0.5
+    if "current_north" in run:
+        saved = np.stack([run[f"current_{name}"] for name in ("north", "east")], axis=1)
         if unknown := int((~np.isfinite(saved)).any(axis=1).sum()):
-            notes.append(f"{unknown:,} observations have no current, which was not looked at there")
-    elif settings.get("current", {}).get("source", "vortices") != "vortices":
-        notes.append("the current along the track was not saved and not looked at")
+            run.notes.append(f"{unknown:,} observations have no current, which was not looked at there")
+    elif run.section("current").get("source", "vortices") != "vortices":
+        run.notes.append("the current along the track was not saved and not looked at")
         return
-    elif "vortex_center" not in dataset:
-        notes.append("the current was not looked at again: the run holds no vortices")
+    elif "vortex_center" not in run:
+        run.notes.append("the current was not looked at again: the run holds no vortices")
         return
-    for leg in legs:
+    for leg in run.legs:
         own = velocities[leg.rows]
         moments = np.arange(max(len(leg.times) - 1, 0))
         moving = moments[np.linalg.norm(own.ground[:-1], axis=1) > 0.0] if len(moments) else moments
@@ -247,7 +227,7 @@ def _speed_faults(
             places, times = (
                 part[chosen] + half * (part[chosen + 1] - part[chosen]) for part in (leg.positions, leg.times)
             )
-            known = _in_vortices(dataset, settings, places, times)
+            known = _in_vortices(run, places, times)
         water = own.ground[chosen, :2] - speed * own.heading[chosen, :2]
         apart = np.linalg.norm(water - known, axis=1)
         for k in np.flatnonzero(apart > SPEED_TOLERANCE)[:1]:
@@ -257,22 +237,22 @@ def _speed_faults(
             )
 
 
-def _in_vortices(dataset: xr.Dataset, settings: dict[str, Any], places: Array, moments: Array) -> Array:
+def _in_vortices(run: Saved, places: Array, moments: Array) -> Array:
     """Return the current [n, 2] m/s in the Lamb vortices of every plan, NaN where they had changed (Eqs 1-2).
 
     Args:
         places: [n, 3] m.
         moments: [n] s since the departure.
     """
-    planning, settings = settings.get("planning", {}), settings.get("current", {})
+    planning, current = run.section("planning"), run.section("current")
     by_window = planning.get("preset") == "paper" or planning.get("current_updates") == "window"
-    made_at, interval = dataset["plan_made_at"].values, float(settings.get("update_interval", np.inf))
+    made_at, interval = run["plan_made_at"], float(current.get("update_interval", np.inf))
     until = (np.floor(made_at / interval) + 1.0) * interval
-    if not dataset.attrs.get("simulated", 1):
+    if not run.simulated:
         until = np.full(len(made_at), np.inf)
     elif by_window:
         until = made_at
-    fields = [dataset[f"vortex_{name}"].values.astype(float) for name in ("center", "strength", "radius")]
+    fields = [run[f"vortex_{name}"].astype(float) for name in ("center", "strength", "radius")]
     found = np.full((len(moments), 2), np.nan)
     for plan, (begin, end) in enumerate(zip(made_at, until, strict=True)):
         inside = (moments >= begin) & (moments < max(end, begin + 1e-3))
@@ -284,23 +264,23 @@ def _in_vortices(dataset: xr.Dataset, settings: dict[str, Any], places: Array, m
         square = np.maximum((offset**2).sum(axis=-1), 1e-12)
         factor = strength / (2.0 * np.pi * square) * -np.expm1(-square / radius**2)
         layers = np.stack([(-factor * offset[..., 1]).sum(axis=-1), (factor * offset[..., 0]).sum(axis=-1)])
-        depths = dataset["vortex_depth"].values[plan].astype(float)
+        depths = run["vortex_depth"][plan].astype(float)
         level = np.interp(z, depths, np.arange(len(depths)))
         below = np.minimum(level.astype(int), max(len(depths) - 2, 0))
         above, share, row = np.minimum(below + 1, len(depths) - 1), level - below, np.arange(len(z))
         velocity = (1.0 - share) * layers[:, row, below] + share * layers[:, row, above]
-        uniform = dataset["vortex_uniform"].values[plan][:2].astype(float)
+        uniform = run["vortex_uniform"][plan][:2].astype(float)
         found[inside] = velocity.T + uniform
     return found
 
 
-def _geographic_faults(dataset: xr.Dataset) -> Iterator[str]:
+def _geographic_faults(run: Saved) -> Iterator[str]:
     """Yield that longitudes and latitudes are not those of north and east."""
-    if "longitude" not in dataset or "site_longitude" not in dataset.attrs:
+    if "longitude" not in run or "site_longitude" not in run.data.attrs:
         return
-    longitude, latitude = places_of(dataset)(dataset["x"].values, dataset["y"].values)
+    longitude, latitude = places_of(run)(run["x"], run["y"])
     metres = 111_320.0 * np.cos(np.radians(latitude)), 110_574.0
-    east = (dataset["longitude"].values - longitude + 180.0) % 360.0 - 180.0
-    apart = np.hypot(metres[0] * east, metres[1] * (dataset["latitude"].values - latitude))
+    east = (run["longitude"] - longitude + 180.0) % 360.0 - 180.0
+    apart = np.hypot(metres[0] * east, metres[1] * (run["latitude"] - latitude))
     for k in np.flatnonzero(~(apart <= PLACE_TOLERANCE))[:1]:
         yield f"longitude and latitude of observation {k} are {apart[k]:.1f} m from its north and east"

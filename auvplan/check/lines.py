@@ -1,12 +1,10 @@
 """The checker's own measure of how survey lines were followed. Plain NumPy."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-import xarray as xr
 
-from auvplan.check.legs import Array, Leg
+from auvplan.check.saved import Array, Leg, Saved
 from auvplan.runtime.files import MISSION, SUMMARY
 
 #: m, longest step along a track at which its distance from the line is looked up.
@@ -45,37 +43,31 @@ def covered(positions: Array, start: Array, end: Array, tolerance: float) -> tup
     return total, float((middle * (high - low)).sum() / (high - low).sum()), float(worst)
 
 
-def measured(dataset: xr.Dataset, leg: Leg) -> tuple[float, ...] | None:
+def measured(run: Saved, leg: Leg) -> tuple[float, ...] | None:
     """Return `_FIELDS` of a leg that follows a survey line, measured on its track; None of others."""
-    if "leg_line_tolerance" not in dataset or not leg.executed:
+    if "leg_line_tolerance" not in run or not leg.executed:
         return None
-    tolerance = float(dataset["leg_line_tolerance"].values[leg.number])
-    places = dataset["waypoint_position"].values.astype(float)
-    if np.isnan(tolerance) or not all(0 <= node < len(places) for node in (leg.start, leg.goal)):
+    tolerance = float(run["leg_line_tolerance"][leg.number])
+    if np.isnan(tolerance) or not all(0 <= node < len(run.places) for node in (leg.start, leg.goal)):
         return None
-    start, end = places[leg.start], places[leg.goal]
+    start, end = run.places[leg.start], run.places[leg.goal]
     return float(np.linalg.norm(end - start)), tolerance, *covered(leg.positions, start, end, tolerance)
 
 
-def share_of_line(dataset: xr.Dataset, leg: Leg) -> float:
+def share_of_line(run: Saved, leg: Leg) -> float:
     """Return the share of its part of a survey line that a leg covers; 1 where it follows none."""
-    found = measured(dataset, leg)
+    found = measured(run, leg)
     if found is None:
         return 1.0
     length, _, passed, *_ = found
     return 1.0 if length - passed <= LENGTH_TOLERANCE / 2.0 else passed / length
 
 
-def line_faults(
-    summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], asked: float | None
-) -> Iterator[str]:
-    """Yield what is said of survey lines that the track does not bear out.
-
-    Args:
-        asked: the scenario's tolerance, m.
-    """
-    for leg, row in zip(legs, summary["legs"], strict=False):
-        found, stated = measured(dataset, leg), row.get("line")
+def line_faults(run: Saved) -> Iterator[str]:
+    """Yield what is said of survey lines that the track does not bear out."""
+    asked = run.section("mission").get("line_tolerance")
+    for leg, row in zip(run.legs, run.summary["legs"], strict=False):
+        found, stated = measured(run, leg), row.get("line")
         if found is None:
             if stated is not None and leg.executed:
                 yield f"{leg}: follows a survey line by {SUMMARY}, none by {MISSION}"
@@ -83,7 +75,7 @@ def line_faults(
         if asked is not None and abs(found[1] - asked) > 1e-6:
             yield f"{leg}: line_tolerance is {asked:g} m, the leg is measured with {found[1]:g} m"
         for name, value in zip(_FIELDS, found, strict=True):
-            given = {MISSION: float(dataset[f"leg_line_{name}"].values[leg.number])}
+            given = {MISSION: float(run[f"leg_line_{name}"][leg.number])}
             if stated is not None:
                 given[SUMMARY] = float(stated[name])
             for source, figure in given.items():

@@ -23,16 +23,14 @@ from auvplan.check.inputs import (
 )
 from auvplan.check.kinematics import motion_faults
 from auvplan.check.legs import (
-    Leg,
     figure_faults,
     graph_faults,
     place_faults,
-    read_legs,
-    require,
     route_faults,
     site_faults,
     time_faults,
 )
+from auvplan.check.saved import Leg, Saved, read_legs, require
 from auvplan.check.sources import read_sources
 from auvplan.check.tasks import tally_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, Walk, events
@@ -135,25 +133,21 @@ def check_run(folder: str | Path, sources: bool = False) -> CheckReport:
 
 def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = False) -> CheckReport:
     """`check_run` on a summary and a dataset as `save_run` writes them."""
-    legs, report = list(read_legs(dataset)), CheckReport()
-    report.faults += site_faults(dataset)
-    report.faults += source_faults(dataset, report.notes)
-    report.faults += graph_faults(dataset, legs)
-    report.faults += place_faults(dataset, legs)
-    report.faults += time_faults(dataset, summary, legs)
-    report.faults += figure_faults(summary, dataset, legs)
-    report.faults += route_faults(dataset, legs)
-    report.faults += motion_faults(dataset, legs, report.notes)
-    report.faults += tally_faults(summary, dataset, legs, report.notes)
-    report.faults += window_faults(dataset, legs)
-    known, closed = read_obstacles(dataset, report.notes), read_closed_areas(dataset, report.notes)
-    files = read_sources(dataset, report.notes) if sources else ()
-    places = places_of(dataset) if files else None
-    coast = Coast.of(dataset) if "passability" in dataset else None
+    report = CheckReport()
+    run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
+    for faults in (
+        site_faults, source_faults, graph_faults, place_faults, time_faults, figure_faults, route_faults,
+        motion_faults, tally_faults, window_faults,
+    ):  # fmt: skip
+        report.faults += faults(run)
+    known, closed = read_obstacles(run), read_closed_areas(run)
+    files = read_sources(run) if sources else ()
+    places = places_of(run) if files else None
+    coast = Coast.of(dataset) if "passability" in run else None
     shore = None if coast is None else Coast.beyond(dataset)
-    bed = Bed.of(dataset) if "seabed_depth" in dataset else None
-    speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
-    for leg in legs:
+    bed = Bed.of(dataset) if "seabed_depth" in run else None
+    speed = run.number("vehicle_speed") + CURRENT_MAX
+    for leg in run.legs:
         if not leg.executed or (walk := _walk(leg, speed, report)) is None:
             continue
         track = _Track(leg, walk, report)
@@ -166,7 +160,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
             track.near("coast_clearance", shore.distances(leg.positions))
         for area in closed:
             track.pass_through(area)
-        track.pass_by(known, _met(dataset, leg))
+        track.pass_by(known, _met(run, leg))
         if places is not None:
             here = *places(*walk.positions[:, :2].T), walk.positions[:, 2]
             for source in files:
@@ -176,12 +170,12 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     return report
 
 
-def _met(dataset: xr.Dataset, leg: Leg) -> Mask:
+def _met(run: Saved, leg: Leg) -> Mask:
     """[M] whether an obstacle of a leg was not known before."""
-    if "obstacle_kind" not in dataset:
+    if "obstacle_kind" not in run:
         return np.ones(len(leg.radii), bool)
-    names = str(dataset["obstacle_kind"].attrs["flag_meanings"]).split()
-    codes = dataset["obstacle_kind"].values[leg.number][: len(leg.radii)]
+    kinds = run.data["obstacle_kind"]
+    names, codes = str(kinds.attrs["flag_meanings"]).split(), kinds.values[leg.number][: len(leg.radii)]
     return np.array([names[int(code)] != "known" for code in codes], bool)
 
 

@@ -12,8 +12,8 @@ import shapely
 import xarray as xr
 from pyproj import Transformer
 
-from auvplan.check.legs import scenario_of
-from auvplan.check.track import Array, Mask
+from auvplan.check.saved import Array, Saved
+from auvplan.check.track import Mask
 from auvplan.runtime.files import ResultError, require_whole
 
 #: m below a sea bed that is interpolated otherwise than the planner's that are no fault.
@@ -43,36 +43,32 @@ class _UnknownFileError(Exception):
     """A file that cannot be judged here; the message says why."""
 
 
-def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
-    """Return land and sea bed of the files that a saved run's scenario names.
-
-    Args:
-        notes: get a line for each file that cannot be looked at, and why.
-    """
-    if "site_longitude" not in dataset.attrs:
+def read_sources(run: Saved) -> tuple[Source, ...]:
+    """Return land and sea bed of the files that its scenario names; notes say which are not looked at."""
+    if "site_longitude" not in run.data.attrs:
         return ()
-    found, home = [], Path(str(dataset.attrs["scenario_folder"]))
-    for name, kind, read in _files(scenario_of(dataset)):
+    found, home = [], Path(str(run.data.attrs["scenario_folder"]))
+    for name, kind, read in _files(run):
         path = home / Path(name).expanduser()
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of odd attributes
                 found.append(Source(path.name, kind, read(str(path))))
         except ImportError as error:
-            notes.append(f"{kind} of {path.name} was not looked at: {error.name} is not installed")
+            run.notes.append(f"{kind} of {path.name} was not looked at: {error.name} is not installed")
         except Exception as error:  # whatever this view lacks is no fault of the run
             why = str(error) if isinstance(error, _UnknownFileError) else f"{type(error).__name__}: {error}"
-            notes.append(f"{kind} of {path.name} was not looked at: {' '.join(why.split())}")
+            run.notes.append(f"{kind} of {path.name} was not looked at: {' '.join(why.split())}")
     return tuple(found)
 
 
-def _files(settings: dict[str, Any]) -> Iterator[tuple[str, str, Callable[[str], Blocked]]]:
+def _files(run: Saved) -> Iterator[tuple[str, str, Callable[[str], Blocked]]]:
     """Yield the files of a scenario, "land" or "sea bed", and how each is read."""
 
     def unread(path: str) -> Blocked:
         raise _UnknownFileError("pictures, S-57 cells and files of currents are not looked at")
 
-    chart, bed, current = (settings.get(name) or {} for name in ("chart", "bathymetry", "current"))
+    chart, bed, current = (run.section(name) for name in ("chart", "bathymetry", "current"))
     files = current.get("files") or []
     files = ([files] if isinstance(files, str) else files)[:1]
     if chart.get("source") == "polygons":

@@ -7,20 +7,15 @@ the jobs that the run was planned for where it has some, else from the graph tha
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import xarray as xr
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from auvplan.check.inputs import Job, job_faults, read_jobs
-from auvplan.check.legs import PLACE_TOLERANCE, TIME_TOLERANCE, Leg, near, scenario_of, waypoint_names
 from auvplan.check.lines import line_faults, share_of_line
+from auvplan.check.saved import PLACE_TOLERANCE, TIME_TOLERANCE, Array, Leg, Saved, near
 from auvplan.runtime.files import MISSION, SUMMARY
-
-Array = NDArray[np.floating]
 
 #: Priorities may differ by so much where they should agree.
 _PRIORITY_TOLERANCE = 1e-6
@@ -41,35 +36,29 @@ class Earned:
     tasks: int
 
 
-def tally_faults(
-    summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], notes: list[str]
-) -> Iterator[str]:
-    """Waypoints that are visited twice, and tasks that are counted twice, not at all or wrongly.
-
-    Args:
-        notes: what could not be looked at is added.
-    """
-    settings, jobs = scenario_of(dataset), read_jobs(dataset)
-    planning = settings.get("planning", {})
+def tally_faults(run: Saved) -> Iterator[str]:
+    """Waypoints that are visited twice, and tasks that are counted twice, not at all or wrongly."""
+    jobs, planning = read_jobs(run), run.section("planning")
     once = (planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")) == "once"
     if jobs is not None:
-        yield from job_faults(dataset, jobs)
-    elif settings.get("mission", {}).get("jobs") is not None:
-        notes.append(f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows")
-    book = _book_of(dataset, jobs, once)
-    under_way = _under_way(settings)
-    adjacency = dataset["adjacency"].values.astype(bool)
-    visited, refused = {int(dataset.attrs["start"])}, set()
+        yield from job_faults(run, jobs)
+    elif run.section("mission").get("jobs") is not None:
+        run.notes.append(
+            f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows"
+        )
+    book = _book_of(run, jobs, once)
+    under_way = _under_way(run)
+    visited, refused = {int(run.number("start"))}, set()
     total, tasks, slack = 0.0, 0, _PRIORITY_TOLERANCE
-    for leg in legs:
+    for leg in run.legs:
         if not leg.executed:
             refused |= {(leg.start, leg.goal), (leg.goal, leg.start)}
-        if not leg.arrived or leg.goal not in range(len(adjacency)):
+        if not leg.arrived or leg.goal not in range(len(run.adjacency)):
             continue
         revisit = leg.goal in visited
-        if revisit and once and (way := _way_left(dataset, leg, visited, refused)):
+        if revisit and once and (way := _way_left(run, leg, visited, refused)):
             yield f"{leg}: waypoint {leg.goal} is visited twice, although {way}"
-        share = share_of_line(dataset, leg)
+        share = share_of_line(run, leg)
         earned = book.earn(leg, revisit, share)
         if leg.missed:  # whether its window was, is looked up with the windows
             earned = Earned(0.0, 0.0, 0)
@@ -82,32 +71,33 @@ def tally_faults(
             yield f"{leg}: spends {leg.t_task:.2f} s on tasks that take {takes:.2f} s"
         total, tasks = total + earned.priority, tasks + earned.tasks
         visited |= {leg.start, leg.goal}
+    summary = run.summary
     if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= slack:
         given = f"{summary['tasks']} tasks of priority {summary['total_priority']:g}"
         yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
-    yield from line_faults(summary, dataset, legs, settings.get("mission", {}).get("line_tolerance"))
-    yield from _route_faults(dataset, legs, jobs, once)
+    yield from line_faults(run)
+    yield from _route_faults(run, jobs, once)
 
 
-def _book_of(dataset: xr.Dataset, jobs: list[Job] | None, once: bool) -> "_GraphBook | _JobBook":
+def _book_of(run: Saved, jobs: list[Job] | None, once: bool) -> "_GraphBook | _JobBook":
     """Return the tasks that are to be done."""
-    return _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
+    return _GraphBook.of(run, once) if jobs is None else _JobBook.of(jobs, run)
 
 
-def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, once: bool) -> Iterator[str]:
+def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[str]:
     """Yield routes that expect the impossible, or a priority that its tasks do not have."""
-    if "route_nodes" not in dataset or not legs:
+    if "route_nodes" not in run or not run.legs:
         return
     # Without jobs, or times of the legs, it is not known by how much priorities fall.
-    falling = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
-    start, under_way = int(dataset.attrs["start"]), _under_way(scenario_of(dataset))
-    fastest = float(dataset.attrs.get("vehicle_surge_max", np.inf))
-    free = dataset.get("task_followable", xr.ones_like(dataset["adjacency"], float)).values
-    for number, made_at in enumerate(dataset["route_made_at"].values):
-        book = _book_of(dataset, jobs, once)
+    falling = any(name in run for name in ("edge_enters", "edge_falls", "window_opens"))
+    start, under_way = int(run.number("start")), _under_way(run)
+    fastest = float(run.data.attrs.get("vehicle_surge_max", np.inf))
+    free = run["task_followable"] if "task_followable" in run else np.ones(run.adjacency.shape)
+    for number, made_at in enumerate(run["route_made_at"]):
+        book = _book_of(run, jobs, once)
         visited, total = {start}, 0.0
-        done = [leg for leg in legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
-        ahead = _expected_legs(dataset, number, legs[0])
+        done = [leg for leg in run.legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
+        ahead = _expected_legs(run, number)
         for place, leg in enumerate((*done, *ahead)):
             revisit, share = leg.goal in visited, float(free[leg.start, leg.goal])
             if jobs is not None and place >= len(done):
@@ -124,49 +114,48 @@ def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, 
                         f"{leg.goal} in {lasts:.0f} s, the vehicle's limit is {fastest:g} m/s over ground"
                     )
             visited |= {leg.start, leg.goal}
-        given = float(dataset["route_priority"].values[number])
+        given = float(run["route_priority"][number])
         timed = falling and (jobs is None or not all(np.isfinite(leg.t_expected) for leg in ahead))
         if given - total > _PRIORITY_TOLERANCE or (not timed and total - given > _PRIORITY_TOLERANCE):
             yield f"route {number}: its tasks are worth {total:g}, its priority is given as {given:g}"
 
 
-def _expected_legs(dataset: xr.Dataset, number: int, leg: Leg) -> list[Leg]:
+def _expected_legs(run: Saved, number: int) -> list[Leg]:
     """Return the legs that a route expects, in the form of one: their times are when it is left again."""
-    nodes, places = dataset["route_nodes"].values[number], dataset["waypoint_position"].values
+    nodes = run["route_nodes"][number]
     nodes = nodes[nodes >= 0]
     lasts, waits = np.full(len(nodes), np.nan), np.zeros(len(nodes))
-    if "route_leg_time" in dataset:
-        lasts, waits = (dataset[f"route_{name}"].values[number] for name in ("leg_time", "wait"))
-    left = float(dataset["route_made_at"].values[number]) + np.cumsum(lasts)
+    if "route_leg_time" in run:
+        lasts, waits = (run[f"route_{name}"][number] for name in ("leg_time", "wait"))
+    left = float(run["route_made_at"][number]) + np.cumsum(lasts)
     return [
         replace(
-            leg, start=i, goal=j, positions=places[[i, j]].astype(float), times=left[[k]], t_wait=0.0,
+            run.legs[0], start=i, goal=j, positions=run.places[[i, j]], times=left[[k]], t_wait=0.0,
             t_expected=float(lasts[k] - waits[k]),
         )
         for k, (i, j) in enumerate(pairwise(nodes.tolist()))
     ]  # fmt: skip
 
 
-def _under_way(settings: dict[str, Any]) -> bool:
+def _under_way(run: Saved) -> bool:
     """Return whether tasks are done along the paths, in no time of their own."""
-    planning = settings.get("planning", {})
+    planning = run.section("planning")
     rule = planning.get("task_time") or ("expected" if planning.get("preset") == "paper" else "whole")
-    return rule == "expected" and settings.get("mission", {}).get("jobs") is None
+    return rule == "expected" and run.section("mission").get("jobs") is None
 
 
-def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
+def _way_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
     """The way over other waypoints that was left when a leg led back to a visited one, or an empty string."""
-    places, goal = dataset["waypoint_position"].values, int(dataset.attrs["goal"])
-    open_ = dataset["adjacency"].values.astype(bool).copy()
+    open_ = run.adjacency.copy()
     for i, j in refused:
         open_[i, j] = False
     fresh = np.ones(len(open_), bool)
     fresh[list(visited - {leg.start})] = False
     open_ &= fresh[:, None] & fresh
-    distance = np.linalg.norm(places[:, None] - places, axis=2)
+    distance = np.linalg.norm(run.places[:, None] - run.places, axis=2)
     ways = csr_array(np.where(open_, np.maximum(distance, 1e-3), 0.0))
-    seconds = float(dijkstra(ways, indices=leg.start)[goal]) / float(dataset.attrs["vehicle_speed"])
-    left = float(dataset.attrs["t_available"]) - float(leg.times[0])
+    metres = float(dijkstra(ways, indices=leg.start)[int(run.number("goal"))])
+    seconds, left = metres / run.number("vehicle_speed"), run.number("t_available") - float(leg.times[0])
     if not seconds < _SURELY_IN_TIME * left:
         return ""
     return f"a way of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"
@@ -184,11 +173,12 @@ class _GraphBook:
     taken: set[frozenset[int]] = field(default_factory=set)  # edges whose tasks are done, either way
 
     @classmethod
-    def of(cls, dataset: xr.Dataset, once: bool) -> "_GraphBook":
-        open_ = dataset["adjacency"].values.astype(bool)
-        at = [np.array(dataset[f"waypoint_{name}"].values, float) for name in ("priority", "duration")]
-        whole = [np.array(dataset[f"task_{name}"].values, float) for name in ("priority", "duration")]
-        priority, duration = (np.where(open_, own - part, 0.0) for own, part in zip(whole, at, strict=True))
+    def of(cls, run: Saved, once: bool) -> "_GraphBook":
+        at = [np.array(run[f"waypoint_{name}"], float) for name in ("priority", "duration")]
+        whole = [np.array(run[f"task_{name}"], float) for name in ("priority", "duration")]
+        priority, duration = (
+            np.where(run.adjacency, own - part, 0.0) for own, part in zip(whole, at, strict=True)
+        )
         return cls(priority, duration, at[0], at[1], once)
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
@@ -243,15 +233,14 @@ class _JobBook:
     start: Array  # [3] m, where a mission begins: what has no name there is never arrived at
 
     @classmethod
-    def of(cls, jobs: list[Job], dataset: xr.Dataset) -> "_JobBook":
+    def of(cls, jobs: list[Job], run: Saved) -> "_JobBook":
         tasks: list[_Task] = []
         for job in jobs:
             lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
             parts = zip(pairwise(job.places), lengths, strict=True)
             tasks += [_Task(job, ends, float(length / lengths.sum())) for ends, length in parts]
             tasks += [] if job.is_line else [_Task(job, (job.places[0],))]
-        start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
-        return cls(tasks, waypoint_names(dataset), start)
+        return cls(tasks, run.names, run.places[int(run.number("start"))])
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Return every task that lies where the leg ends, or along it.

@@ -3,25 +3,22 @@
 import re
 from collections.abc import Iterator
 
-import xarray as xr
-
 from auvplan.check.inputs import Job, Spans, read_jobs
-from auvplan.check.legs import TIME_TOLERANCE, Leg, scenario_of, waypoint_names
+from auvplan.check.saved import TIME_TOLERANCE, Leg, Saved
 
 #: s from the edge of a window within which an arrival may have missed it.
 _EDGE = 1.0
 
 
-def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
+def window_faults(run: Saved) -> Iterator[str]:
     """Yield tasks that were begun or ended outside their windows, and waiting for none."""
-    settings, jobs = scenario_of(dataset), read_jobs(dataset)
-    if jobs is None and settings.get("mission", {}).get("jobs"):
+    jobs, names = read_jobs(run), run.names
+    if jobs is None and run.section("mission").get("jobs"):
         return  # that they were not saved is noted with the tasks
     timed = {job.name: job for job in jobs or () if job.windows}
     # For an area to open a vehicle waits where no window asks for it.
-    closing = bool((settings.get("chart") or {}).get("no_go"))
-    names = waypoint_names(dataset)
-    for leg in legs:
+    closing = bool(run.section("chart").get("no_go"))
+    for leg in run.legs:
         if not leg.arrived:
             continue
         if (line := timed.get(_line_of(names, leg))) is not None:
@@ -35,16 +32,16 @@ def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
             if leg.t_wait > TIME_TOLERANCE and not closing:
                 yield f"{leg}: waits {leg.t_wait:.0f} s for a task without a time window"
             continue
-        yield from _point_faults(dataset, leg, point)
+        yield from _point_faults(run, leg, point)
 
 
-def _point_faults(dataset: xr.Dataset, leg: Leg, job: Job) -> Iterator[str]:
+def _point_faults(run: Saved, leg: Leg, job: Job) -> Iterator[str]:
     """Yield that a task at a point does not begin in a window of it, or is missed although it could."""
     arrival = float(leg.times[-1])
     if leg.missed:
         open_ = _within(arrival, arrival, job.windows, -_EDGE)
-        if open_ and "window_opens" in dataset:  # which areas that are closed may have narrowed
-            ends = (dataset[f"window_{name}"].values[leg.goal] for name in ("opens", "closes"))
+        if open_ and "window_opens" in run:  # which areas that are closed may have narrowed
+            ends = (run[f"window_{name}"][leg.goal] for name in ("opens", "closes"))
             open_ = _within(arrival, arrival, list(zip(*ends, strict=True)), -_EDGE)
         if open_:
             yield f"{leg}: misses the task at {job.name!r}, in whose window it arrives"

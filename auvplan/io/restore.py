@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from auvplan.check.legs import require
+from auvplan.check.saved import require
 from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, seabed_of, site_of

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from auvplan.check.legs import require
 from auvplan.check.run import ResultError, check_dataset, check_run
+from auvplan.check.saved import require
 from auvplan.io import save_run
 from auvplan.io.results import to_dataset
 from auvplan.mission import MissionGraph

@@ -12,6 +12,7 @@ from pyproj import Transformer
 
 from auvplan.check.inputs import places_of
 from auvplan.check.run import check_dataset, check_run
+from auvplan.check.saved import Saved
 from auvplan.check.sources import read_sources
 from auvplan.io.results import to_dataset
 from auvplan.site import Site
@@ -23,7 +24,7 @@ from tests.io.sample_run import make_run
 
 
 def saved(folder, site=SITE, **scenario):
-    """A data set that names the files of a scenario."""
+    """A run that names the files of a scenario."""
     attributes = {
         "scenario": json.dumps(scenario),
         "scenario_folder": str(folder),
@@ -31,13 +32,12 @@ def saved(folder, site=SITE, **scenario):
         "site_latitude": site.latitude,
         "site_origin": np.asarray(site.origin),
     }
-    return xr.Dataset(attrs=attributes)
+    return Saved({}, xr.Dataset(attrs=attributes), [])
 
 
-def only(dataset):
-    notes = []
-    (source,) = read_sources(dataset, notes)
-    assert notes == []
+def only(run):
+    (source,) = read_sources(run)
+    assert run.notes == []
     return source
 
 
@@ -89,10 +89,10 @@ def test_polygons_with_holes(tmp_path, name, crs):
     assert (source.name, source.kind) == (name, "land")
     assert source.blocked(*places, deep).tolist() == [False, True, False, True, True]
     assert source.blocked(places[0] + 360.0, places[1], deep).tolist() == [False, True, False, True, True]
-    (always,) = read_sources(saved(tmp_path, chart={"no_go": name}), [])
+    (always,) = read_sources(saved(tmp_path, chart={"no_go": name}))
     assert always.blocked(*places, deep).tolist() == [False, True, False, True, False]
     settings = {"no_go": name, "no_go_windows": "06:00/09:00"}
-    assert read_sources(saved(tmp_path, chart=settings), []) == ()
+    assert read_sources(saved(tmp_path, chart=settings)) == ()
 
 
 @pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm", "bag"])
@@ -153,10 +153,10 @@ def test_what_is_not_looked_at_is_stated(tmp_path, settings, line):
     (tmp_path / "b.nc").write_bytes(b"CDF")
     with zipfile.ZipFile(tmp_path / "doc.zip", "w") as archive:
         archive.writestr("doc.kml", "<kml/>")
-    notes = []
-    assert read_sources(saved(tmp_path, **settings), notes) == ()
-    assert len(notes) == (line is not None)
-    assert all(note.startswith(line) and (line.endswith(": ") or note == line) for note in notes)
+    run = saved(tmp_path, **settings)
+    assert read_sources(run) == ()
+    assert len(run.notes) == (line is not None)
+    assert all(note.startswith(line) and (line.endswith(": ") or note == line) for note in run.notes)
 
 
 @pytest.mark.parametrize("package", ["pyogrio", "rasterio"])
@@ -165,10 +165,10 @@ def test_a_package_that_is_not_installed_is_stated(tmp_path, monkeypatch, packag
     write_geojson(tmp_path / "l.json", geo_feature("Polygon", [ring((0, 0), (0, 9), (9, 9))]))
     write_geotiff(tmp_path / "b.tif", np.zeros((4, 4)))
     chart, bed = {"source": "polygons", "file": "l.json"}, {"source": "file", "file": "b.tif"}
-    notes = []
-    (other,) = read_sources(saved(tmp_path, chart=chart, bathymetry=bed), notes)
+    run = saved(tmp_path, chart=chart, bathymetry=bed)
+    (other,) = read_sources(run)
     kind, name = {"pyogrio": ("land", "l.json"), "rasterio": ("sea bed", "b.tif")}[package]
-    assert notes == [f"{kind} of {name} was not looked at: {package} is not installed"]
+    assert run.notes == [f"{kind} of {name} was not looked at: {package} is not installed"]
     assert other.kind != kind
 
 
@@ -179,7 +179,7 @@ def test_a_run_on_land_of_its_sources(tmp_path):
     assert check_dataset(summary, data, sources=True).ok
     shore = ring((450, 500), (450, 700), (550, 700), (550, 500))
     write_geojson(tmp_path / "land.json", geo_feature("Polygon", [shore]))
-    attributes = saved(tmp_path, chart={"source": "polygons", "file": "land.json"}).attrs
+    attributes = saved(tmp_path, chart={"source": "polygons", "file": "land.json"}).data.attrs
     scenario = json.loads(data.attrs["scenario"]) | json.loads(attributes["scenario"])
     data.attrs |= attributes | {"scenario": json.dumps(scenario)}
     (tmp_path / "summary.json").write_text(json.dumps(summary))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.check.legs import Leg
+from auvplan.check.saved import Leg, Saved
 from auvplan.check.windows import window_faults
 
 NAMES = ["start", "gauge", "wreck", "goal", "survey[1]", "survey[2]"]
@@ -20,8 +20,8 @@ def leg(goal, arrival, wait=0.0, task=60.0, priority=1.0, start=0, missed=False)
     )  # fmt: skip
 
 
-def run_with(windows, line=None, **variables):
-    """What `mission.nc` holds of a run with a job at the gauge and a survey line."""
+def run_with(legs, windows, line=None, **variables):
+    """A run of these legs with a job at the gauge and a survey line."""
     job = {"priority": 1.0, "duration": 60.0, "falls": []}
     gauge = job | {"name": "gauge", "position": [0.0, 0.0, 0.0], "windows": windows}
     survey = job | {"name": "survey", "positions": [[0.0] * 3, [9.0] * 3], "windows": line or []}
@@ -30,9 +30,8 @@ def run_with(windows, line=None, **variables):
         "waypoint_names": json.dumps(NAMES),
         "jobs": json.dumps({"points": [gauge], "lines": [survey]}),
     }
-    return xr.Dataset(
-        {name: (("waypoint", "window"), values) for name, values in variables.items()}, attrs=attributes
-    )
+    data = {name: (("waypoint", "window"), values) for name, values in variables.items()}
+    return Saved({}, xr.Dataset(data, attrs=attributes), legs)
 
 
 SPANS = [[600.0, 900.0], [2000.0, None]]
@@ -58,7 +57,7 @@ CASES = [
 
 @pytest.mark.parametrize(("leg", "words"), CASES)
 def test_tasks_are_in_their_windows_or_stated(leg, words):
-    faults = [*window_faults(run_with(SPANS, [[100.0, 200.0]]), [leg])]
+    faults = [*window_faults(run_with([leg], SPANS, [[100.0, 200.0]]))]
     assert len(faults) == bool(words)
     assert all(words in fault for fault in faults)
 
@@ -67,10 +66,10 @@ def test_tasks_are_in_their_windows_or_stated(leg, words):
 def test_a_closed_area_may_narrow_the_window_that_is_missed(opens, found):
     ends = {"window_opens": np.full((6, 1), opens), "window_closes": np.full((6, 1), 900.0)}
     late = leg(1, 700.0, priority=0.0, missed=True)
-    assert len([*window_faults(run_with(SPANS, **ends), [late])]) == found
+    assert len([*window_faults(run_with([late], SPANS, **ends))]) == found
 
 
 def test_without_the_jobs_nothing_is_told():
-    data = run_with(SPANS)
-    del data.attrs["jobs"]
-    assert not [*window_faults(data, [leg(1, 500.0), leg(2, 90.0, wait=60.0)])]
+    run = run_with([leg(1, 500.0), leg(2, 90.0, wait=60.0)], SPANS)
+    del run.data.attrs["jobs"]
+    assert not [*window_faults(run)]
