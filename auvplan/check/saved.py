@@ -158,7 +158,7 @@ class Saved:
 
     def get(self, name: str, default: Any) -> NDArray[Any]:
         """Return the values of a variable of the file; something else where it has none."""
-        return self[name] if name in self else default
+        return self.data[name].values if name in self.data else default
 
     def number(self, attribute: str) -> float:
         """Return an attribute of the file."""

@@ -92,7 +92,7 @@ def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[st
     falling = any(name in run for name in ("edge_enters", "edge_falls", "window_opens"))
     start, under_way = int(run.number("start")), _under_way(run)
     fastest = float(run.data.attrs.get("vehicle_surge_max", np.inf))
-    free = run["task_followable"] if "task_followable" in run else np.ones(run.adjacency.shape)
+    free = run.get("task_followable", np.ones(run.adjacency.shape))
     for number, made_at in enumerate(run["route_made_at"]):
         book = _book_of(run, jobs, once)
         visited, total = {start}, 0.0
