@@ -323,12 +323,8 @@ class AreaFiles:
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
         key = settings, self._place, self._box, self.home, current
-        own = {
-            name: self.given[f"chart.{name}"]
-            for name in ("file", "uncertain")
-            if f"chart.{name}" in self.given
-        }
-        return self._once(lambda: read_land(*key, own), "land", *key)
+        files = self._source("chart.file"), self._source("chart.uncertain")
+        return self._once(lambda: read_land(*key, *files), "land", *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -354,8 +350,7 @@ class AreaFiles:
         if settings.no_go is None:
             return ()
         with blaming("chart", "no_go"):
-            source = self._source("chart.no_go", settings.no_go)
-            zones = geo.read_zones(source, self._on_earth, **self._sides)
+            zones = geo.read_zones(self._source("chart.no_go"), self._on_earth, **self._sides)
         if settings.no_go_windows is None:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
@@ -374,11 +369,9 @@ class AreaFiles:
     @_Part
     def current(self) -> "CurrentFile | None":
         """The forecast of an ocean model."""
-        files = self.scenario.current.files
-        if self.scenario.current.source != "file" or files is None:
+        if self.scenario.current.source != "file" or self.scenario.current.files is None:
             return None
-        with blaming("current", "files"):
-            return self._current_of("current.files", files, self._on_earth)
+        return self._current_of("files", self._on_earth)
 
     @_Part
     def truth(self) -> "CurrentFile | None":
@@ -386,8 +379,7 @@ class AreaFiles:
         if self.scenario.current.truth is None:
             return self.current
         assert self.site is not None
-        with blaming("current", "truth"):
-            return self._current_of("current.truth", self.scenario.current.truth, self.site)
+        return self._current_of("truth", self.site)
 
     @_Part
     def tide(self) -> HarmonicCurrent | None:
@@ -412,11 +404,10 @@ class AreaFiles:
     @_Part
     def obstacles(self) -> tuple[KnownObstacle, ...]:
         """Known obstacles of a file."""
-        file = self.scenario.obstacles.file
-        if file is None:
+        if self.scenario.obstacles.file is None:
             return ()
         with blaming("obstacles", "file"):
-            named = geo.read_obstacles(self._source("obstacles.file", file), self._on_earth)
+            named = geo.read_obstacles(self._source("obstacles.file"), self._on_earth)
             warn_of_idle_obstacles(named, self.scenario, self.dry_land)
         return named
 
@@ -428,11 +419,9 @@ class AreaFiles:
             return None, ()
         low, notes = self._low_water()
         if settings.source == "file":
-            assert settings.file is not None
-            names = "pixel_size", "variable", "positive", "crs"
-            given = {name: getattr(settings, name) for name in names}
+            given = settings.model_dump(include={"pixel_size", "variable", "positive", "crs"})
             with blaming("bathymetry", "file"):
-                path = self._source("bathymetry.file", settings.file)
+                path = self._source("bathymetry.file")
                 found = geo.read_bathymetry(path, self._on_earth, **self._sides, **given)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
@@ -478,29 +467,34 @@ class AreaFiles:
         """`_once`; where objects are given, which no key distinguishes, nothing is kept."""
         return read() if self.given else _once(read, *key)
 
-    def _source(self, field: str, name: str) -> Any:
-        """Return the path of the file that a field names, or what is given in its place."""
-        return self.given.get(field, in_folder(self.home, name))
+    def _source(self, field: str) -> Any:
+        """Return the path of the file that a field names, or what is given in its place; else None."""
+        section, name = field.split(".")
+        file = getattr(getattr(self.scenario, section), name)
+        return self.given.get(field, file and in_folder(self.home, file))
 
-    def _current_of(self, field: str, files: str | tuple[str, ...], site: Site) -> "CurrentFile":
-        """Read files of a current on the box, clear of the coast."""
+    def _current_of(self, field: str, site: Site) -> "CurrentFile":
+        """Read the files of a current that a field names on the box, clear of the coast."""
         settings, box, chart = self.scenario.current, self._box, self.scenario.chart
         land = "mesh"
         if chart.source != "current":
             own = self.readable("land")
             land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
+        files = getattr(settings, field)
         paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
-        source = self.given.get(field, paths if len(paths) != 1 else paths[0])
-        times = None if site.epoch is None else (0.0, self.until)
-        how = {"spacing": settings.spacing, "outside": settings.outside, "crs": settings.crs}
-        how |= {"data_epoch": settings.epoch, "times": times}
-        found = self._once(
-            lambda: currents.read_current(source, site, lower=box[0], upper=box[1], land=land, **how),
-            "current", tuple(paths), site, box, tuple(how.values()), chart,
-        )  # fmt: skip
-        if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
-            return self._current_of(field, files, replace(site, epoch=found.epoch))
+        source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
+        how = settings.model_dump(include={"spacing", "outside", "crs"}) | {"data_epoch": settings.epoch}
+        how |= {"lower": box[0], "upper": box[1], "times": site.epoch and (0.0, self.until)}
+        with blaming("current", field):
+            found = self._once(
+                lambda: currents.read_current(source, site, land=land, **how),
+                "current", tuple(paths), site, tuple(how.values()), chart,
+            )  # fmt: skip
+        if (
+            site.epoch is None
+        ):  # the data's first time is the epoch: now it can be seen whether the data lasts
+            return self._current_of(field, replace(site, epoch=found.epoch))
         return found
 
     @_Part

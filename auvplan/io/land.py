@@ -1,10 +1,9 @@
 """Land of a scenario: its chart, from pictures, polygons, S-57 cells or where a current has no water."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
@@ -55,7 +54,8 @@ def read_land(
     box: Corners,
     home: str,
     current: "CurrentFile | None",
-    given: Mapping[str, Any] = MappingProxyType({}),
+    file: Any,
+    uncertain: Any,
 ) -> Land:
     """Read a chart's file, as far beyond the area as it and `beyond` do.
 
@@ -65,7 +65,7 @@ def read_land(
         box: corners of the area, m.
         home: folder that relative paths start from.
         current: whose files show where water is, where they are the chart.
-        given: what is read in place of the files `file` and `uncertain`.
+        file, uncertain: paths of the chart's files, or what is read in their place; None without.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -76,8 +76,8 @@ def read_land(
     if settings.source == "none":
         return Land()
     size, notes, cells = settings.pixel_size, (), None
-    more, file = beyond(box, size), given.get("file", in_folder(home, settings.file or ""))
-    place: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size, "beyond": more}
+    place: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size}
+    place["beyond"] = beyond(box, size)
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
             coast, chart, notes = _picture(settings, home)
@@ -99,9 +99,8 @@ def read_land(
                 colours = settings.colours.given
                 chart, notes = geo.chart_and_notes(file, site, crs=settings.crs, colours=colours, **place)
             else:
-                reefs = None if settings.uncertain is None else in_folder(home, settings.uncertain)
-                reefs = given.get("uncertain", reefs)
-                chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=reefs, **place)
+                margin = {"fringe": settings.fringe, "uncertain": uncertain}
+                chart = geo.chart_from_polygons(file, site, **margin, **place)
         coast = chart
     if settings.source in ("raster", "image"):
         dry = float((np.asarray(cropped(chart, settings, box).passability) == 0.0).mean())
