@@ -88,8 +88,7 @@ def read_bathymetry(
             coordinates as `auvplan.io.geo.nodes` describes them. An array without a name, units and sense is
             elevation in metres, positive up.
         site: where local coordinates count from.
-        lower: south-western corner (north, east), m.
-        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
         pixel_size: m; None for half the source's spacing, from 10 to 500 m and at most 1024 pixels a side.
         variable: name of the variable in a NetCDF file or dataset.
         positive: "up" or "down", which way the values count, where the source does not give it.

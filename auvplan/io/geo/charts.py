@@ -58,8 +58,7 @@ def chart_and_notes(
             array of one band, or of bands red, green, blue and perhaps alpha, with coordinates as
             `auvplan.io.geo.nodes` describes them.
         site: where local coordinates count from.
-        lower: south-western corner (north, east), m.
-        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
         pixel_size: of the chart, m.
         crs: coordinate reference system, where the source has none.
         classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
@@ -122,8 +121,7 @@ def chart_from_polygons(
     Args:
         source: GeoJSON of Polygon or MultiPolygon, in features and collections or bare: a file or `Features`.
         site: where local coordinates count from.
-        lower: south-western corner (north, east), m.
-        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
         pixel_size: m.
         fringe: m; water within so far of land is uncertain.
         uncertain: a second such file, of reefs and shoals, which are uncertain.

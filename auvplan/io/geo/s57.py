@@ -240,8 +240,7 @@ def read_cells(
     Args:
         path: of a cell (`.000`) or of a folder with cells, at any depth in it.
         site: where local coordinates count from.
-        lower: south-western corner (north, east), m.
-        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
         deepest: m, greatest depth that the vehicle goes to.
         pixel_size: of the charts, m.
         safety_depth: m below the chart's datum.
