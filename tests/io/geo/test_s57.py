@@ -2,6 +2,7 @@
 
 import sys
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -191,72 +192,64 @@ def test_the_cell_of_the_largest_scale_is_used(tmp_path):
     ]
 
 
-def test_updates_are_applied_and_missing_ones_told(tmp_path):
-    rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"WATLEV": 3}, number=30)
-    path = write_cell(tmp_path / "A.000", bay(rock))
-    gone, new = Object("UWTROC", None, number=30), Object("WRECKS", shapely.Point(10.07, 50.06), number=31)
-    write_cell(tmp_path / "A.001", [gone, new], update=1, first=200)
-    found = read(path)
-    assert [one.name for one in found.hazards] == ["wreck 31"]
-    assert found.notes[0] == "A.000: edition 1, update 1 of 2026-01-01, 1:25000"
-    write_cell(tmp_path / "A.003", [], update=3)
-    words = r"A\.000: A\.003 is not applied: it is update 3 of edition 1, and update 2 of"
-    with pytest.warns(ScenarioWarning, match=words):
-        read(path)
-
-
-def names(found):
-    return [one.name for one in found.hazards]
-
-
 def wreck(number):
     return Object("WRECKS", shapely.Point(10.06 + 0.001 * (number % 100), 50.06), number=number)
 
 
-def test_updates_of_another_edition_are_not_applied(tmp_path):
-    path = write_cell(tmp_path / "A.000", bay(), edition=2)
-    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200, edition=1)
-    with pytest.warns(ScenarioWarning, match="is update 1 of edition 1, and update 1 of edition 2 is wanted"):
-        assert names(read(path)) == []
-    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200, edition=2)
-    assert names(read(path)) == ["wreck 131"]
+ROCK, NO_ROCK = (
+    Object("UWTROC", shapely.Point(10.06, 50.06), {"WATLEV": 3}, 30),
+    Object("UWTROC", None, number=30),
+)
 
 
-def test_a_cell_that_was_issued_again_takes_the_updates_after_it(tmp_path):
-    path = write_cell(tmp_path / "A.000", bay(wreck(131)), reissued=2)
-    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200)
-    write_cell(tmp_path / "A.003", [wreck(132)], update=3, first=300)
-    found = read(path)
-    assert names(found) == ["wreck 131", "wreck 132"]
-    assert found.notes[0] == "A.000: edition 1, update 3 of 2026-01-01, 1:25000"
+def cell(*more, **options):
+    return {"objects": bay(*more), **options}
 
 
-def test_updates_in_folders_of_their_own(tmp_path):
-    for folder in ("0", "1", "2"):
-        (tmp_path / folder).mkdir()
-    write_cell(tmp_path / "0" / "A.000", bay())
-    write_cell(tmp_path / "1" / "A.001", [wreck(131)], update=1, first=200)
-    write_cell(tmp_path / "2" / "A.002", [wreck(132)], update=2, first=300)
-    assert names(read(tmp_path)) == ["wreck 131", "wreck 132"]
+def update(number, *objects, **options):
+    return {"objects": objects, "update": number, "first": 100 + 100 * number, **options}
 
 
-def test_cells_that_are_cancelled_or_older_are_left_out(tmp_path):
-    for folder, edition in (("old", 1), ("new", 2)):
-        (tmp_path / folder).mkdir()
-        write_cell(tmp_path / folder / "A.000", bay(wreck(130 + edition)), edition=edition)
-    with pytest.warns(ScenarioWarning, match=r"old/A\.000: is left out for .*new/A\.000, which is edition 2"):
-        assert names(read(tmp_path)) == ["wreck 132"]
-    write_cell(tmp_path / "new" / "A.001", [], update=1, edition=0)
-    with (
-        pytest.warns(ScenarioWarning, match=r"A\.000: is left out: A\.001 cancels it"),
-        pytest.raises(ChartError, match="is cancelled by an update: get the cell that replaces it"),
-    ):
-        read(tmp_path / "new")
+APPLIED = {"A.000": cell(ROCK), "A.001": update(1, NO_ROCK, wreck(131))}
+#: Files of a folder, the hazards that are read, the update that is noted, and what is warned of.
+UPDATES = {
+    "applied": (APPLIED, [131], "edition 1, update 1", None),
+    "one is missing": ({**APPLIED, "A.003": update(3)}, [131], "edition 1, update 1",
+                       r"A\.000: A\.003 is not applied: it is update 3 of edition 1, and update 2 of"),
+    "of another edition": ({"A.000": cell(edition=2), "A.001": update(1, wreck(131))}, [],
+                           "edition 2, update 0", "is update 1 of edition 1, and update 1 of edition 2 is"),
+    "of its edition": ({"A.000": cell(edition=2), "A.001": update(1, wreck(131), edition=2)}, [131],
+                       "edition 2, update 1", None),
+    "issued again": ({"A.000": cell(wreck(131), reissued=2), "A.001": update(1, wreck(131)),
+                      "A.003": update(3, wreck(132))}, [131, 132], "edition 1, update 3", None),
+    "in folders": ({"0/A.000": cell(), "1/A.001": update(1, wreck(131)), "2/A.002": update(2, wreck(132))},
+                   [131, 132], "edition 1, update 2", None),
+    "an older cell": ({"old/A.000": cell(wreck(131)), "new/A.000": cell(wreck(132), edition=2)}, [132],
+                      "edition 2, update 0", r"old/A\.000: is left out for .*new/A\.000, which is edition 2"),
+    "cancelled": ({"A.000": cell(wreck(131)), "A.001": update(1, edition=0)}, None, "",
+                  r"A\.000: is left out: A\.001 cancels it"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", UPDATES)
+def test_updates_and_editions(tmp_path, case):
+    files, hazards, noted, warned = UPDATES[case]
+    for name, options in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_cell(tmp_path / name, **options)
+    with pytest.warns(ScenarioWarning, match=warned) if warned else nullcontext():
+        if hazards is None:
+            with pytest.raises(ChartError, match="is cancelled by an update: get the cell that replaces it"):
+                read(tmp_path)
+            return
+        found = read(tmp_path)
+    assert [one.name for one in found.hazards] == [f"wreck {number}" for number in hazards]
+    assert found.notes[0] == f"A.000: {noted} of 2026-01-01, 1:25000"
 
 
 def test_records_that_cannot_tell_their_length(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(wreck(131)), lengths=False)
-    assert names(read(path)) == ["wreck 131"]
+    assert [one.name for one in read(path).hazards] == ["wreck 131"]
     path.write_bytes(path.read_bytes()[:-3])
     with pytest.raises(ChartError, match=r"cannot be read \(Data record is short"):
         read(path)
