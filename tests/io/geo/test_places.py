@@ -16,10 +16,6 @@ from auvplan.site import Site
 SITE = Site(148.96, -20.34)
 
 
-def lonlat(place):
-    return [float(degrees) for degrees in SITE.to_geographic(place[1], place[0])]
-
-
 def close(found, places):
     """Local positions against places of longitude, latitude and depth."""
     north, east = SITE.to_local(*np.transpose([place[:2] for place in places]))
