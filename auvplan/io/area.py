@@ -484,7 +484,9 @@ class AreaFiles:
         files = getattr(settings, field)
         paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
         source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
-        how = settings.model_dump(include={"spacing", "outside", "crs"}) | {"data_epoch": settings.epoch}
+        how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"}) | {
+            "data_epoch": settings.epoch
+        }
         how |= {"lower": box[0], "upper": box[1], "times": site.epoch and (0.0, self.until)}
         with blaming("current", field):
             found = self._once(

@@ -117,7 +117,8 @@ def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
         raise GeoError(f"{path}: {root['type']!r} is no type of GeoJSON")
     if not features:
         raise GeoError(f"{path}: has no features")
-    return each(list(enumerate(features, 1)), lambda one: _parts(f"{path}: feature {one[0]}", *one, kinds))
+    numbered = list(enumerate(features, 1))
+    return each(numbered, lambda one: _parts(f"{path}: feature {one[0]}", one[0], one[1], kinds))
 
 
 def each(parts: list[Any], read: Callable[[Any], list[Any]]) -> list[Any]:

@@ -158,8 +158,8 @@ def read_jobs(
         twice = {name: "two" if count == 2 else count for name, count in counts.items() if count > 1}
         if twice:
             raise GeoError(*(f"{path}: {count} jobs are named {name!r}" for name, count in twice.items()))
-        points, lines = (tuple(job for job in found if isinstance(job, kind)) for kind in (JobPoint, JobLine))
-        return Jobs(points, lines, tuple(notes))
+        points = tuple(job for job in found if isinstance(job, JobPoint))
+        return Jobs(points, tuple(job for job in found if isinstance(job, JobLine)), tuple(notes))
 
 
 def _defaults(path: str, features: list[Feature], default_depth: float) -> list[str]:
@@ -436,7 +436,7 @@ def _check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) 
         )
     doubts = {}
     for name in others:
-        kind = _MEANT.get(_plain(name))
+        kind = _MEANT.get(_plain(name), "")
         if kind in known and kind not in stated:
             doubts[name] = f"{where}: {name!r} is ignored: did you mean {kind!r}{_in_words(kind)}?"
         elif _plain(name) in _UNHEEDED.split():

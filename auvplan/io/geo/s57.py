@@ -326,7 +326,7 @@ def _identity(path: Path, staging: Path) -> _Identity:
     numbers = [str(stated.get(name, "")).strip() for name in ("DSID_EDTN", "DSID_UPDN")]
     if not all(map(str.isdigit, numbers)):
         raise GeoError(f"{path}: is damaged: it does not tell its edition and update (DSID)")
-    return _Identity(*map(int, numbers), path, stated)
+    return _Identity(int(numbers[0]), int(numbers[1]), path, stated)
 
 
 def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[_Identity, Path]]:
