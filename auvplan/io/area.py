@@ -484,18 +484,15 @@ class AreaFiles:
         files = getattr(settings, field)
         paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
         source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
-        how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"}) | {
-            "data_epoch": settings.epoch
-        }
-        how |= {"lower": box[0], "upper": box[1], "times": site.epoch and (0.0, self.until)}
+        how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
+        how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
+        how["times"] = site.epoch and (0.0, self.until)
         with blaming("current", field):
             found = self._once(
                 lambda: currents.read_current(source, site, land=land, **how),
                 "current", tuple(paths), site, tuple(how.values()), chart,
             )  # fmt: skip
-        if (
-            site.epoch is None
-        ):  # the data's first time is the epoch: now it can be seen whether the data lasts
+        if site.epoch is None:  # the data's first time is it: now it can be seen whether the data lasts
             return self._current_of(field, replace(site, epoch=found.epoch))
         return found
 
