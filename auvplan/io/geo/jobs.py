@@ -48,36 +48,26 @@ _Row = tuple[str, dict[str, str]]
 _SAME = 1e-3
 #: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
 _NEAR = 200_000.0
-#: What operators and other programs call what jobs have.
-_OTHER_WORDS = {
-    "duration": "dwell dwell_time hold hold_time holdtime loiter loiter_time wait wait_time stay time "
-    "time_on_site time_on_station service_time bottom_time seconds secs minutes hours",
-    "priority": "weight importance value reward rank score rho profit urgency",
-    "depth": "z down altitude alt elevation elev height level",
-    "name": "id fid label title job job_name job_id task task_name waypoint wp site station",
-    "from": "earliest start_time not_before begin after opens open",
-    "to": "latest end_time not_after end before deadline due closes close",
-    "windows": "time_window time_windows opening_hours",
-    "line": "track transect survey line_id line_name lawnmower segment group",
-    "lon": "lng x_deg long_deg",
-    "lat": "y_deg",
-    "north": "northing n y_local",
-    "east": "easting e x_local",
-}
-_MEANT = {word: kind for kind, words in _OTHER_WORDS.items() for word in words.split()}
+#: What jobs have: in which unit, and what operators and other programs call it.
+_WORDS = {
+    "duration": ("s", "dwell dwell_time hold hold_time holdtime loiter loiter_time wait wait_time stay time "
+                      "time_on_site time_on_station service_time bottom_time seconds secs minutes hours"),
+    "priority": ("a number, 0 or more", "weight importance value reward rank score rho profit urgency"),
+    "depth": ("m, positive down", "z down altitude alt elevation elev height level"),
+    "name": ("", "id fid label title job job_name job_id task task_name waypoint wp site station"),
+    "from": ("a moment, a time of day or seconds", "earliest start_time not_before begin after opens open"),
+    "to": ("a moment, a time of day or seconds",
+           "latest end_time not_after end before deadline due closes close"),
+    "windows": ("", "time_window time_windows opening_hours"),
+    "line": ("", "track transect survey line_id line_name lawnmower segment group"),
+    "lon": ("degrees east", "lng x_deg long_deg"),
+    "lat": ("degrees north", "y_deg"),
+    "north": ("m from the site", "northing n y_local"),
+    "east": ("m from the site", "easting e x_local"),
+}  # fmt: skip
+_MEANT = {word: kind for kind, (_, words) in _WORDS.items() for word in words.split()}
 #: What is asked of jobs elsewhere and has no counterpart here.
 _UNHEEDED = "speed heading course yaw radius required mandatory enabled skip order sequence seq"
-_MEANING = {
-    "depth": "m, positive down",
-    "duration": "s",
-    "priority": "a number, 0 or more",
-    "north": "m from the site",
-    "east": "m from the site",
-    "lon": "degrees east",
-    "lat": "degrees north",
-    "from": "a moment, a time of day or seconds",
-    "to": "a moment, a time of day or seconds",
-}
 #: A unit or a remark after a name: "depth [m]", "duration_s", "prio.".
 _UNIT = re.compile(
     r"[\s_]*[\[({].*|[\s_.]+(m|s|sec|secs|seconds|min|mins|minutes|h|hours|deg|degrees|metres|meters)?\.?$"
@@ -463,4 +453,4 @@ def _plain(name: str) -> str:
 
 
 def _in_words(kind: str) -> str:
-    return f" ({_MEANING[kind]})" if kind in _MEANING else ""
+    return f" ({_WORDS[kind][0]})" if kind in _WORDS and _WORDS[kind][0] else ""
