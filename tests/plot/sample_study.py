@@ -14,9 +14,6 @@ WAYPOINTS = 20
 #: Room for legs, path plans, routes and stops of a route.
 SIZES = {"leg": 14, "plan": 80, "route": 9, "stop": 14, "waypoint": WAYPOINTS, "axis": 3}
 
-_LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
-_LEG_COUNTS = ("leg_from", "leg_to", "leg_path_replans")
-
 
 def make_study(
     missions: int = 8,
@@ -41,8 +38,10 @@ def make_study(
     for index in np.ndindex(shape):
         row = {name: values[(*index, ...)] for name, values in arrays.items()}
         _execute(row, np.random.default_rng(first_seed + index[-1]), sum(index[:-1]))
-        if index[-1] in failed:
-            _fail(row)
+        if index[-1] in failed:  # too late: the last leg was not finished
+            row["leg_arrived"][int((row["leg_arrived"] == 1).sum()) - 1] = 0
+            _fill(row, t_mission=AVAILABLE + 350.0, t_residual=-350.0, success=0)
+            row["reason"][...] = "destination reached too late"
     lead = [*dims, "mission"]
     dataset = xr.Dataset({name: ((*lead, *VARIABLES[name].dims), values) for name, values in arrays.items()})
     dataset["route_cause"].attrs |= {
@@ -65,8 +64,7 @@ def without_legs(study: xr.Dataset) -> xr.Dataset:
     """The same study, but no leg was executed, no path planned and no route made."""
     empty = _empty(study["t_mission"].shape)
     kept = [name for name in empty if name.startswith(("leg", "plan", "route"))]
-    changed = {name: study[name].copy(data=empty[name]) for name in kept}
-    return study.assign(changed)
+    return study.assign({name: study[name].copy(data=empty[name]) for name in kept})
 
 
 def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
@@ -74,11 +72,15 @@ def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
     found = {}
     for name, variable in VARIABLES.items():
         kind = np.int8 if variable.meanings else {-1: np.int32, "": object}.get(variable.fill, float)
-        trail = (SIZES[dim] for dim in variable.dims)
-        found[name] = np.full((*shape, *trail), variable.fill, kind)
+        found[name] = np.full((*shape, *(SIZES[dim] for dim in variable.dims)), variable.fill, kind)
     found["success"][...], found["waypoint_position"][...] = 1, 0.0
     found["reason"][...] = "destination reached in time"
     return found
+
+
+def _fill(row: dict[str, np.ndarray], at: int | type(...) = ..., prefix: str = "", **values: float) -> None:
+    for name, value in values.items():
+        row[prefix + name][at] = value
 
 
 def _execute(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) -> None:
@@ -86,74 +88,45 @@ def _execute(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) ->
     places = rng.uniform([300, 300, 5], [7800, 9700, 90], (WAYPOINTS, 3))
     row["waypoint_position"][:] = places
     rest = [0, *rng.permutation(np.arange(1, WAYPOINTS - 1))[:7].tolist(), WAYPOINTS - 1]
-    now, plans, routes = 0.0, 0, 0
-    tasks = rng.uniform(30, 300, WAYPOINTS)
-    weights = rng.integers(1, 6, WAYPOINTS)
-    cause = 1
+    now, plans, routes, cause = 0.0, 0, 0, 1
+    tasks, weights = rng.uniform(30, 300, WAYPOINTS), rng.integers(1, 6, WAYPOINTS)
     for leg in range(8):
         if cause:
             row["route_nodes"][routes, : len(rest)] = rest
-            gaps = [np.linalg.norm(places[i] - places[j]) / SPEED + tasks[j] for i, j in pairwise(rest)]
-            row["route_made_at"][routes], row["route_time"][routes] = now, sum(gaps)
-            row["route_priority"][routes] = weights[rest[1:]].sum()
-            row["route_cpu"][routes], row["route_cause"][routes] = rng.uniform(0.2, 0.4), cause
+            takes = sum(np.linalg.norm(places[i] - places[j]) / SPEED + tasks[j] for i, j in pairwise(rest))
+            worth = weights[rest[1:]].sum()
+            made = {"made_at": now, "time": takes, "priority": worth, "cpu": rng.uniform(0.2, 0.4)}
+            _fill(row, routes, "route_", **made, cause=cause)
             routes += 1
         i, j = rest[0], rest[1]
         distance = float(np.linalg.norm(places[i] - places[j]))
-        expected = distance / SPEED
-        executed = expected * rng.normal(1.02 + 0.03 * harm, 0.05)
+        executed = distance / SPEED * rng.normal(1.02 + 0.03 * harm, 0.05)
         replans = int(rng.poisson(0.6 + 0.5 * harm))
         for k in range(replans + 1):
-            row["plan_cpu"][plans], row["plan_cost"][plans] = (
-                rng.lognormal(-1.6, 0.5),
-                executed * 1.01 / (k + 1),
-            )
-            row["plan_leg"][plans], row["plan_cause"][plans] = leg, 1 + min(k, 1)
+            cost = {"cpu": rng.lognormal(-1.6, 0.5), "cost": executed * 1.01 / (k + 1)}
+            _fill(row, plans, "plan_", **cost, leg=leg, cause=1 + min(k, 1))
             plans += 1
-        values = (expected + tasks[j], executed, tasks[j], weights[j], distance, 0.2 * (replans + 1))
-        for name, value in zip(_LEG_FLOATS, values, strict=True):
-            row[name][leg] = value
-        for name, value in zip((*_LEG_COUNTS, "leg_arrived"), (i, j, replans, 1), strict=True):
-            row[name][leg] = value
+        times = {"t_expected": distance / SPEED + tasks[j], "t_path": executed, "t_task": tasks[j]}
+        counts = {"from": i, "to": j, "path_replans": replans, "arrived": 1, "cpu": 0.2 * (replans + 1)}
+        _fill(row, leg, "leg_", **times, **counts, priority=weights[j], distance=distance)
         now += float(executed + tasks[j])
         rest = rest[1:]
-        cause = 2 if executed > 1.06 * expected else 0
+        cause = 2 if executed > 1.06 * distance / SPEED else 0
         if cause and len(rest) > 3 and routes < SIZES["route"]:
-            middle = rest[1:-1]
-            rest = [rest[0], *rng.permutation(middle)[: len(middle) - 1].tolist(), rest[-1]]
+            rest = [rest[0], *rng.permutation(rest[1:-1])[: len(rest) - 3].tolist(), rest[-1]]
         cause = cause if routes < SIZES["route"] else 0
         if len(rest) < 2:
             break
-    _total(row, rng, plans, routes)
-
-
-def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, routes: int) -> None:
-    """The figures of a mission; the time used is a little less than the time available."""
     used = min(AVAILABLE - rng.gamma(2.0, 150.0), AVAILABLE - 1.0)
     done = row["leg_arrived"] == 1
-    figures = {
-        "t_available": AVAILABLE, "t_mission": used, "t_residual": AVAILABLE - used, "tasks": done.sum(),
-        "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
-        "priority_bound": 1.0 + 1.25 * row["leg_priority"][done].sum(),
-        "path_replans": plans - done.sum(), "mission_replans": routes - 1, "collisions": 0,
-        "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["route_cpu"]),
-        "mission_replan_cpu": np.nansum(row["route_cpu"][1:]),
-        "cost_mission": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum(),
-        "cost_total": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum()
-        + np.nansum(row["route_cpu"][1:]),
-        "travel_time_cpu": rng.uniform(0.5, 1.0), "faults": 0, "coast_clearance": np.inf,
-        "obstacle_clearance": rng.uniform(1.0, 30.0),
-        "seabed_altitude": rng.uniform(5.0, 40.0),
-    }  # fmt: skip
-    for name, value in figures.items():
-        row[name][...] = value
-
-
-def _fail(row: dict[str, np.ndarray]) -> None:
-    """Too late: the last leg was not finished."""
-    last = int((row["leg_arrived"] == 1).sum()) - 1
-    row["leg_arrived"][last] = 0
-    row["t_mission"][...] = AVAILABLE + 350.0
-    row["t_residual"][...] = -350.0
-    row["success"][...] = 0
-    row["reason"][...] = "destination reached too late"
+    total, again = row["leg_priority"][done].sum(), np.nansum(row["route_cpu"][1:])
+    weighed = AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum()
+    _fill(
+        row, t_available=AVAILABLE, t_mission=used, t_residual=AVAILABLE - used, tasks=done.sum(),
+        total_priority=total, priority_bound=1.0 + 1.25 * total, path_calls=done.sum(),
+        path_replans=plans - done.sum(), mission_replans=routes - 1, collisions=0, faults=0,
+        path_cpu=np.nansum(row["plan_cpu"]), mission_cpu=np.nansum(row["route_cpu"]),
+        mission_replan_cpu=again, travel_time_cpu=rng.uniform(0.5, 1.0), cost_mission=weighed,
+        cost_total=weighed + again, coast_clearance=np.inf, obstacle_clearance=rng.uniform(1.0, 30.0),
+        seabed_altitude=rng.uniform(5.0, 40.0),
+    )  # fmt: skip
