@@ -61,14 +61,6 @@ def bay(tmp_path):
     return tmp_path
 
 
-def test_land_beyond_the_area_is_as_near_as_it_is(bay):
-    area = load_area(load_scenario(bay / "scenario.yaml"))
-    for east in (400.0, 700.0, 990.0):
-        away = float(area.chart.distance(900.0, east))
-        assert 1033.0 - east - 20.0 <= away <= 1033.0 - east
-    assert area.chart.shape == (200, 200)
-
-
 def test_a_job_too_near_to_land_beyond_the_edge_is_refused_in_degrees(bay):
     write(bay, "jobs.geojson", point((0, 950), name="near"), point((0, 0), name="on land"))
     write(bay, "coast.geojson", polygon((-3000, 1033), (3000, 3000)), polygon((-50, -50), (50, 50)))
@@ -79,7 +71,7 @@ def test_a_job_too_near_to_land_beyond_the_edge_is_refused_in_degrees(bay):
     assert any("'on land' at longitude 147.40000" in line and "lies on land" in line for line in lines)
 
 
-def test_coast_and_closed_areas_are_different_things(bay):
+def test_coast_and_closed_areas_are_different_things_and_land_beyond_the_area_is_as_near_as_it_is(bay):
     assert examine_scenario(bay / "scenario.yaml").lines == []
     area = load_area(load_scenario(bay / "scenario.yaml"))
     assert [zone.name for zone in area.zones] == ["range"]
@@ -88,6 +80,10 @@ def test_coast_and_closed_areas_are_different_things(bay):
     assert area.coast.is_water(*inside)
     assert area.coast.is_water(0.0, 1020.0)
     assert not area.coast.is_water(0.0, 1100.0)
+    assert area.chart.shape == (200, 200)
+    for east in (400.0, 700.0, 990.0):
+        away = float(area.chart.distance(900.0, east))
+        assert 1033.0 - east - 20.0 <= away <= 1033.0 - east
 
 
 def bay_run(bay):

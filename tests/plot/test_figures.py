@@ -28,6 +28,8 @@ from auvplan.plot.style import figure_of, save
 from auvplan.runtime.files import OutputError
 from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
+pytestmark = pytest.mark.usefixtures("coarse")
+
 NAMES = ["mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"]
 
 
@@ -50,25 +52,21 @@ def a_run(legs):
 
 
 @pytest.mark.parametrize(
-    ("legs", "dpi"),
+    "legs",
     [
-        ("three", 150),
-        pytest.param("open water", 50, marks=pytest.mark.slow),
-        ("refused", 50),
-        pytest.param("only refused", 50, marks=pytest.mark.slow),
+        "three",
+        *(pytest.param(rare, marks=pytest.mark.slow) for rare in ("open water", "refused", "only refused")),
     ],
 )
-def test_all_figures(tmp_path, monkeypatch, legs, dpi):
-    monkeypatch.setattr(style, "DPI", dpi)
+def test_all_figures(tmp_path, legs):
     paths = draw_run(a_run(legs), tmp_path)
     assert [path.name for path in paths] == NAMES
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(NAMES)
     for path in paths:
         with Image.open(path) as picture:
             pixels = np.asarray(picture.convert("RGB"))
-        assert min(pixels.shape[:2]) > 250 / 150 * dpi
+        assert min(pixels.shape[:2]) > 250 / 150 * style.DPI
         assert len(np.unique(pixels @ [1, 256, 256**2])) > 20, f"{path.name} is empty"
-        assert legs != "three" or path.stat().st_size > 20_000
 
 
 def test_mission_that_never_began(tmp_path):
@@ -117,14 +115,11 @@ def assert_apart(texts, least):
         assert not any(box.overlaps(other) for other in boxes[:k])
 
 
-def test_route_is_where_it_was_executed():
+def test_route_is_where_it_was_executed_in_kilometres_where_it_is_large():
     run = make_run()
     axes = data_axes(plot_mission(run))[0]
     lines = [line.get_xydata() for line in axes.lines if len(line.get_xydata()) == len(run.legs[0].times)]
     assert any(np.allclose(line, run.legs[0].positions[:, [1, 0]]) for line in lines)
-
-
-def test_large_areas_are_in_kilometres():
     figure = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
 
@@ -183,7 +178,7 @@ def test_convergence_with_infinite_and_zero_values(tmp_path):
 def test_chart(tmp_path):
     chart = make_chart()
     Image.fromarray(np.full((200, 200, 3), 120, np.uint8)).save(tmp_path / "picture.png")
-    assert draw_chart(chart, tmp_path / "picture.png", tmp_path).stat().st_size > 10_000
+    assert draw_chart(chart, tmp_path / "picture.png", tmp_path).stat().st_size > 3_000
     assert draw_chart(chart, None, tmp_path).name == "chart.png"
 
 
@@ -250,7 +245,7 @@ def test_a_path_is_drawn_over_its_sea(plan, tmp_path):
     assert bound.radius > solid.radius
     clear = np.linalg.norm(plan.positions[:, [1, 0]] - np.asarray(solid.center), axis=1)
     assert clear.min() >= bound.radius - 30.0, "the path passes the boundary as it is drawn"
-    assert save(axes, tmp_path / "path.png").stat().st_size > 20_000
+    assert save(axes, tmp_path / "path.png").stat().st_size > 5_000
 
 
 def test_a_path_has_a_section_where_the_sea_differs_with_depth(plan):

@@ -9,6 +9,8 @@ from auvplan.plot.maps import Map
 from auvplan.view.scene import clearance, done_leg, leg_title, plan_name
 from tests.io.sample_run import make_run, refused_leg
 
+pytestmark = pytest.mark.usefixtures("coarse")
+
 
 def labels(figure):
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
@@ -35,17 +37,14 @@ def test_most_replans_count_first_then_the_nearest_obstacle():
     assert leg_title(run, run.legs[0]).splitlines()[1].startswith("1 re-plan, ")
 
 
-def test_a_refused_leg_is_not_shown_for_a_executed_one():
+def test_a_refused_leg_is_not_shown_for_an_executed_one_and_a_second_try_is_no_replan():
     run = make_run()
     refused = refused_leg(run)
     refused.plans = refused.plans + make_run().legs[0].plans * 3
     run.legs.insert(0, refused)
     assert len(busiest_leg(run).times)
     assert leg_title(run, refused).endswith("planned and refused")
-
-
-def test_a_second_try_is_no_replan():
-    leg = make_run().legs[0]
+    leg = run.legs[1]
     leg.plans.insert(0, leg.plans[0])
     assert [plan_name(leg, k).split(",")[0] for k in range(3)] == ["first plan", "first plan", "re-plan 1"]
 
@@ -69,9 +68,8 @@ def test_without_histories_there_is_no_convergence(tmp_path):
     run = make_run()
     for plan in busiest_leg(run).plans:
         plan.history = {}
-    assert [path.name for path in draw_run(run, tmp_path, ["mission.png", "convergence.png"])] == [
-        "mission.png"
-    ]
+    paths = draw_run(run, tmp_path, ["mission.png", "convergence.png"])
+    assert [path.name for path in paths] == ["mission.png"]
 
 
 @pytest.mark.parametrize("plot", [plot_mission, plot_timeline])
