@@ -83,15 +83,12 @@ FORMATS = {
 
 
 def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tuple(FORMATS)) -> list[Path]:
-    """Write an itinerary in some formats.
+    """Write an itinerary in some formats; return the files in their order.
 
     Args:
         itinerary: what to write.
         folder: created if needed; files of an earlier export are replaced.
         formats: names of `FORMATS`.
-
-    Returns:
-        The files, in the order of the formats.
 
     Raises:
         ExportError: a format is not known, or cannot hold the itinerary; one line.

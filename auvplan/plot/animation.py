@@ -68,9 +68,6 @@ def animate_run(
         width: pixels, at least 320.
         progress: called with the share that is done and words for it.
 
-    Returns:
-        The path of the file.
-
     Raises:
         AuvplanError: nothing was executed, or an argument is out of range; one line.
         OutputError: the file cannot be written, or is an MP4 and there is no ffmpeg; one line that names it.

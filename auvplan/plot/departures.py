@@ -26,9 +26,6 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
     Args:
         found: of a mission or a leg.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
-
-    Returns:
-        The axes of the panels.
     """
     panels = [
         (found.time / 60.0, "travel time [min]" if found.routes is None else "mission time [min]", style.BLUE)

@@ -24,9 +24,6 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     Args:
         run: as executed; a leg of its own, open water and a mission that was never begun are fine.
         ax: axes to draw in; those of a new figure if absent.
-
-    Returns:
-        The axes of the map.
     """
     waypoints = np.asarray(run.graph.positions, float)
     executed = executed_legs(run)

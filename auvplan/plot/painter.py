@@ -79,9 +79,6 @@ class Painter:
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
 
-        Returns:
-            The paths of all.
-
         Raises:
             OutputError: as `draw_run`.
         """

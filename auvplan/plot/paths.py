@@ -69,9 +69,6 @@ def plot_currents(
         leg: that of `busiest_leg` where not given.
         note: a second line of the title.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
-
-    Returns:
-        The axes of the panels.
     """
     leg = leg or scene.busiest_leg(run)
     if leg is None:
@@ -128,9 +125,6 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
         plan: feasible or not.
         ax: axes to draw in; those of a new figure if absent. In axes of a map with something in them the path
             alone is drawn over what is there.
-
-    Returns:
-        The axes of the map.
 
     Example:
         >>> import jax, auvplan as ap

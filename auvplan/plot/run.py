@@ -51,9 +51,6 @@ def draw_run(
         leg: number of a done leg, from 1; or "all", whose figures have the number in their name.
         progress: called with the share that is done and the name of the next file.
 
-    Returns:
-        The paths of the pictures.
-
     Raises:
         AuvplanError: there is no such leg; one line that says which there are.
         OutputError: the folder or a file cannot be written; one line that names it.

@@ -79,9 +79,6 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
         leg: that of `busiest_leg` where not given.
         ax: three-dimensional axes to draw in; those of a new figure if absent.
 
-    Returns:
-        The axes.
-
     Raises:
         ValueError: the axes given are flat.
     """

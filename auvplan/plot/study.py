@@ -39,9 +39,6 @@ def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None)
         folder: created if needed.
         seed: of the mission whose routes are shown; that with most of them where not given.
 
-    Returns:
-        The paths of the pictures.
-
     Raises:
         ValueError: the study has no mission of that seed.
         OutputError: the folder or a file cannot be written; one line that names it.

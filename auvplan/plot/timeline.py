@@ -30,9 +30,6 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     Args:
         run: as executed, or a plan.
         ax: axes to draw in; those of a new figure if absent.
-
-    Returns:
-        The axes.
     """
     routes = run.routes if run.simulated else []
     rows = len(routes) + 1

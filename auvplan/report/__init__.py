@@ -15,9 +15,6 @@ def write_report(folder: str | Path) -> Path:
     Args:
         folder: of the result.
 
-    Returns:
-        The path of the page.
-
     Raises:
         ResultError: the folder holds no result, or a file is damaged or incomplete; one line that names it.
         OutputError: the page cannot be written; one line that names it.
