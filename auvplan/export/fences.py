@@ -131,8 +131,11 @@ def nearest_fences(
     if sum(map(points, fences)) <= most:
         return tuple(fences), ""
     paths = shapely.MultiLineString([np.asarray(line)[:, 1::-1] for line in lines])
-    away = [_away(fence, paths) for fence in fences]
-    chosen, room = set(), most
+    away, chosen, room = [], set(), most
+    for fence in fences:
+        circle = isinstance(fence, Circle)
+        shape = shapely.Point(fence.centre[::-1]) if circle else shapely.Polygon(fence.corners[:, ::-1])
+        away.append(float(shapely.distance(paths, shape)) - (fence.radius if circle else 0.0))
     for k in np.argsort(away, kind="stable").tolist():
         if points(fences[k]) <= room:
             chosen.add(k)
@@ -143,13 +146,6 @@ def nearest_fences(
         f"{len(fences) - len(kept)} of {len(fences)} fences are left out, the nearest {nearest:.0f} m from "
         f"the route: all have {sum(map(points, fences))} points, the autopilot holds {most}"
     )
-
-
-def _away(fence: Fence, paths: BaseGeometry) -> float:
-    """Return m from a fence to the paths."""
-    if isinstance(fence, Circle):
-        return float(shapely.distance(paths, shapely.Point(fence.centre[::-1]))) - fence.radius
-    return float(shapely.distance(paths, shapely.Polygon(fence.corners[:, ::-1])))
 
 
 def _around_coast(chart: Chart, paths: BaseGeometry, area: BaseGeometry) -> tuple[list[Fence], list[str]]:
@@ -175,8 +171,11 @@ def _parts(land: BaseGeometry, paths: BaseGeometry) -> list[shapely.Polygon]:
     """Land in pieces that have no holes and keep off the paths."""
     if shapely.intersects(land, paths):
         land = land.difference(paths.buffer(_LANE))
-    pieces = [part for part in shapely.get_parts(land) if part.area > 0.0]
-    return [whole for piece in pieces for whole in _without_holes(piece, paths)]
+    return [whole for piece in _pieces(land) for whole in _without_holes(piece, paths)]
+
+
+def _pieces(*land: BaseGeometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(land) if part.area > 0.0]
 
 
 def _without_holes(land: shapely.Polygon, paths: BaseGeometry) -> list[shapely.Polygon]:
@@ -187,12 +186,7 @@ def _without_holes(land: shapely.Polygon, paths: BaseGeometry) -> list[shapely.P
     west, south, east, north = land.bounds
     middle = lakes[0].centroid.x
     halves = (shapely.box(west, south, middle, north), shapely.box(middle, south, east, north))
-    pieces = [
-        part
-        for half in halves
-        for part in shapely.get_parts(shapely.Polygon(land.exterior, lakes).intersection(half))
-        if part.area > 0.0
-    ]
+    pieces = _pieces(*(shapely.Polygon(land.exterior, lakes).intersection(half) for half in halves))
     return [whole for piece in pieces for whole in _without_holes(piece, paths)]
 
 

@@ -26,6 +26,7 @@ from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.site import at_time
 from auvplan.view.scene import executed_legs, refused_legs, track_at, window
+from auvplan.view.timeline import doings
 
 #: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
 LONGEST, FASTEST = 120.0, 30
@@ -121,7 +122,7 @@ class _Film:
             fade: s of mission time in which a plan that is given up fades.
         """
         self._run, self._fade = run, fade
-        self._legs = executed_legs(run)
+        self._legs, self._doings = executed_legs(run), doings(run)
         self._times = np.concatenate([leg.times for leg in self._legs])
         track = np.concatenate([leg.positions for leg in self._legs])
         self.ends = float(max(run.t_mission, self._times[-1]))
@@ -295,20 +296,8 @@ class _Film:
         priority = figure(sum(leg.priority for leg in done))
         tasks = f"{counted(run.count_tasks(done), 'task')} done, priority {priority}"
         title = f"{name}, {f'seed {run.seed}' if run.simulated else 'plan'}"
-        return f"{title}: {clock}\n{tasks}; {self._doing(time)}"
-
-    def _doing(self, time: float) -> str:
-        begun = [leg for leg in self._legs if leg.times[0] <= time]
-        if not begun:
-            return "at the start"
-        leg = begun[-1]
-        if time >= self.ends:
-            return "at the destination" if self._run.arrived else "ended on the way"
-        if time < leg.times[-1]:
-            way = f"{self._run.called(leg.start)} → {self._run.called(leg.goal)}"
-            replans = sum(plan.made_at <= time for plan in leg.followed_plans[1:])
-            return f"on the way {way}" + (f", {counted(replans, 're-plan')}" if replans else "")
-        return f"task at {self._run.called(leg.goal)}" if time < _done_at(leg) else "waiting"
+        doing = [words for moment, words in self._doings if moment <= time]
+        return f"{title}: {clock}\n{tasks}; {doing[-1] if doing else 'not under way yet'}"
 
     def _legend(self) -> list[Any]:
         """Return what the moving parts are."""

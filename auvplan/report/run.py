@@ -17,7 +17,7 @@ from auvplan.scenario.provenance import changed_settings
 from auvplan.view import scene
 from auvplan.view.margins import Margins
 from auvplan.view.sheet import leg_depths, sheet_of
-from auvplan.view.timeline import Bar, closed_areas, executed_bars, lateness, planned_bars
+from auvplan.view.timeline import Bar, closed_areas, doings, executed_bars, lateness, planned_bars
 
 Array = NDArray[np.floating]
 
@@ -76,6 +76,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "track": _track(way),
         "legs": legs,
         "plans": [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans],
+        "doing": doings(run),
         "closures": [
             {
                 "name": area.name,

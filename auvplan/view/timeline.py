@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan.mission.timetable import Timetable
 from auvplan.records import MissionRun, RouteRecord
-from auvplan.runtime.formatting import hours
+from auvplan.runtime.formatting import counted, hours
 
 #: What a vehicle does at the last waypoint, in words.
 END_BEHAVIOURS = {
@@ -90,6 +90,32 @@ def windows_of(table: Timetable, start: int, goal: int) -> list[tuple[float, flo
         if spans and (-np.inf, np.inf) not in spans:
             return spans
     return []
+
+
+def doings(run: MissionRun) -> list[tuple[float, str]]:
+    """Return what the vehicle does, in words, and the moments, s, from which on it does; in order.
+
+    Before the first of them it has not begun.
+    """
+    found: list[tuple[float, str]] = []
+    last = max((number for number, leg in enumerate(run.legs) if len(leg.times)), default=0)
+    for number, leg in enumerate(run.legs):
+        if not len(leg.times):
+            continue
+        goal, ends = run.called(leg.goal), float(leg.times[-1])
+        way = f"leg {number + 1}: {run.called(leg.start)} → {goal}"
+        found.append((float(leg.times[0]), way))
+        later = enumerate(leg.followed_plans[1:], start=1)
+        found += [(plan.made_at, f"{way}, {counted(count, 're-plan')}") for count, plan in later]
+        if not leg.arrived:
+            found.append((ends, f"ended on leg {number + 1}"))
+            continue
+        for seconds, what in ((leg.t_wait, "waiting at"), (leg.t_task, "on station at")):
+            if seconds:
+                found.append((ends, f"{what} {goal}"))
+                ends += seconds
+        found.append((ends, f"{'arrived at' if number == last else 'at'} {goal}"))
+    return found
 
 
 def spans_in_words(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str:

@@ -65,7 +65,7 @@ def test_parts_are_where_the_mission_is(run):
     np.testing.assert_allclose(parts["plan"].get_xydata(), after.positions[:, [1, 0]])
     assert parts["past"].get_colors()[-1][3] == pytest.approx(0.375), "half faded"
     film.at(film.ends)
-    assert f"priority {run.total_priority:.3g}; at the destination" in parts["title"].get_text()
+    assert f"priority {run.total_priority:.3g}; arrived at 2" in parts["title"].get_text()
 
 
 def test_a_leg_in_open_water_and_a_plan(tmp_path):

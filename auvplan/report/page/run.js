@@ -73,14 +73,10 @@
 
   const nodeName = (node) => waypoints[node].name;
   const legName = (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`;
+  const moments = run.doing.map(([moment]) => moment);
   function doing(time) {
-    const number = legAt(time);
-    if (number < 0) return run.legs.length ? "not under way yet" : "no leg was begun";
-    const leg = run.legs[number];
-    if (time < leg.end) return `leg ${number + 1}: ${legName(leg)}`;
-    if (!leg.arrived) return `ended on leg ${number + 1}`;
-    const stays = leg.task > 0 && time < leg.end + leg.task ? "on station " : "";
-    return `${stays || number < run.legs.length - 1 ? stays : "arrived "}at ${nodeName(leg.to)}`;
+    const number = latest(moments, time);
+    return number < 0 ? (run.legs.length ? "not under way yet" : "no leg was begun") : run.doing[number][1];
   }
 
   /** The plan that is followed at a time, and all others made until then, as numbers in `plans`. */
