@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvplan.io.currents.files import File, text
+from auvplan.io.currents.files import File, same_values, text
 from auvplan.io.currents.units import length_factor, speed_factor
 from auvplan.ocean.gridded import CurrentError
 
@@ -77,10 +77,12 @@ def find_current(file: File) -> Names:
         network = mesh in file.variables and file.text(mesh, "topology_dimension") == "1"
         if not network and _is_current(file, name):
             by_standard.setdefault(file.standard_name(name), []).append(name)
-    found = [*filter(None, [_by_standard(file, by_standard, _TRUE), _by_standard(file, by_standard, _ALONG)])]
-    with contextlib.suppress(CurrentError) if found else contextlib.nullcontext():
-        found += filter(None, [_by_name(file)])
-    found = found or [*filter(None, [_by_standard(file, by_standard, _PART)])]
+    found = [_by_standard(file, by_standard, wanted) for wanted in (_TRUE, _ALONG)]
+    with contextlib.suppress(CurrentError) if any(found) else contextlib.nullcontext():
+        found.append(_by_name(file))
+    if not any(found):
+        found = [_by_standard(file, by_standard, _PART)]
+    found = [names for names in found if names is not None]
     if not found:
         raise file.fail(
             f"no current: neither a variable with standard_name eastward_sea_water_velocity "
@@ -206,42 +208,39 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
             if place not in file.variables or not np.nan_to_num(file.coordinate(place, missing=True)).any():
                 raise file.fail(f"{name} is on a staggered grid, but {place} is missing")
         return pair
-    found = {kind: _place(file, name, kind) for kind in _PLACES}
-    if None in found.values():
-        x, y = (_projected(file, name, axis) for axis in ("x", "y"))
-        if x is not None and y is not None:
-            return x, y
-    for kind, place in found.items():
+    own = file.variables[name].dims
+    near = [
+        other
+        for other, variable in file.variables.items()
+        if variable.ndim in (1, 2) and set(variable.dims) <= set(own) and other != name
+    ]
+    found = [_place(file, name, near, kind) for kind in _PLACES]
+    if None in found:
+        plane = [_projected(file, near, axis) for axis in "xy"]
+        found = found if None in plane else plane
+    for kind, place in zip(_PLACES, found, strict=True):
         if place is None:
             raise file.fail(
                 f"{name} has no {kind}: name the model's grid file beside it in current.files, if it has one"
             )
-    return str(found["longitude"]), str(found["latitude"])
+    return str(found[0]), str(found[1])
 
 
-def _projected(file: File, of: str, axis: str) -> str | None:
+def _projected(file: File, near: Sequence[str], axis: str) -> str | None:
     """Return the coordinate along an axis of a projection or of a turned pole; None without one."""
-    standard = {
-        "x": ("projection_x_coordinate", "grid_longitude"),
-        "y": ("projection_y_coordinate", "grid_latitude"),
-    }
-    dims, found = set(file.variables[of].dims), []
-    for name, variable in file.variables.items():
-        if variable.ndim not in (1, 2) or not set(variable.dims) <= dims:
-            continue
-        stated = file.standard_name(name) in standard[axis]
+    standard = f"projection_{axis}_coordinate", "grid_longitude" if axis == "x" else "grid_latitude"
+    found = []
+    for name in near:
+        stated = file.standard_name(name) in standard
         if (stated or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
             found.append((not stated, name))
     return min(found)[1] if found else None
 
 
-def _place(file: File, of: str, kind: str) -> str | None:
+def _place(file: File, of: str, near: Sequence[str], kind: str) -> str | None:
     """Return the longitude or latitude of a variable's points, or None; refuse two that are as likely."""
-    names, hints = _PLACES[kind], file.text(of, "coordinates").split()
-    dims, ranked = set(file.variables[of].dims), []
-    for name, variable in file.variables.items():
-        if variable.ndim not in (1, 2) or not set(variable.dims) <= dims or name == of:
-            continue
+    names, hints, ranked = _PLACES[kind], file.text(of, "coordinates").split(), []
+    for name in near:
         standard = file.standard_name(name) == kind
         degrees = DEGREES[kind].fullmatch(file.text(name, "units")) is not None
         if standard or degrees or name in names:
@@ -249,20 +248,20 @@ def _place(file: File, of: str, kind: str) -> str | None:
             ranked.append(((name not in hints, not standard, not degrees, order), name))
     ranked.sort()
     if len(ranked) > 1 and ranked[0][0] == ranked[1][0] and ranked[0][0][0]:
-        pair = [name for _, name in ranked[:2]]
-        one, two = (file.variables[name] for name in pair)
+        first, second = (name for _, name in ranked[:2])
+        one, two = file.variables[first], file.variables[second]
         if one.ndim > 1 and one.dims == two.dims:
-            values = [np.nan_to_num(file.coordinate(name, missing=True)) for name in pair]
-            if all(part.any() for part in values) and not np.allclose(*values, rtol=0.0, atol=1e-6):
+            left, right = (np.nan_to_num(file.coordinate(name, missing=True)) for name in (first, second))
+            if left.any() and right.any() and not same_values(left, right):
                 raise file.fail(
-                    f"the {kind} of {of} may be {pair[0]} or {pair[1]}: write which, such as by "
-                    f"ncatted -a coordinates,{of},o,c,'{pair[0]} ...'"
+                    f"the {kind} of {of} may be {first} or {second}: write which, such as by "
+                    f"ncatted -a coordinates,{of},o,c,'{first} ...'"
                 )
     for _, name in ranked:
-        # Models leave coordinates of grids that they do not write at zero.
         variable = file.variables[name]
         if variable.ndim == variable.size == 1:
             return name
+        # Models leave coordinates of grids that they do not write at zero.
         if np.nan_to_num(file.coordinate(name, missing=variable.ndim == 2)).any():
             return name
     return None

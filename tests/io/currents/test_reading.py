@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvplan.io.currents import open_ocean, read_current
-from auvplan.io.currents.geometry import barycentric, find_triangle
 from auvplan.io.currents.levels import at_depth
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
@@ -22,9 +21,9 @@ from tests.io.currents.samples import (
     START,
     check,
     fvcom,
-    mesh,
     regular,
     roms,
+    ugrid,
     write,
 )
 
@@ -214,25 +213,18 @@ def test_boxes_far_away_are_told_how_far():
             read_current(data, Site(LON, LAT + 2.5), **BOX)
 
 
-def test_places_are_mixtures_of_the_corners_of_their_triangles(monkeypatch):
-    monkeypatch.setattr("auvplan.io.currents.geometry._SLACK", 0.0)
-    lon, lat, triangles = mesh()
-    points = np.stack([(lat - LAT) * 111e3, (lon - LON) * 55e3], axis=1)
-    rng = np.random.default_rng(8)
-    places = rng.uniform([-500.0, -500.0], [7000.0, 4500.0], (400, 2))
-    inside = find_triangle(points, triangles, places) >= 0
-    assert 0.5 < inside.mean() < 1.0
-    found = barycentric(points, triangles, places)
-    mixed = (found.weight[..., None] * points[found.index]).sum(axis=1)
-    np.testing.assert_allclose(mixed[inside], places[inside], atol=1e-6)
-    assert (found.outside == ~inside).all()
-
-
-def test_points_depend_on_themselves_alone():
-    """At a node all weight is on it, whatever triangle it is found in."""
-    lon, lat, triangles = mesh()
-    points = np.stack([(lat - LAT) * 111e3, (lon - LON) * 55e3], axis=1)
-    found = barycentric(points, triangles, points)
-    own = found.index[np.arange(len(points)), found.weight.argmax(axis=1)]
-    np.testing.assert_array_equal(own, np.arange(len(points)))
-    np.testing.assert_array_equal(found.weight.max(axis=1), 1.0)
+@pytest.mark.parametrize("make", [ugrid, lambda: ugrid("face"), fvcom, regular])
+def test_at_its_own_points_the_current_is_the_files(make):
+    """All weight is on a point itself, whatever cell or triangle it is found in."""
+    data = make()
+    with open_ocean(data) as ocean:
+        lon, lat = ocean.longitude, ocean.latitude
+        if ocean.kind == "regular":
+            lon, lat = np.meshgrid(lon, lat)
+        depth = 25.0 if ocean.levels is None else 0.0  # FVCOM's middle layer, whose rounding is another
+        level = {"siglay": 1, "depth": 0}
+        for name, found in zip(
+            ocean.names.values(), ocean.at(lon, lat, depth, ocean.times[1])[:2], strict=False
+        ):
+            own = data[name].isel(time=1).isel(level, missing_dims="ignore").values
+            np.testing.assert_allclose(found, own, rtol=0.0, atol=1e-15 if ocean.levels is None else 0.0)

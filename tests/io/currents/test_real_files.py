@@ -278,21 +278,6 @@ def found_depth(found, depth):
     return depth if levels is None else levels[np.abs(levels - depth).argmin()]
 
 
-def test_time_between_hours_is_linear(real):
-    path, _, found = real
-    source = found.source
-    if source.kind == "roms":
-        pytest.skip("levels move with the tide between hours")
-    with xr.open_dataset(path, engine=None) as data:
-        seconds = data["time"].values.astype("datetime64[ns]").astype(float) / 1e9
-    np.testing.assert_allclose(source.times, seconds, atol=1e-3)
-    longitude, latitude = np.asarray(source.longitude).ravel()[7], np.asarray(source.latitude).ravel()[7]
-    first, second = (source.at(longitude, latitude, 0.0, source.times[k])[0] for k in (0, 1))
-    between = source.times[0] + (source.times[1] - source.times[0]) / 4
-    assert np.isfinite(first)
-    assert source.at(longitude, latitude, 0.0, between)[0] == pytest.approx(0.75 * first + 0.25 * second)
-
-
 def test_the_field_is_the_files_current_between_the_nodes(real):
     """The planner's field and the file itself, both rotated independently, at random places and times."""
     _, site, found = real
@@ -331,8 +316,12 @@ def test_sound_currents_run_along_the_sound(shared):
                 assert least < cosine.mean() < most
 
 
-def test_real_notes_and_floor(real):
+def test_real_times_notes_and_floor(real):
     path, _, found = real
+    with xr.open_dataset(path, engine=None) as data:
+        time = next(data[name] for name in ("time", "ocean_time") if name in data.variables)
+        seconds = time.values.astype("datetime64[ns]").astype(float) / 1e9
+    np.testing.assert_allclose(found.source.times, seconds, atol=1e-3)
     if "rtofs" in path.name:
         assert "water_u has no units: taken as m/s" in found.notes
     if "norkyst" in path.name:
