@@ -90,9 +90,10 @@ def fetch_current(
     picks = _picks(ocean, request, notes)
     names = _names(remote.file, ocean, picks, request)
     data = _fetched(remote, names, picks, request, progress)
-    longitude = data[(ocean.model.source.places or names)[0]]
-    if ocean.kind == "regular" and (np.diff(picks[str(longitude.dims[0])]) < 0).any():
+    columns = picks[ocean.model.source.dims[-1]]
+    if ocean.kind == "regular" and (np.diff(columns) < 0).any():
         # Over the wrap-around of a grid round the globe, longitudes go on.
+        longitude = data[str(ocean.model.source.places and ocean.model.source.places[0])]
         turned = np.unwrap(longitude.values, period=360.0)
         data = data.assign({str(longitude.name): (longitude.dims, turned, longitude.attrs)})
     east = as_file(request.dataset, data).variables[ocean.names["uo"]]
@@ -185,9 +186,9 @@ def _around(ocean: OceanData, request: Request) -> list[Indices]:
     grid, (west, south, east, north) = ocean.geometry, request.box
     along = np.linspace(0.0, 1.0, _ALONG)
     x, y = west + along * ((east - west) % 360.0), south + along * (north - south)
-    sides = (x, np.full_like(x, south)), (x, np.full_like(x, north)), (np.full_like(y, west), y)
-    sides += ((np.full_like(y, x[-1]), y),)
-    weights = grid.locate(*(np.concatenate(axis) for axis in zip(*sides, strict=True)))
+    longitude = np.concatenate([x, x, np.full_like(y, west), np.full_like(y, x[-1])])
+    latitude = np.concatenate([np.full_like(x, south), np.full_like(x, north), y, y])
+    weights = grid.locate(longitude, latitude)
     if weights.outside.any():
         least, most = np.nanmin(grid.longitude), np.nanmax(grid.longitude)
         low, high = np.nanmin(grid.latitude), np.nanmax(grid.latitude)
@@ -244,7 +245,7 @@ def _names(file: File, ocean: OceanData, picks: Mapping[str, Indices], request: 
     up, level = ocean.model.up, ocean.model.east.levels.dim
     flat = up is not None and up.levels.dim not in picks and ocean.levels is not None
     stated = [name for kind, name in ocean.names.items() if not (kind == "wo" and flat)]
-    stated += ocean.model.source.places or ()
+    stated += [name for name in ocean.model.source.places or () if name in file.variables]
     stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
     hints: set[str] = set()
     for name in stated:
