@@ -144,7 +144,7 @@ class Component:
     decoded: Callable[[Array], Array]  # values as m/s, NaN beyond the stated range
     edge: (
         int | None
-    )  # it lies on the edges between the points along this one of their dimensions; None: on them
+    )  # along which dimension of the points it lies between them, on edges of cells; None: on them
 
 
 @dataclass(frozen=True)
@@ -254,32 +254,36 @@ class Part:
         east, north = (np.where(land, np.nan, values) for values in (east, north))
         return Block(east, north, depths, floor, up, depths_up)
 
-    def _velocity(self, part: Component) -> Array:
+    def _velocity(self, component: Component) -> Array:
         """[T, K, P] m/s of a component at the points, its levels from the surface down."""
-        values = self._read(part, self.window.picks) if part.edge is None else self._between_edges(part)
-        return values[:, part.levels.order].reshape(*values.shape[:2], -1)
+        values = (
+            self._read(component, self.window.picks)
+            if component.edge is None
+            else self._between_edges(component)
+        )
+        return values[:, component.levels.order].reshape(*values.shape[:2], -1)
 
-    def _read(self, part: Component, picks: Mapping[str, Pick]) -> Array:
+    def _read(self, component: Component, picks: Mapping[str, Pick]) -> Array:
         """[T, K, *points] of a component where it lies, in the file's order of levels."""
-        level = () if part.levels.dim is None else (part.levels.dim,)
-        chosen = part.fixed | dict(zip(part.dims, picks.values(), strict=True))
-        values = self.model.source.series.at(self.frames, part.name, chosen, (*level, *part.dims))
-        values = part.decoded(values)
+        level = () if component.levels.dim is None else (component.levels.dim,)
+        chosen = component.fixed | dict(zip(component.dims, picks.values(), strict=True))
+        values = self.model.source.series.at(self.frames, component.name, chosen, (*level, *component.dims))
+        values = component.decoded(values)
         return values if level else values[:, None]
 
-    def _between_edges(self, part: Component) -> Array:
+    def _between_edges(self, component: Component) -> Array:
         """[T, K, rows, columns] of a component on edges: the means of those before and after each point.
 
         Where one of them is land, it is the other.
         """
-        axis, grid = part.edge, self.model.source.geometry
+        axis, grid = component.edge, self.model.source.geometry
         assert axis is not None
         width, count, dim = grid.shape[1], grid.shape[axis] - 1, grid.dims[axis]
         ends = np.stack(np.divmod(self.window.used[[0, -1]], width))
         first, last = ends[axis].tolist()
         ends[axis] = max(first - 1, 0), min(last + 1, count)
         beside = replace(self, window=grid.window(ends[0] * width + ends[1]))
-        values = self._read(part, beside.window.picks | {dim: slice(*ends[axis].tolist())})
+        values = self._read(component, beside.window.picks | {dim: slice(*ends[axis].tolist())})
         wet = beside.water if beside.deep is None else beside.deep
         if wet is not None:
             # Without fill values the walls of land hold zeros, which are no current.
