@@ -48,13 +48,17 @@ def test_settings_count_more_than_the_option_of_the_same():
         (["mission.start=[1e6, 0, 0]"], "--set: mission.start: "),
     ],
 )
-@pytest.mark.parametrize("command", ["mission", "path", "departures", "montecarlo"])
-def test_a_bad_setting_is_one_line_that_names_the_option(tmp_path, refused, command, texts, words):
+def test_a_bad_setting_is_one_line_that_names_the_option(tmp_path, refused, texts, words):
     options = [part for text in texts for part in ("--set", text)]
-    err = refused(command, "whitsunday", "--out", tmp_path / "out", *options)
+    err = refused("mission", "whitsunday", "--out", tmp_path / "out", *options)
     assert err.startswith("auvplan: --set")
     assert words in err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["path", "departures", "montecarlo"])
+def test_a_bad_setting_is_refused_by_each_command(tmp_path, refused, command):
+    assert "--set: vehicle.speed: " in refused(command, "--out", tmp_path, "--set", "vehicle.speed=-2")
 
 
 def test_the_option_of_a_bad_preset_is_named():

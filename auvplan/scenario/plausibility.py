@@ -18,17 +18,6 @@ _HOURS = 100.0
 _FLAT = 0.087
 #: Farther from the site, m, its local metres are not those of the sea.
 _FAR = 200_000.0
-#: Fields of sections that count with some sources alone, and these.
-_COUNTS_WITH: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
-    ("chart", ("fringe",), ("polygons",)),
-    ("chart", ("safety_depth", "hazard_radius"), ("enc",)),
-    ("chart", ("crs",), ("raster",)),
-    ("bathymetry", ("variable", "positive", "crs"), ("file",)),
-    ("bathymetry", ("pixel_size",), ("file", "current")),
-    ("current", ("outside", "spacing"), ("file",)),
-    ("current", ("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
-    ("current", ("center_std", "radius_std", "strength_std"), ("vortices",)),
-)
 
 
 def implausible(scenario: Scenario, document: Document) -> list[Finding]:
@@ -132,11 +121,12 @@ def _straight(scenario: Scenario) -> float | None:
 
 def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
     """Fields that are given and have no effect beside others."""
-    sources = {section: getattr(scenario, section).source for section, _, _ in _COUNTS_WITH}
+    sourced = {"chart": scenario.chart, "bathymetry": scenario.bathymetry, "current": scenario.current}
+    sources = {name: section.source for name, section in sourced.items()}
     idle = {
         (section, name): (f"{section}.source", sources[section])
-        for section, names, needed in _COUNTS_WITH
-        for name in names
+        for section, settings in sourced.items()
+        for name, needed in settings.effective.items()
         if sources[section] not in needed
     }
     if sources["chart"] == "whitsunday" or (sources["chart"] == "none" and scenario.chart.no_go is None):

@@ -2,7 +2,7 @@
 
 import math
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, Self, TypeVar, get_args
 from zoneinfo import available_timezones
 
 from pydantic import (
@@ -67,21 +67,30 @@ class Section(BaseModel):
         return given
 
 
-def _check_required(section: Any, field: str, *sources: str) -> None:
-    """Raise RuleError unless a field of a section is given with some sources, and with no other."""
-    if (section.source in sources) != (getattr(section, field) is not None):
-        reason = f"must be given with source {_listed(sources)}, and only then"
-        raise RuleError(reason, field=field, concerns=("source",))
+class SourcedSection(Section):
+    """Base of sections whose fields go with some of their sources, by field."""
 
+    #: Given with these sources, and with no other.
+    required: ClassVar[dict[str, tuple[str, ...]]] = {}
+    #: Given with these alone.
+    allowed: ClassVar[dict[str, tuple[str, ...]]] = {}
+    #: Without effect with others.
+    effective: ClassVar[dict[str, tuple[str, ...]]] = {}
 
-def _check_allowed(section: Any, field: str, *sources: str) -> None:
-    """Raise RuleError where a field of a section is given with a source that is none of some."""
-    if section.source not in sources and getattr(section, field) is not None:
-        raise RuleError(f"goes with source {_listed(sources)} alone", field=field, concerns=("source",))
+    source: Any
 
-
-def _listed(sources: tuple[str, ...]) -> str:
-    return " or ".join(map(repr, sources))
+    @model_validator(mode="after")
+    def _fields_of_the_source(self) -> Self:
+        for field, sources in self.required.items():
+            if (self.source in sources) != (getattr(self, field) is not None):
+                reason = f"must be given with source {' or '.join(map(repr, sources))}, and only then"
+                raise RuleError(reason, field=field, concerns=("source",))
+        for field, sources in self.allowed.items():
+            given = getattr(self, field) != type(self).model_fields[field].default
+            if given and self.source not in sources:
+                reason = f"goes with source {' or '.join(map(repr, sources))} alone"
+                raise RuleError(reason, field=field, concerns=("source",))
+        return self
 
 
 class SiteSettings(Section):
@@ -173,8 +182,14 @@ class ColourSettings(Section):
         return ChartColours(*(tuple(getattr(self, name)) for name in ("water", "land", "uncertain")))
 
 
-class ChartSettings(Section):
+class ChartSettings(SourcedSection):
     """Where the coast comes from."""
+
+    required = {"image": ("image",), "file": ("raster", "polygons", "enc")}
+    allowed = {"colours": ("image", "raster"), "uncertain": ("polygons",), "window": ("whitsunday", "image")}
+    effective = {
+        "fringe": ("polygons",), "safety_depth": ("enc",), "hazard_radius": ("enc",), "crs": ("raster",),
+    }  # fmt: skip
 
     source: Literal["whitsunday", "image", "raster", "polygons", "enc", "current", "none"] = setting(
         "whitsunday",
@@ -219,20 +234,19 @@ class ChartSettings(Section):
     )
 
     @model_validator(mode="after")
-    def _files_given(self) -> "ChartSettings":
-        _check_required(self, "image", "image")
-        _check_required(self, "file", "raster", "polygons", "enc")
-        if self.colours.given:
-            _check_allowed(self, "colours", "image", "raster")
-        _check_allowed(self, "uncertain", "polygons")
+    def _closed_areas_given(self) -> "ChartSettings":
         if self.no_go_windows is not None and self.no_go is None:
             raise RuleError("goes with no_go alone", field="no_go_windows", concerns=("no_go",))
-        _check_allowed(self, "window", "whitsunday", "image")
         return self
 
 
-class BathymetrySettings(Section):
+class BathymetrySettings(SourcedSection):
     """The sea bed, from which the vehicle keeps its distance."""
+
+    required = {"file": ("file",)}
+    effective = {
+        **dict.fromkeys(("variable", "positive", "crs"), ("file",)), "pixel_size": ("file", "current"),
+    }  # fmt: skip
 
     source: Literal["none", "file", "current", "chart"] = setting(
         "none",
@@ -251,11 +265,6 @@ class BathymetrySettings(Section):
         "m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
         "files, where they have it and it is below the datum, else 0",
     )
-
-    @model_validator(mode="after")
-    def _file_given(self) -> "BathymetrySettings":
-        _check_required(self, "file", "file")
-        return self
 
 
 def _angle(limit: Any) -> Any:
@@ -304,11 +313,19 @@ class VehicleSettings(Section):
     )
 
 
-class CurrentSettings(Section):
+class CurrentSettings(SourcedSection):
     """The true current, and its forecast for the planner.
 
     Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
     """
+
+    required = {"files": ("file",), "constituents": ("harmonic",)}
+    allowed = {"truth": ("file",)}
+    effective = {
+        **dict.fromkeys(("outside", "spacing"), ("file",)),
+        **dict.fromkeys(("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
+        **dict.fromkeys(("center_std", "radius_std", "strength_std"), ("vortices",)),
+    }
 
     source: Literal["vortices", "file", "harmonic"] = setting(
         "vortices",
@@ -356,13 +373,10 @@ class CurrentSettings(Section):
         return given
 
     @model_validator(mode="after")
-    def _files_given(self) -> "CurrentSettings":
-        _check_required(self, "files", "file")
-        _check_required(self, "constituents", "harmonic")
+    def _files_named(self) -> "CurrentSettings":
         for name in ("files", "truth"):
             if getattr(self, name) == ():
                 raise RuleError("names no file", field=name)
-        _check_allowed(self, "truth", "file")
         return self
 
 

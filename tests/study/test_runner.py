@@ -431,12 +431,12 @@ def test_another_study_is_not_resumed(three, other, field):
 REPLAN, RATE = Sweep("planning.replan", ("late", "deviation")), Sweep("current.update_rate", (0, 1))
 
 
-@pytest.mark.parametrize("other", [(), (RATE, REPLAN)])
-def test_other_sweeps_or_another_order_of_them_make_another_study(tmp_path, other):
+def test_other_sweeps_or_another_order_of_them_make_another_study(tmp_path):
     """The dataset's dimensions and the numbers of its cases follow the order."""
     break_off(Design(small(), 1, sweeps=(REPLAN, RATE)), tmp_path, after=1)
-    with pytest.raises(StudyError, match=r"sweeps.* differs"):
-        run_here(Design(small(), 1, sweeps=other), tmp_path, resume=True)
+    for other in ((), (RATE, REPLAN)):
+        with refused(StudyError, r"sweeps.* differs"):
+            run_here(Design(small(), 1, sweeps=other), tmp_path, resume=True)
 
 
 def test_nothing_is_resumed_where_there_is_no_study(tmp_path):
@@ -449,15 +449,15 @@ def test_nothing_is_resumed_where_there_is_no_study(tmp_path):
             run_here(Design(small(), 1), tmp_path, resume=True)
 
 
-@pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
-def test_a_damaged_mission_is_named(three, tmp_path, kept):
+def test_a_damaged_mission_is_named(three, tmp_path):
     design = Design(small(), 3)
     break_off(design, tmp_path, after=3)
     piece = tmp_path / "missions" / "0000-00000001.npz"
     whole = piece.read_bytes()
-    piece.write_bytes(whole[: int(kept * len(whole))])
-    with refused(ResultError, r"0000-00000001\.npz: not a readable mission .*--resume"):
-        run_here(design, tmp_path, resume=True)
+    for kept in (0.0, 0.5, 0.99):
+        piece.write_bytes(whole[: int(kept * len(whole))])
+        with refused(ResultError, r"0000-00000001\.npz: not a readable mission .*--resume"):
+            run_here(design, tmp_path, resume=True)
     piece.unlink()
     assert_same(run_here(design, tmp_path, resume=True), three[1])
     # A file that stayed open would warn only now, and fail this test.
@@ -465,7 +465,6 @@ def test_a_damaged_mission_is_named(three, tmp_path, kept):
 
 
 NO_PICTURE = small(chart={"source": "image", "image": "missing.png"})
-WIDE = small(chart={"source": "whitsunday"}, area={"upper": (99e3, 9e3, 9)})
 COAST = small(chart={"source": "whitsunday"}, area={"upper": (10e3, 10e3, 50)})
 
 
@@ -473,13 +472,12 @@ COAST = small(chart={"source": "whitsunday"}, area={"upper": (10e3, 10e3, 50)})
     ("bad", "sweeps", "reason"),
     [
         (NO_PICTURE, (), "missing.png"),
-        (WIDE, (), "beyond the chart"),
         (small(), (Sweep("vehicle.speed", (2.5, -1)),), "vehicle.speed"),
         (small(), (Sweep("vehicle.wings", (1, 2)),), "vehicle.wings: unknown key"),
         (COAST, (Sweep("area.upper", ([4e3, 4e3, 50.0], [4e4, 4e3, 50.0])),), "beyond the chart"),
         (COAST, (Sweep("mission.start", ([8000.0, 6500.0, 10.0],)),), "land"),
     ],
-    ids=["no picture", "wide area", "value", "field", "swept area", "start on land"],
+    ids=["no picture", "value", "field", "swept area", "start on land"],
 )
 def test_what_cannot_be_built_writes_nothing(tmp_path, bad, sweeps, reason):
     with refused(ValueError, reason):
