@@ -7,13 +7,15 @@ sign give a valid one.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, hstack, vstack
-from scipy.sparse.csgraph import breadth_first_order, dijkstra, maximum_flow
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from auvplan.mission.graph import time_to_go
 
 Array = NDArray[np.floating]
 IntArray = NDArray[np.integer]
@@ -208,7 +210,7 @@ def _incidence(edges: tuple[IntArray, IntArray], size: int) -> tuple[csr_matrix,
 
 def _pair_rows(edges: tuple[IntArray, IntArray], into: csr_matrix) -> csr_matrix:
     """Rows of x_ij + x_ji <= visits of j, [K, M], for each edge whose reverse is there too."""
-    (tails, heads), (size, count) = edges, into.shape
+    (tails, heads), size, count = edges, len(into.indptr) - 1, len(edges[0])
     number = np.full((size, size), -1)
     number[edges] = np.arange(count)
     forth = np.flatnonzero(number[heads, tails] >= 0)
@@ -246,8 +248,8 @@ def _cuts(
 def _tightened(
     best: float,
     profit: Array,
-    rows: list[csr_matrix],
-    limits: list[Array],
+    rows: Sequence[Any],
+    limits: Sequence[Array],
     balance: csr_matrix,
     ends: tuple[int, int],
     rounds: int,
@@ -266,7 +268,7 @@ def _tightened(
     """
     from scipy.optimize import linprog  # a third of a second, and no plan needs it
 
-    supply = np.zeros(balance.shape[0])
+    supply = np.zeros(len(balance.indptr) - 1)
     supply[list(ends)] = 1.0, -1.0
     for turn in range(rounds):
         matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
@@ -360,9 +362,7 @@ def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -
     Returns:
         [N, N] s, longer on edges into the goal only.
     """
-    tails, heads = np.nonzero(np.isfinite(leg_times))
-    graph = csr_matrix((leg_times[tails, heads], (heads, tails)), leg_times.shape)
-    lasts = (1.0 + margin) * dijkstra(graph, indices=goal)
+    lasts = (1.0 + margin) * time_to_go(leg_times, goal)
     lasts[start] = 0.0
     times = leg_times.copy()
     times[:, goal] = np.maximum(times[:, goal], np.where(np.isfinite(lasts), lasts, 0.0))
@@ -384,17 +384,15 @@ def edges_in_time(
     Returns:
         ``(tails [M], heads [M])``; empty where the goal cannot be reached in time.
     """
-    usable = np.isfinite(leg_times) & ~np.eye(len(leg_times), dtype=bool)
-    usable[goal] = False
-    usable[:, start] &= revisits
-    tails, heads = np.nonzero(usable)
-    times = leg_times[tails, heads]
-    graph = csr_matrix((times, (tails, heads)), leg_times.shape)  # stored zeros stay edges of no length
-    since = dijkstra(graph, indices=start)
-    togo = dijkstra(graph.T.tocsr(), indices=goal)
+    times = np.where(np.eye(len(leg_times), dtype=bool), np.inf, leg_times)
+    times[goal] = np.inf
+    if not revisits:
+        times[:, start] = np.inf
+    tails, heads = np.nonzero(np.isfinite(times))
+    since, togo = time_to_go(times.T, start), time_to_go(times, goal)
     if since[goal] >= time_available:
         return tails[:0], heads[:0]
-    kept = since[tails] + times + togo[heads] <= time_available * (1.0 + 1e-12)
+    kept = since[tails] + times[tails, heads] + togo[heads] <= time_available * (1.0 + 1e-12)
     kept &= np.isfinite(togo[heads]) & np.isfinite(since[tails])
     return tails[kept], heads[kept]
 

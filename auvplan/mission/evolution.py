@@ -138,11 +138,7 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
         route = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
         saved = jnp.where(route.reached, _idle_cost(problem, config) - _cost(route, problem, config)[0], 0.0)
         found, gains = beam.seed_routes(
-            problem,
-            _gain(problem, config),
-            saved[0],
-            *config.beam(*problem.neighbours.shape),
-            config.seeds,
+            problem, _gain(problem, config), saved[0], *config.beam(*problem.neighbours.shape), config.seeds
         )
         nodes = jnp.concatenate([nodes, found])
         usable = jnp.concatenate([usable, gains > -jnp.inf])

@@ -362,10 +362,7 @@ def _distances(
 
 
 def _joined(
-    distance: NDArray[np.float64],
-    neighbours: int | None,
-    kept: list[tuple[int, int]],
-    names: list[str],
+    distance: NDArray[np.float64], neighbours: int | None, kept: list[tuple[int, int]], names: list[str]
 ) -> NDArray[np.bool_]:
     """[N, N]: each waypoint joined to its nearest ones, all connected, besides the edges that are kept."""
     size = len(distance)

@@ -32,11 +32,11 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
         [P, N] routes that keep all limits and gain at least as much.
     """
     places, width = None, problem.neighbours.shape[1]
-    tables = [_table(problem, problem.leg_times, jnp.inf), _table(problem, gain, 0.0)]
+    times, gains = _table(problem, problem.leg_times, jnp.inf), _table(problem, gain, 0.0)
     if problem.schedule is not None:
         number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
         places = _table(problem, number, width)
-    edges = _Edges(problem, gain, *tables, places)
+    edges = _Edges(problem, gain, times, gains, places)
     return jax.lax.fori_loop(0, rounds, lambda _, routes: _change_all(routes, edges), nodes)
 
 

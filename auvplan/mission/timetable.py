@@ -29,14 +29,7 @@ _HALVINGS = 26
 _MOMENT = 1e-3
 
 #: Fields of a timetable that go together in pairs, what they hold for none, and where all is open always.
-NONE = {
-    "opens": np.inf,
-    "closes": -np.inf,
-    "enters": np.inf,
-    "until": -np.inf,
-    "falls": np.inf,
-    "drops": 0.0,
-}
+NONE = {"opens": np.inf, "closes": -np.inf, "enters": np.inf, "until": -np.inf, "falls": np.inf, "drops": 0.0}
 ALWAYS = {
     "opens": -np.inf,
     "closes": np.inf,
@@ -269,8 +262,8 @@ class Schedule:
         origin, *later = np.moveaxis(timetable.departures[..., :2], -1, 0)
         step = later[0] - origin if later else np.ones_like(origin)
         planes = (np.moveaxis(values, -3, -1) for values in (timetable.travel_time, timetable.later))
-        pairs = (getattr(timetable, name) for name in NONE)
-        return cls(origin, step, *planes, duration, *pairs, timetable.waiting)
+        parts = [origin, step, *planes, duration, *(getattr(timetable, name) for name in NONE)]
+        return cls(*parts, waiting=timetable.waiting)
 
     @classmethod
     def of(
@@ -290,8 +283,11 @@ class Schedule:
             return np.where(used[more], rows, filling).astype(np.float32)
 
         names = "travel_time", "later", "duration", *NONE
-        single = (np.asarray(value, np.float32) for value in (whole.origin, whole.step))
-        return cls(*single, *map(gathered, names), timetable.waiting)
+        parts = [
+            *(np.asarray(value, np.float32) for value in (whole.origin, whole.step)),
+            *map(gathered, names),
+        ]
+        return cls(*parts, waiting=timetable.waiting)
 
     def begins(
         self, node: Any, edge: Any, time: Any, waiting: bool | None = None

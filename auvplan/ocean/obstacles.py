@@ -5,6 +5,7 @@ and the time of the last look, from which the collision boundary follows.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import chex
 import jax
@@ -73,7 +74,7 @@ class Obstacles:
         """
         position = jnp.asarray(positions, float).reshape(-1, 3)
         count = position.shape[0]
-        numbers = {
+        numbers: dict[str, Any] = {
             "drift": drift, "radii": radii, "position_std": position_std, "radius_std": radius_std,
             "growth": growth, "growth_max": growth_max, "observed_at": observed_at,
         }  # fmt: skip
@@ -85,7 +86,8 @@ class Obstacles:
         if count and not bool(jnp.all(numbers["radii"] >= 0)):
             raise ValueError("radii must not be negative")
         velocity = jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3))
-        return cls(position, velocity, *numbers.values(), jnp.ones(count, bool))
+        parts = [position, velocity, *numbers.values(), jnp.ones(count, bool)]
+        return cls(*parts)
 
     @classmethod
     def none(cls) -> "Obstacles":
