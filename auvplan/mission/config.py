@@ -1,15 +1,13 @@
 """Settings of the mission planner."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from auvplan.bbo import BBOConfig
 from auvplan.mission.decoder import DecoderName
 from auvplan.mission.objective import ObjectiveName
 
-
-def _default_bbo() -> BBOConfig:
-    return BBOConfig(population=150, iterations=200, mutation_genes=2.0, mutation_law="constant")
+_BBO = BBOConfig(population=150, iterations=200, mutation_genes=2.0, mutation_law="constant")
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class MissionConfig:
         ValueError: a setting is out of its range, or no elite would keep the shortest mission alive.
     """
 
-    bbo: BBOConfig = field(default_factory=_default_bbo)
+    bbo: BBOConfig = _BBO
     decoder: DecoderName = "rate"
     objective: ObjectiveName = "priority"
     rate_weight: float = 100.0

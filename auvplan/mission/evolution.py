@@ -136,7 +136,9 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
     usable = nodes[:, 0] >= 0
     if config.seeds:
         route = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
-        saved = jnp.where(route.reached, _idle_cost(problem, config) - _cost(route, problem, config)[0], 0.0)
+        # Of a route that takes no time and does no task; each edge lowers it by `_gain`.
+        idle = config.phi1 * problem.time_available if config.objective == "eq15" else jnp.zeros(())
+        saved = jnp.where(route.reached, idle - _cost(route, problem, config)[0], 0.0)
         found, gains = beam.seed_routes(
             problem, _gain(problem, config), saved[0], *config.beam(*problem.neighbours.shape), config.seeds
         )
@@ -175,8 +177,3 @@ def _gain(problem: Problem, config: MissionConfig) -> jax.Array:
     if config.objective == "eq15":
         return objectives.eq15_gain(problem, config.phi1, config.phi2)
     return objectives.total_priority_gain(problem, config.time_weight)
-
-
-def _idle_cost(problem: Problem, config: MissionConfig) -> jax.Array:
-    """Cost of a route that takes no time and does no task; each edge lowers it by `_gain`."""
-    return config.phi1 * problem.time_available if config.objective == "eq15" else jnp.zeros(())

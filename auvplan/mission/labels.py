@@ -257,8 +257,10 @@ def _labels(
             total = gained[rows, None] + worth
             ended = np.where(fits[:, goal], total[:, goal], -np.inf)
             if ended.max() >= best + least and ended.max() > -np.inf:
-                best, last = float(ended.max()), int(rows[ended.argmax()])
-                route = _followed_back(trail, last, mission.start, goal)
+                best, last, route = float(ended.max()), int(rows[ended.argmax()]), np.array([goal])
+                for parents, reached in reversed(trail):
+                    route, last = np.append(reached[last], route), parents[last]
+                route = np.append(mission.start, route)
             moment = np.where(fits, np.where(fits, done, 0.0) / grid.step, len(grid.at)).astype(int)
             left = spare[rows, None] - charge
             limit = total + left + ahead.best[moment, nodes]
@@ -287,15 +289,6 @@ def _labels(
             part[kept] for part in (onward, marks, now, gained, spare, bound)
         )
     return Proof(route, best, proved=True)
-
-
-def _followed_back(trail: list[tuple[IntArray, IntArray]], row: int, start: int, goal: int) -> IntArray:
-    """Waypoints from the start to a label's, and the goal."""
-    nodes = [goal]
-    for parents, onward in reversed(trail):
-        nodes.append(int(onward[row]))
-        row = int(parents[row])
-    return np.array([start, *reversed(nodes)])
 
 
 def least_within_reach(mission: Clocked) -> Array:

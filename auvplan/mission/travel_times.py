@@ -235,7 +235,11 @@ def travel_times(
         follow(edges, [track for _, track in served], np.zeros(len(edges), bool))
         blocked = np.sort(np.concatenate(others))
         blocked = blocked[~passable[blocked]]
-    return np.maximum(seconds, _vertical_times(starts, goals, vehicle)), passable & inside
+    # Lines that are steeper than the vehicle can dive or climb take as long as that.
+    limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
+    most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
+    rise = goals[:, 2] - starts[:, 2]
+    return np.maximum(seconds, np.abs(rise) / np.where(rise > 0.0, *most)), passable & inside
 
 
 def _alike(
@@ -246,16 +250,6 @@ def _alike(
     _, pair, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     together = edges[np.argsort(pair.ravel(), kind="stable")]
     return np.split(together, np.cumsum(counts)[:-1]) if edges.size else []
-
-
-def _vertical_times(
-    starts: NDArray[np.floating], goals: NDArray[np.floating], vehicle: Vehicle
-) -> NDArray[np.float64]:
-    """Return the times [E] s of dives and climbs at the vehicle's limits, for lines that are steeper."""
-    limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
-    rise = goals[:, 2] - starts[:, 2]
-    most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
-    return np.abs(rise) / np.where(rise > 0.0, *most)
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:

@@ -67,12 +67,7 @@ class Environment:
         object.__setattr__(self, "obstacles", Obstacles.none() if self.obstacles is None else self.obstacles)
         object.__setattr__(self, "lower", jnp.asarray(corners[0], float))
         object.__setattr__(self, "upper", jnp.asarray(corners[1], float))
-        if self.seabed is not None:
-            _require_cover(self.seabed, *corners)
-
-
-def _require_cover(seabed: Seabed, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Refuse a box that reaches beyond the sea bed's raster by more than a pixel."""
-    beyond = [np.asarray(seabed.lower) - lower[:2], upper[:2] - np.asarray(seabed.upper)]
-    if np.max(beyond) > float(seabed.pixel_size):
-        raise ValueError(f"the environment's box reaches {np.max(beyond):.0f} m beyond the sea bed's raster")
+        if (bed := self.seabed) is not None:
+            beyond = np.max([np.asarray(bed.lower) - lower[:2], upper[:2] - np.asarray(bed.upper)])
+            if beyond > float(bed.pixel_size):
+                raise ValueError(f"the environment's box reaches {beyond:.0f} m beyond the sea bed's raster")

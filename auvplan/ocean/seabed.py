@@ -110,7 +110,9 @@ class Seabed(Raster):
         raster = np.where(np.isnan(raster), UNKNOWN, raster)
         parts = _parts(raster.shape, pixel_size)
         raster, size = _divided(raster, parts), float(pixel_size) / parts
-        reaches = _reaches(raster.shape) if reach is None else np.asarray([reach / size])
+        # In pixels: doubling, as far as the raster needs them.
+        most = int(np.log2(min(FARTHEST, max(raster.shape))))
+        reaches = 2.0 ** np.arange(most + 1) if reach is None else np.asarray([reach / size])
         return cls(
             # Single precision whatever JAX's default, as charts are.
             jnp.asarray(raster, jnp.float32),
@@ -201,12 +203,6 @@ def _divided(raster: NDArray[np.floating], parts: int) -> NDArray[np.floating]:
         above = np.minimum(below + 1, count - 1)
         raster = np.take(raster, below, axis) * (1.0 - share) + np.take(raster, above, axis) * share
     return raster
-
-
-def _reaches(shape: tuple[int, ...]) -> NDArray[np.floating]:
-    """Reaches of the layers in pixels: doubling, as far as the raster needs them."""
-    farthest = min(FARTHEST, max(shape))
-    return 2.0 ** np.arange(int(np.log2(farthest)) + 1)
 
 
 def _shallowest(raster: NDArray[np.floating], reaches: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -106,7 +106,8 @@ class LambVortices:
                     continue
                 turn = abs(float(strength)) / (2.0 * np.pi * float(size) ** 2)
                 away = np.maximum(np.hypot(x - north, y - east) - radius, 0.0) / float(size)
-                level, vertical = _falling(away), abs(float(self.vertical_scale)) * turn  # type: ignore[arg-type]
+                level = [np.interp(away, _AWAY, row) for row in _ENVELOPES]
+                vertical = abs(float(self.vertical_scale)) * turn  # type: ignore[arg-type]
                 bend += (turn * level[2] + vertical / float(size)) / float(size)
                 slope += turn * level[1] + vertical / float(size)
                 speed += turn * float(size) * level[0] + vertical
@@ -160,17 +161,10 @@ class LambVortices:
         return replace(self, strength=self.strength * factor)
 
 
-def _falling(away: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the greatest speed, slope and second derivative of a vortex so far from its centre or farther.
-
-    [3, ...], in units of its radius and of the turn of its core.
-    """
-    return np.stack([np.interp(away, _AWAY, row) for row in _ENVELOPES])
-
-
 def _envelopes() -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Distances, and the envelopes there of `_falling`.
+    """Distances from a vortex's centre, and its greatest speed, slope and second derivative there or farther.
 
+    In units of its radius and of the turn of its core.
     The velocity is p(r) times the way from the centre, turned. So its slope is at most |p| + r |p'| and its
     second derivative at most 2 |p'| + max(r |p''|, |p'|).
     """

@@ -69,12 +69,11 @@ def whitsunday_chart() -> Chart:
 
     1000 x 1000 pixels of 10 m.
     """
-    return jax.device_put(kept("auvplan.ocean.whitsunday", _clustered, _coast()))
 
+    def clustered() -> Chart:
+        return jax.device_get(Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS))
 
-def _clustered() -> Chart:
-    """Return the shipped chart, in NumPy."""
-    return jax.device_get(Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS))
+    return jax.device_put(kept("auvplan.ocean.whitsunday", clustered, _coast()))
 
 
 def _coast() -> str:
