@@ -37,8 +37,15 @@ def test_shipped_picture_agrees_with_its_truth(clusters):
     assert (named(classify(render(), clusters)) == classes()).mean() >= 0.99
 
 
-@pytest.mark.parametrize("clusters", [3, DEFAULT_CLUSTERS])
-@pytest.mark.parametrize("site", ["hamilton_dent", "hook_passage"])
+@pytest.mark.parametrize(
+    ("site", "clusters"),
+    [
+        ("hamilton_dent", 3),
+        ("hook_passage", DEFAULT_CLUSTERS),
+        pytest.param("hamilton_dent", DEFAULT_CLUSTERS, marks=pytest.mark.slow),
+        pytest.param("hook_passage", 3, marks=pytest.mark.slow),
+    ],
+)
 def test_real_outlines_agree_with_their_truth(shared, site, clusters):
     folder = shared / "data" / "maps"
     if not folder.is_dir():

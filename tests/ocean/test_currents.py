@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import auvplan as ap
 from auvplan.ocean import CurrentUpdate, FunctionCurrent, evolve
 from auvplan.ocean.currents import as_current, is_steady
+from auvplan.ocean.exponential import exponential
 from auvplan.ocean.vortices import strength_for_peak_speed
 
 
@@ -199,3 +200,24 @@ def test_plain_functions_and_none_are_currents():
     np.testing.assert_array_equal(jnp.stack(still(jnp.ones(2), jnp.ones(2), jnp.ones(2), jnp.ones(2))), 0.0)
     with pytest.raises(TypeError, match="callable"):
         as_current(object())
+
+
+def test_the_exponential_in_single_precision_is_exact_to_rounding():
+    x = -np.concatenate([np.linspace(0.0, 5.0, 10_001), np.geomspace(1e-8, 87.0, 2_001)]).astype(np.float32)
+    exact = np.exp(x.astype(np.float64))
+    assert (np.abs(exponential(jnp.asarray(x)) - exact) <= (4e-7 - 1e-7 * x) * exact).all()
+
+
+def test_an_exponential_that_is_too_small_is_nothing():
+    assert 0.0 <= float(exponential(jnp.float32(-1e6))) < 1.2e-38
+
+
+@pytest.mark.usefixtures("x64")
+def test_the_exponential_in_double_precision_is_the_usual_one():
+    x = jnp.linspace(-50.0, 0.0, 101)
+    np.testing.assert_array_equal(exponential(x), jnp.exp(x))
+
+
+def test_the_slope_of_the_exponential_is_its_value():
+    x = jnp.float32(-1.3)
+    assert float(jax.grad(exponential)(x)) == float(exponential(x))
