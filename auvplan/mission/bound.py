@@ -255,16 +255,11 @@ def _tightened(
     rounds: int,
     violated: Callable[[Array, int], list[csr_matrix] | None],
 ) -> float:
-    """Maximise ``profit @ x`` where ``rows @ x <= limits`` and x [C] flows from one end to the other, 0 <= x.
+    """Bound ``profit @ x`` where ``rows @ x <= limits`` and x [C] >= 0 is a flow, as far as `best` does not.
 
-    Args:
-        best: a bound to begin with.
-        profit: [C]; no solution that counts has a component above one.
-        rows, limits: [R, C], [R], in parts.
-        balance: [N, C], of the flow at every waypoint.
-        ends: start and goal.
-        rounds: linear programs at most.
-        violated: rows with limits of zero that the solution of a round breaks; None where it is the last one.
+    No x that counts has a component above one. `balance` [N, C] is that of the flow at every waypoint, `ends`
+    are start and goal. After each round `violated` gives the rows with limits of zero that its solution
+    breaks; None where it is the last.
     """
     from scipy.optimize import linprog  # a third of a second, and no plan needs it
 

@@ -221,12 +221,7 @@ class PathModel:
             self.model.add_hint(skip, waypoint not in visited)
 
     def solve(self, time_limit: float, workers: int = 1) -> str:
-        """Name of the solver's status: OPTIMAL, FEASIBLE, INFEASIBLE, UNKNOWN or MODEL_INVALID.
-
-        Args:
-            time_limit: s.
-            workers: threads.
-        """
+        """Name of the solver's status after `time_limit` s: OPTIMAL, FEASIBLE, INFEASIBLE or another."""
         parameters = self.solver.parameters
         parameters.max_time_in_seconds = time_limit
         parameters.num_workers = workers
