@@ -161,6 +161,11 @@ class LegRecord(ReprMixin):
         return [stay for stay in stays if stay[2] > stay[1]]
 
     @property
+    def ends(self) -> float:
+        """When it is over, its task included, s since the epoch."""
+        return float(self.times[-1]) + self.t_wait + self.t_task
+
+    @property
     def t_path(self) -> float:
         """Travel time as executed, s."""
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
@@ -374,6 +379,10 @@ class MissionRun(ReprMixin):
     def called(self, node: int) -> str:
         """Return a waypoint's name, or its number where it has none."""
         return self.names[node] if self.names else str(node)
+
+    def place(self, node: int) -> str:
+        """Return what a waypoint is called in a sentence."""
+        return self.names[node] if self.names else f"waypoint {node}"
 
     @property
     def total_priority(self) -> float:

@@ -57,13 +57,13 @@ def executed_legs(count: int) -> list[Planned]:
     planned: dict[int, Planned] = {}
     call = path_calls._call
 
-    def noting(context, missions, env, keys, cold):
-        plans = call(context, missions, env, keys, cold)
+    def noting(missions, env, keys, cold):
+        plans = call(missions, env, keys, cold)
         for row, mission in enumerate(missions):
             leg = mission.active_leg
-            if not leg.stretches and id(leg.record) not in planned and plans.feasible[row]:
+            if not leg.stretches and id(leg.record) not in planned and plans[row].feasible:
                 stated = jax.tree.map(lambda a, row=row: np.asarray(a[row]), env.current)
-                now, seconds = mission.now, float(plans.travel_time[row])
+                now, seconds = mission.now, float(plans[row].travel_time)
                 planned[id(leg.record)] = Planned(leg.record, leg.origin, leg.target, now, stated, seconds)
         return plans
 

@@ -25,7 +25,7 @@ import jax
 import pytest
 
 from auvplan import cli
-from auvplan.executive import loop
+from auvplan.executive import context, loop
 from auvplan.link import rolling
 from auvplan.plot import painter
 from auvplan.runtime.compiled import drop_programs
@@ -89,7 +89,7 @@ def light_search():
     """Searches of the hierarchical loop become small: what is tested does not depend on their depth."""
     with pytest.MonkeyPatch.context() as patch:
         for name, light in LIGHT.items():
-            patch.setattr(loop, name, light)
+            patch.setattr(context, name, light)
         patch.setattr(rolling, "_PLACES", 16)
         yield
 

@@ -11,7 +11,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.executive.loop import make_context
+from auvplan.executive.context import make_context
 from auvplan.mission import random_graph
 from tests.io.sample_run import make_run
 from tests.io.small_site import SmallSite

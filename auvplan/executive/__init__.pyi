@@ -1,8 +1,8 @@
+from .context import mission_configs as mission_configs
+from .context import path_config as path_config
 from .departures import Departures as Departures
 from .departures import plan_departures as plan_departures
 from .loop import execute_missions as execute_missions
-from .loop import mission_configs as mission_configs
-from .loop import path_config as path_config
 from .loop import run_mission as run_mission
 from .loop import run_missions as run_missions
 from .loop import seed_keys as seed_keys

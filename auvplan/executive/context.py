@@ -1,10 +1,12 @@
 """Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -12,11 +14,9 @@ from numpy.typing import NDArray
 
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
-from auvplan.executive.evasion import escape_track
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
 from auvplan.mission.survey import LinePart
 from auvplan.mission.travel_times import ONE_PLACE
-from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.known import Spheres, spheres
@@ -30,7 +30,7 @@ from auvplan.scenario.settings import PlanningSettings
 from auvplan.scenario.ways import WaysAround
 from auvplan.simulation.faults import Fault, Faults, Obstacle
 from auvplan.simulation.sea import Sea
-from auvplan.simulation.world import TrueObstacles
+from auvplan.simulation.world import TrueObstacles, make_vehicle
 from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
 
@@ -48,8 +48,8 @@ class Followed(NamedTuple):
 
 
 @dataclass
-class SimulationContext:
-    """What missions in one sea area share.
+class MissionContext:
+    """What missions in one sea area share, planned or simulated.
 
     Attributes:
         scenario: settings.
@@ -108,11 +108,6 @@ class SimulationContext:
         return WaysAround(self.scenario, self.area)
 
     @property
-    def chart(self) -> Chart | None:
-        """Coast and uncertain areas, or None."""
-        return self.area.chart
-
-    @property
     def epoch(self) -> datetime | None:
         """The moment that times count from, or None."""
         return None if self.area.site is None else self.area.site.epoch
@@ -129,10 +124,9 @@ class SimulationContext:
 
     def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
         """Return the world as planners know it."""
-        lower, upper = (jax.device_put(corner.astype(float)) for corner in self.box)
+        corners, area = (jax.device_put(corner.astype(float)) for corner in self.box), self.area
         known = Obstacles.none() if obstacles is None else obstacles
-        area = self.area
-        return Environment(current, self.chart, known, lower, upper, area.seabed, area.closures)
+        return Environment(current, area.chart, known, *corners, area.seabed, area.closures)
 
     def known_obstacles(self, now: float) -> Spheres:
         """Spheres that cover what is known beforehand, where it is at a time, s."""
@@ -141,18 +135,6 @@ class SimulationContext:
         while 0 < places < len(found.radius):
             places *= 2
         return found.padded(places)
-
-    def escape(
-        self,
-        position: Array,
-        now: float,
-        seconds: float,
-        clearance: Callable[[Array, Array], Array],
-        **how: float,
-    ) -> Array | None:
-        """Return the way out of obstacles' way in this area, as `escape_track` has it."""
-        area = self.chart, self.area.seabed, self.speed, *self.box, self.path_config.samples
-        return escape_track(position, now, seconds, clearance, *area, **how)
 
     @property
     def lookahead(self) -> float:
@@ -163,6 +145,22 @@ class SimulationContext:
     def speed(self) -> float:
         """|v|, m/s."""
         return float(self.vehicle.speed)  # type: ignore[arg-type]
+
+
+class Stretch(NamedTuple):
+    """What was executed of a leg between two looks, n steps.
+
+    Attributes:
+        times: [n] s at their ends.
+        positions, obstacles: [n, 3] m and [n, M, 3] m, the truth then.
+        ground, water: [n, 3] m/s, velocity over ground and current during each step.
+    """
+
+    times: Array
+    positions: Array
+    obstacles: Array
+    ground: Array
+    water: Array
 
 
 @dataclass
@@ -180,8 +178,7 @@ class Leg:
         escaping: whether the track gives way to an obstacle.
         windows: s, times at which the path is re-planned.
         stopped: why it was given up, or empty.
-        stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as executed, with velocity over
-            ground and current [n, 3] m/s of the steps before; the first stretch is the start, without a step.
+        stretches: as executed; the first is the start, without a step.
     """
 
     record: LegRecord
@@ -198,12 +195,17 @@ class Leg:
     escaping: bool = False
     windows: list[float] = field(default_factory=list)
     stopped: str = ""
-    stretches: list[tuple[Array, Array, Array, Array, Array]] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
 
     @property
     def position(self) -> Array:
         """[3] m, where the vehicle is."""
-        return self.stretches[-1][1][-1] if self.stretches else self.origin
+        return self.stretches[-1].positions[-1] if self.stretches else self.origin
+
+    def set_off(self, now: float) -> None:
+        """Keep where all are before the first step."""
+        none, obstacles = np.zeros((0, 3)), self.truth.position[None].copy()
+        self.stretches.append(Stretch(np.asarray([now]), self.origin[None], obstacles, none, none))
 
     @property
     def stays(self) -> bool:
@@ -213,7 +215,7 @@ class Leg:
     @property
     def speed_made(self) -> float:
         """Median of the speed through the water under way, m/s; NaN where it never was."""
-        ground, water = (np.concatenate([part[k] for part in self.stretches]) for k in (3, 4))
+        *_, ground, water = (np.concatenate(part) for part in zip(*self.stretches, strict=True))
         moving = np.linalg.norm(ground, axis=1) > 0.0
         return float(np.median(np.linalg.norm(ground - water, axis=1)[moving])) if moving.any() else np.nan
 
@@ -246,6 +248,7 @@ class Mission:
     """One mission under way: its clock and sources of chance, where it stands, what it follows.
 
     Attributes:
+        context: what it shares with others.
         number: its place among the missions asked for.
         run: the record.
         sea: the true current.
@@ -275,6 +278,7 @@ class Mission:
         ended: whether it is over.
     """
 
+    context: MissionContext
     number: int
     run: MissionRun
     sea: Sea
@@ -324,9 +328,24 @@ class Mission:
     @property
     def doing(self) -> str:
         """What it does now, in a few words."""
-        if self.leg is None:
-            return f"at {self.run.called(self.here)}" if self.run.names else f"at waypoint {self.here}"
-        return f"leg {self.run.called(self.leg.record.start)} to {self.run.called(self.leg.record.goal)}"
+        return f"at {self.run.place(self.here)}" if self.leg is None else self.leg_name
+
+    @property
+    def leg_name(self) -> str:
+        """The leg that it is on, in words."""
+        record = self.active_leg.record
+        return f"leg {self.run.called(record.start)} to {self.run.called(record.goal)}"
+
+    def fork(self, **changes: Any) -> "Mission":
+        """Return a mission that goes on from here by itself; what paths were sketched, both keep."""
+        own: dict[str, Any] = {
+            "run": replace(self.run, routes=list(self.run.routes), legs=list(self.run.legs)),
+            "sea": copy(self.sea),
+            "learnt": dict(self.learnt),
+            "visited": set(self.visited),
+            "barred": set(self.barred),
+        }
+        return replace(self, **own | changes)
 
     def path_key(self) -> jax.Array:
         """Return a fresh key for the next path planning call."""
@@ -351,3 +370,71 @@ class Mission:
         late = run.t_mission >= run.t_available
         arrives = "destination reached" if run.simulated else "planned to reach the destination"
         run.reason = reason or arrives + (" too late" if late else " in time")
+
+
+def path_config(scenario: Scenario, ahead: bool = False) -> PathConfig:
+    """Return the path planner's settings under the scenario's preset and effort.
+
+    Args:
+        scenario: settings.
+        ahead: whether all is planned before the departure. Legs under way are planned without
+            `PathConfig.finer`, whose program would be compiled while the vehicle waits.
+    """
+    planning = scenario.planning.resolved
+    efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
+    config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
+    given = {"control_points": planning.control_points, "width": planning.path_width}
+    config = config.replace(**{name: value for name, value in given.items() if value is not None})
+    safety = scenario.safety
+    margins = {"coast_margin": safety.coast, "obstacle_margin": safety.obstacles}
+    finer = config.finer if ahead and config.refine_steps else 1
+    return config.replace(t_series=planning.t_series, finer=finer, **margins)
+
+
+def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
+    """Return the mission planner's settings under the scenario's preset and effort.
+
+    First and later routes.
+    """
+    planning = scenario.planning.resolved
+    phi1, phi2 = planning.phi
+    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
+    if planning.preset == "paper":
+        config = MissionConfig.paper().replace(**aim)
+        return config, config
+    # Between two waypoints there is one route: the search is that which is soonest compiled.
+    alone = scenario.mission.jobs is None and scenario.mission.waypoints == 2
+    config = MissionConfig.plain() if planning.effort == "plain" or alone else MissionConfig()
+    config = config.replace(**aim)
+    if planning.effort != "quick":
+        return config, config
+    # Beams of one width make the first route and later ones one program.
+    later = config.quicker()
+    return config.replace(beam_width=later.beam_width), later
+
+
+def make_context(
+    scenario: Scenario,
+    folder: str | Path | None = None,
+    area: OperatingArea | None = None,
+    ahead: bool = False,
+) -> MissionContext:
+    """Gather the operating area, the vehicle and the planners' settings of a scenario.
+
+    All is planned `ahead` of the departure or under way, see `path_config`.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
+    """
+    # Files are read at the edge of the package; what is built from them can be given instead.
+    from auvplan.io.area import load_area
+
+    home = scenario.folder if folder is None else str(folder)
+    return MissionContext(
+        scenario,
+        path_config(scenario, ahead),
+        mission_configs(scenario),
+        make_vehicle(scenario),
+        load_area(scenario, home) if area is None else area,
+        home,
+    )

@@ -1,18 +1,24 @@
-"""When to leave: one mission or one leg planned at many departures, each in the current of its time."""
+"""When to leave: one mission or one leg planned at many departures, each in the current of its time.
+
+Of a departure that is not feasible it is said why: the leg without a path, or the time that is too short.
+"""
 
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
-from auvplan.executive.closures import why_no_route
-from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.context import Mission
+from auvplan.executive.path_calls import unsearched
 from auvplan.executive.planning import (
     complete,
     leaving,
@@ -21,17 +27,28 @@ from auvplan.executive.planning import (
     planning_context,
     require_known,
 )
+from auvplan.executive.route_calls import effort
+from auvplan.mission.graph import shortest_way
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path import PathPlan, PathPlans, plan_paths
+from auvplan.path import PathConfig, PathPlan, PathPlans, habitats, plan_paths
+from auvplan.path.cost import evaluate, tracks
+from auvplan.path.sensitivity import Conditions
 from auvplan.runtime import prng
+from auvplan.runtime.compiled import compiled
 from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.simulation.sea import Sea, stacked
+from auvplan.simulation.sea import stacked
 from auvplan.simulation.simulator import over_ground
 from auvplan.site import Site
+from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+#: s added to the time of a closed edge, so that the shortest way has the fewest of them.
+_CLOSED = 1e7
 
 #: Called with how many departures are seen to, of how many, and what is done.
 Progress = Callable[[int, int, str], None]
@@ -128,11 +145,10 @@ def plan_departures(
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
     if scenario.mission.waypoints == 2 and area.jobs is None:
-        context = planning_context(scenario, folder, area)
-        return _plan_legs(context, leaving(context, key, moments), progress)
+        return _plan_legs(leaving(planning_context(scenario, folder, area), key, moments), progress)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]
     missions = [leaving(context, key, [now])[0] for context, now in zip(contexts, moments, strict=True)]
-    return _plan_missions(contexts, missions, progress)
+    return _plan_missions(missions, progress)
 
 
 def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
@@ -154,20 +170,18 @@ def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
     }
 
 
-def _plan_legs(context: SimulationContext, missions: list[Mission], progress: Progress | None) -> Departures:
+def _plan_legs(missions: list[Mission], progress: Progress | None) -> Departures:
     """One call of the path planner for all departures."""
-    count, run = len(missions), missions[0].run
+    count, run, context = len(missions), missions[0].run, missions[0].context
     if progress:
         progress(0, count, "planning paths")
     common = _circumstances(missions)
-    known = [(context.known_obstacles(mission.now), mission.now) for mission in missions]
-    obstacles = jax.tree.map(
-        lambda *leaves: np.stack(leaves),
-        *(
-            Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=now)
-            for one, now in known
-        ),
-    )
+    known = [
+        Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=mission.now)
+        for mission in missions
+        for one in [context.known_obstacles(mission.now)]
+    ]
+    obstacles = jax.tree.map(lambda *leaves: np.stack(leaves), *known)
     start, goal = (np.tile(run.graph.positions[end], (count, 1)) for end in (run.start, run.goal))
     plans = plan_paths(
         start,
@@ -200,17 +214,15 @@ def _fault(plan: PathPlan, available: float, site: Site | None) -> str:
     return f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available" if late else ""
 
 
-def _plan_missions(
-    contexts: list[SimulationContext], missions: list[Mission], progress: Progress | None
-) -> Departures:
+def _plan_missions(missions: list[Mission], progress: Progress | None) -> Departures:
     """Whole missions, each as `plan_scenario` plans it: side by side they would differ in the last digits."""
     common = _circumstances(missions)
     # Copies get what the plans got.
     seas = [copy(mission.sea) for mission in missions]
-    for number, (context, mission) in enumerate(zip(contexts, missions, strict=True)):
+    for number, mission in enumerate(missions):
         if progress:
             progress(number, len(missions), "planning missions")
-        complete(context, mission)
+        complete(mission)
     runs = [mission.run for mission in missions]
     return Departures(
         feasible=np.asarray([run.success for run in runs]),
@@ -218,16 +230,82 @@ def _plan_missions(
         tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
         priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
         reasons=tuple(
-            "" if mission.run.success else _why(context, mission, sea)
-            for context, mission, sea in zip(contexts, missions, seas, strict=True)
+            "" if one.run.success else one.run.reason if one.run.legs else _why_no_route(one, sea.forecast())
+            for one, sea in zip(missions, seas, strict=True)
         ),
         routes=tuple(run.route if run.success else None for run in runs),
         **common,
     )
 
 
-def _why(context: SimulationContext, mission: Mission, sea: Sea) -> str:
-    """Return why a mission fails: how the plan ended, or the leg without a path where none was begun."""
-    if mission.run.legs:
-        return mission.run.reason
-    return why_no_route(context, mission, mission.timed, sea.forecast())
+def _why_no_route(mission: Mission, forecast: Current) -> str:
+    """Return one line on a mission that has no route over open edges, timed in a forecast."""
+    run, timed, speed = mission.run, mission.timed, mission.context.speed
+    # The way to the destination over the fewest closed edges.
+    everywhere = mission.graph.leg_times(speed) + _CLOSED
+    times = np.where(timed.adjacency, timed.leg_times(speed), everywhere)
+    nodes = shortest_way(times, mission.here, run.goal)
+    if not nodes:
+        return f"no way through the graph leads from waypoint {mission.here} to the destination"
+    for i, j in pairwise(nodes):
+        if not timed.adjacency[i, j]:
+            why = _line_fault(mission, (i, j), forecast)
+            return f"there is no path on leg {run.called(i)} to {run.called(j)}: {why}"
+    left, cost = run.t_available - mission.now, float(times[nodes[:-1], nodes[1:]].sum())
+    return f"the shortest way to the destination takes {cost:.0f} s, {left:.0f} s are available"
+
+
+def _line_fault(mission: Mission, edge: tuple[int, int], forecast: Current) -> str:
+    """Return the limit that the straight line of an edge breaks most, where and when."""
+    context, (start, goal) = mission.context, mission.graph.positions[list(edge)]
+    env, config = context.environment(forecast), effort(context.path_config).path
+    line = straight_plan(start, goal, mission.now, env, context.vehicle, config)
+    if line.feasible:
+        return "an end lies outside the area"
+    return line.explain(line.broken()[0], context.epoch)
+
+
+def straight_plan(
+    start: np.ndarray,
+    goal: np.ndarray,
+    depart: float,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> PathPlan:
+    """Return the straight line between two places as a path plan, kept limits or broken ones and all.
+
+    Args:
+        start, goal: [3] m.
+        depart: s since the epoch.
+        env: the world, without obstacles.
+        vehicle: speed and limits.
+        config: of the path planner; its search is not run.
+    """
+    found = jax.device_get(_straight(start, goal, depart, env, vehicle, config=config))
+    return unsearched(
+        Conditions(env, vehicle, config),
+        control_points=np.stack([start, goal]),
+        travel_time=float(found["times"][-1] - found["times"][0]),
+        cost=np.nan,
+        **{name: float(found.pop(name)) for name in ("length", "clearance", "altitude")},
+        **found,
+    )
+
+
+@partial(compiled, static_argnames=("config",))
+def _straight(
+    start: jax.Array, goal: jax.Array, depart: float, env: Environment, vehicle: Vehicle, config: PathConfig
+) -> dict[str, jax.Array]:
+    """Fields of a plan of the straight line."""
+    line = tracks(habitats.straight_line(start, goal, config)[None], start, goal, env, vehicle, config)
+    trajectory = evaluate(line, jnp.asarray(depart), env, vehicle, config)
+    return {
+        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),
+        "times": trajectory.times[:, 0],
+        "excess": jnp.stack(trajectory.excess)[:, :, 0],
+        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
+        "length": trajectory.length[0],
+        "clearance": trajectory.clearance.min(),
+        "altitude": trajectory.altitude.min(),
+    }

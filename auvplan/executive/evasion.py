@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.ocean.chart import Chart
-from auvplan.ocean.seabed import Seabed
+from auvplan.executive.context import MissionContext
 
 Array = NDArray[np.floating]
 
@@ -15,43 +14,36 @@ _ESCAPE_SPEED = 0.4
 
 
 def escape_track(
+    context: MissionContext,
     position: Array,
     now: float,
     seconds: float,
     clearance: Callable[[Array, Array], Array],
-    chart: Chart | None,
-    seabed: Seabed | None,
-    speed: float,
-    lower: Array,
-    upper: Array,
-    samples: int,
     stay: float = 0.0,
     share: float = _ESCAPE_SPEED,
 ) -> Array | None:
-    """The straight track of most clearance among sixteen headings, or None where keeping station is as good.
+    """Return the straight track of most clearance among sixteen headings, off coast, sea bed and box.
 
     Args:
-        position: [3] m, where the vehicle is.
+        context: where the vehicle is.
+        position: [3] m, and `now` s, when it is there.
         now: s.
         seconds: how long the escape lasts.
         clearance: [n] m, of places [n, 3] m at [n] s to the nearest obstacle.
-        chart: coast, or None.
-        seabed: or None.
-        speed: |v|, m/s.
-        lower, upper: [3] m, box to stay in.
-        samples: points on the track.
         stay: s that station is kept at its end.
         share: of the speed through the water that is reckoned with over ground.
 
     Returns:
-        [samples, 3] m or None.
+        [S, 3] m, or None where keeping station is as good.
     """
+    (lower, upper), chart, seabed = context.box, context.area.chart, context.area.seabed
+    samples = context.path_config.samples
     parts = np.linspace(0.0, 1.0, samples)
     times = now + parts * (seconds + stay)
     gone = np.minimum(parts * (1.0 + stay / seconds), 1.0)
     best, choice = _worth(clearance(np.broadcast_to(position, (samples, 3)), times)), None
     for heading in np.arange(16) * np.pi / 8.0:
-        way = share * speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
+        way = share * context.speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
         track = position + gone[:, None] * way
         if (track[-1] < lower).any() or (track[-1] > upper).any():
             continue

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.executive.context import Followed, Mission, SimulationContext
+from auvplan.executive.context import Followed, Mission, MissionContext
 from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import jobs_of
 from auvplan.mission.survey import LinePart
@@ -29,7 +29,7 @@ Edge = tuple[int, int]
 _PRICED = 1_000_003
 
 
-def edges_of_lines(context: SimulationContext, names: list[str]) -> dict[Edge, LinePart]:
+def edges_of_lines(context: MissionContext, names: list[str]) -> dict[Edge, LinePart]:
     """Return the part of a survey line that each edge follows, in either direction.
 
     Args:
@@ -52,19 +52,17 @@ def rows_of(env: Environment, rows: list[int]) -> Environment:
     return replace(env, current=combine(shared, own), obstacles=obstacles)
 
 
-def follow(
-    context: SimulationContext, line: LinePart, place: Array, now: float, env: Environment, key: jax.Array
-) -> PathPlan:
+def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key: jax.Array) -> PathPlan:
     """Plan a path along a part of a survey line, from where the vehicle is.
 
     Args:
-        context: what the missions share.
+        mission: that is there now.
         line: the part, in the direction of travel.
         place: [3] m.
-        now: s since the epoch.
         env: the world of this leg alone, as a batch of one.
         key: consumed.
     """
+    context = mission.context
     planned = 0
 
     def detour(start: Array, goal: Array, depart: float) -> PathPlan:
@@ -84,7 +82,7 @@ def follow(
 
     own = Conditions(env, context.vehicle, context.path_config, 0).world()
     ends = np.asarray(line.start, float), np.asarray(line.end, float)
-    return follow_line(place, ends, own, context.vehicle, context.path_config, now, detour)
+    return follow_line(place, ends, own, context.vehicle, context.path_config, mission.now, detour)
 
 
 def count_line(mission: Mission, record: LegRecord) -> None:
@@ -95,21 +93,25 @@ def count_line(mission: Mission, record: LegRecord) -> None:
     record.priority = at + (record.priority - at) * record.line.share(record.coverage)
 
 
-def follow_parts(context: SimulationContext, mission: Mission) -> dict[Edge, Followed]:
+def follow_parts(mission: Mission) -> dict[Edge, Followed]:
     """Return how each edge along a survey line can be followed, by what is known before the mission.
 
     Where something stands in a line the way around it is planned as on a leg, once for all missions.
     """
-    parts = {(one.part.start, one.part.end): one for one in survey_parts(context.scenario, context.area)}
-    found = {}
-    for (i, j), line in mission.parts.items():
-        if (one := parts.get((line.start, line.end))) is not None:
-            found[i, j] = found[j, i] = _followed(context, mission, one)
-    return found
+    context = mission.context
+    if context.followed is None:
+        parts = {(one.part.start, one.part.end): one for one in survey_parts(context.scenario, context.area)}
+        found: dict[Edge, Followed] = {}
+        for (i, j), line in mission.parts.items():
+            if (one := parts.get((line.start, line.end))) is not None:
+                found[i, j] = found[j, i] = _followed(mission, one)
+        context.followed = found
+    return context.followed
 
 
-def _followed(context: SimulationContext, mission: Mission, one: SurveyPart) -> Followed:
+def _followed(mission: Mission, one: SurveyPart) -> Followed:
     """Return how a part can be followed."""
+    context = mission.context
     if not len(one.blocked):
         return Followed(1.0, 1.0)
     still = standing(context.scenario, context.area)
@@ -117,22 +119,21 @@ def _followed(context: SimulationContext, mission: Mission, one: SurveyPart) -> 
     obstacles = jax.tree.map(lambda leaf: np.asarray(leaf)[None], obstacles)
     env = replace(still, current=stacked([mission.sea.forecast()]), obstacles=obstacles)
     key = prng.folded(mission.key, _PRICED, one.number)
-    plan = follow(context, one.part, np.asarray(one.part.start, float), mission.now, env, key)
+    plan = follow(mission, one.part, np.asarray(one.part.start, float), env, key)
     # A way that does not keep every limit may be found yet when the leg is begun.
     return Followed(one.free, max(plan.length / one.part.length, 1.0))
 
 
-def line_times(context: SimulationContext, mission: Mission, departs: Array) -> tuple[list[Edge], Array]:
+def line_times(mission: Mission, departs: Array) -> tuple[list[Edge], Array]:
     """Edges along survey lines that are left, and their travel times [M, E] s at departures [M] s.
 
     They are those of the line itself in the current of that time, longer by the detours round what is in
     it; infinite where the current does not let the line be followed, or an area on it closes for a time.
     """
-    edges = [edge for edge in mission.parts if mission.graph.adjacency[edge]]
+    context, edges = mission.context, [edge for edge in mission.parts if mission.graph.adjacency[edge]]
     if not edges:
         return [], np.zeros((len(departs), 0))
-    if context.followed is None:
-        context.followed = follow_parts(context, mission)
+    followed = follow_parts(mission)
     env = replace(context.environment(mission.sea.forecast()), chart=None, seabed=None)
     shut = [closure for closure in env.closures if not is_shut(closure, context.scenario)]
     sea = Straights.through(
@@ -147,18 +148,16 @@ def line_times(context: SimulationContext, mission: Mission, departs: Array) -> 
     for _ in range(2):
         lasts, room = sea.pass_lines(first, last, begin, lasts)
     kept = (room[0] >= context.path_config.coast_margin) & (room[3:] >= -1e-5).all(axis=0)
-    longer = np.array([context.followed[edge].longer for edge in edges])
+    longer = np.array([followed[edge].longer for edge in edges])
     return edges, np.where(kept, lasts, np.inf).reshape(len(departs), -1) * longer
 
 
-def as_followed(context: SimulationContext, mission: Mission, graph: MissionGraph) -> MissionGraph:
+def as_followed(mission: Mission, graph: MissionGraph) -> MissionGraph:
     """Return a mission's graph with survey lines worth what of them can be followed."""
     if not mission.parts:
         return graph
-    if context.followed is None:
-        context.followed = follow_parts(context, mission)
     share = np.ones(graph.adjacency.shape)
-    for edge, part in context.followed.items():
+    for edge, part in follow_parts(mission).items():
         share[edge] = part.free
     mission.run.followable, at = share, np.asarray(graph.waypoint_priority)
     timetable = graph.timetable

@@ -13,15 +13,14 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from auvplan.executive.context import Leg, Mission, SimulationContext
+from auvplan.executive.context import Mission, MissionContext, make_context
 from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.warmup import warm_up
-from auvplan.mission import MissionConfig, MissionGraph, time_to_go
+from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import ways_off_lines
-from auvplan.path import PathConfig
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import MISSIONS, expecting
@@ -31,7 +30,7 @@ from auvplan.scenario.waypoints import make_graph
 from auvplan.simulation.faults import OF_A_LINK, Fault, FaultySea, PlannerOut
 from auvplan.simulation.sea import ModelSea
 from auvplan.simulation.simulator import WIDTH
-from auvplan.simulation.world import make_sea, make_vehicle
+from auvplan.simulation.world import make_sea
 
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
@@ -144,8 +143,8 @@ def execute_missions(
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
                 active.append(start_mission(context, number, key, int(seed)))
-                warm_up(context, partial(start_mission, context, number, key, int(seed)))
-            step(context, active)
+                warm_up(context, partial(start_mission, number=number, key=key, seed=int(seed)))
+            step(active)
             for mission in active:
                 if mission.ended:
                     mission.run.compile_seconds = context.clock.compile_seconds
@@ -155,113 +154,46 @@ def execute_missions(
             active = [mission for mission in active if not mission.ended]
 
 
-def path_config(scenario: Scenario, ahead: bool = False) -> PathConfig:
-    """Return the path planner's settings under the scenario's preset and effort.
-
-    Args:
-        scenario: settings.
-        ahead: whether all is planned before the departure. Legs under way are planned without
-            `PathConfig.finer`, whose program would be compiled while the vehicle waits.
-    """
-    planning = scenario.planning.resolved
-    efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
-    config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
-    given = {"control_points": planning.control_points, "width": planning.path_width}
-    config = config.replace(**{name: value for name, value in given.items() if value is not None})
-    safety = scenario.safety
-    margins = {"coast_margin": safety.coast, "obstacle_margin": safety.obstacles}
-    finer = config.finer if ahead and config.refine_steps else 1
-    return config.replace(t_series=planning.t_series, finer=finer, **margins)
-
-
-def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
-    """Return the mission planner's settings under the scenario's preset and effort.
-
-    First and later routes.
-    """
-    planning = scenario.planning.resolved
-    phi1, phi2 = planning.phi
-    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
-    if planning.preset == "paper":
-        config = MissionConfig.paper().replace(**aim)
-        return config, config
-    # Between two waypoints there is one route: the search is that which is soonest compiled.
-    alone = scenario.mission.jobs is None and scenario.mission.waypoints == 2
-    config = MissionConfig.plain() if planning.effort == "plain" or alone else MissionConfig()
-    config = config.replace(**aim)
-    if planning.effort != "quick":
-        return config, config
-    # Beams of one width make the first route and later ones one program.
-    later = config.quicker()
-    return config.replace(beam_width=later.beam_width), later
-
-
-def make_context(
-    scenario: Scenario,
-    folder: str | Path | None = None,
-    area: OperatingArea | None = None,
-    ahead: bool = False,
-) -> SimulationContext:
-    """Gather the operating area, the vehicle and the planners' settings of a scenario.
-
-    All is planned `ahead` of the departure or under way, see `path_config`.
-
-    Raises:
-        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
-    """
-    # Files are read at the edge of the package; what is built from them can be given instead.
-    from auvplan.io.area import load_area
-
-    home = scenario.folder if folder is None else str(folder)
-    return SimulationContext(
-        scenario,
-        path_config(scenario, ahead),
-        mission_configs(scenario),
-        make_vehicle(scenario),
-        load_area(scenario, home) if area is None else area,
-        home,
-    )
-
-
-def start_mission(context: SimulationContext, number: int, key: jax.Array, seed: int) -> Mission:
+def start_mission(context: MissionContext, number: int, key: jax.Array, seed: int) -> Mission:
     """Build a mission's world; nothing is planned yet."""
-    scenario = context.scenario
+    scenario, area = context.scenario, context.area
     graph_key, field_key, sea_key, planner_key, chance_key = prng.parts(key, 5)
-    graph, names = make_graph(scenario, context.area, _generator(graph_key), context.around)
+    graph, names = make_graph(scenario, area, _generator(graph_key), context.around)
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
         context.vehicle,
         graph,
-        context.chart,
+        area.chart,
         0,
         graph.size - 1,
         scenario.mission.time_available,
         folder=str(Path(context.folder).resolve()),
-        site=context.area.site,
-        seabed=context.area.seabed,
+        site=area.site,
+        seabed=area.seabed,
         names=names,
+        simulated=context.simulated,
+        obstacles=area.obstacles,
+        closures=area.closures,
+        assumed=area.notes,
+        jobs=area.jobs,
     )
-    run.simulated, run.obstacles = context.simulated, context.area.obstacles
-    run.assumed, run.closures = context.area.notes, context.area.closures
-    run.coast, run.zones, run.jobs = context.area.coast, context.area.zones, context.area.jobs
-    sea = make_sea(scenario, context.area, field_key, sea_key, context.simulated)
+    run.coast, run.zones = area.coast, area.zones
+    sea = make_sea(scenario, area, field_key, sea_key, context.simulated)
     faults = context.faults_of(number)
     if faults:
         sea = FaultySea(sea, faults)
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(ways_off_lines(names, np.asarray(graph.adjacency)))
-    parts = edges_of_lines(context, names)
-    return Mission(
-        number, run, sea, planner_key, _generator(chance_key), graph, graph, faults=faults, parts=parts
-    )
+    parts, rng = edges_of_lines(context, names), _generator(chance_key)
+    return Mission(context, number, run, sea, planner_key, rng, graph, graph, faults=faults, parts=parts)
 
 
 def _generator(key: jax.Array) -> np.random.Generator:
     return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
 
 
-def step(context: SimulationContext, missions: list[Mission]) -> None:
+def step(missions: list[Mission]) -> None:
     """Order tasks and begin legs where vehicles are at a waypoint, then advance all to the next look.
 
     Where nothing is simulated, legs are gone to their ends as they are planned.
@@ -269,32 +201,31 @@ def step(context: SimulationContext, missions: list[Mission]) -> None:
     waiting = [mission for mission in missions if mission.leg is None]
     for mission in waiting:  # what is decided without its planner would be decided for the wrong time
         mission.charge(mission.faults.left(PlannerOut, mission.now))
-    _update_edge_times(context, waiting)
-    plan_routes(context, [mission for mission in waiting if mission.cause])
-    _begin(context, [mission for mission in waiting if not mission.ended])
+    _update_edge_times(waiting)
+    plan_routes([mission for mission in waiting if mission.cause])
+    _begin([mission for mission in waiting if not mission.ended])
     under_way = [mission for mission in missions if mission.leg is not None]
-    executed = [mission for mission in under_way if context.simulated and not mission.active_leg.stays]
-    if planned := [mission for mission in under_way if mission not in executed]:
-        go_as_planned(context, planned)
+    executed = [one for one in under_way if one.context.simulated and not one.active_leg.stays]
+    go_as_planned([mission for mission in under_way if mission not in executed])
     if executed:
-        advance(context, executed)
+        advance(executed)
     for mission in under_way:
         if not mission.active_leg.under_way:
-            _judge(context, mission)
+            _judge(mission)
 
 
-def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> None:
+def _update_edge_times(missions: list[Mission]) -> None:
     """Time the edges in the present current, and find the routes that no longer fit it."""
-    planning = context.rules
-    time_edges(context, missions)
+    time_edges(missions)
     for mission in missions:
+        planning, speed = mission.context.rules, mission.context.speed
         if mission.cause or planning.replan != "deviation":
             continue
-        times, rest = mission.timed.leg_times(context.speed), mission.rest
+        times, rest = mission.timed.leg_times(speed), mission.rest
         if mission.timed.timetable is None:
             ends = mission.now + times[rest[:-1], rest[1:]].sum()
         else:
-            ends = mission.now + float(mission.timed.itinerary(rest, context.speed).ends[-1])
+            ends = mission.now + float(mission.timed.itinerary(rest, speed).ends[-1])
         slack, due = mission.run.t_available - planning.reserve - ends, ""
         if slack < min(mission.slack, 0.0) - planning.tolerance:
             due = "late"
@@ -304,37 +235,35 @@ def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> N
             mission.cause = due
 
 
-def _begin(context: SimulationContext, missions: list[Mission]) -> None:
+def _begin(missions: list[Mission]) -> None:
     """Plan the next leg of every mission, and begin those that are not refused."""
     if not missions:
         return
-    expected, records = [mission.timed.leg_times(context.speed) for mission in missions], []
+    expected, records = [mission.timed.leg_times(mission.context.speed) for mission in missions], []
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
-        if context.scenario.tasks_under_way:
+        if mission.context.scenario.tasks_under_way:
             task = 0.0
         expects, hold = float(times[i, j]), 0.0
         if mission.timed.timetable is not None:
-            expects, hold = _by_the_clock(mission, i, j, expects, context.speed)
-        revisit = j in mission.visited
-        records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold))
-    begin_legs(context, missions, records)
-    for mission, times in zip(missions, expected, strict=True):
-        mission.run.legs.append(mission.active_leg.record)
-        if why := why_refused(context, mission, mission.active_leg, times):
-            mission.now -= mission.active_leg.record.t_hold
-            mission.active_leg.record.t_hold = 0.0
-            _reject_leg(context, mission, mission.active_leg, why)
-            mission.leg = None
+            expects, hold = _by_the_clock(mission, i, j, expects)
+        records.append(LegRecord(i, j, expects, task, rho, revisit=j in mission.visited, t_hold=hold))
+    begin_legs(missions, records)
+    for mission, times, record in zip(missions, expected, records, strict=True):
+        mission.run.legs.append(record)
+        if why := why_refused(mission, times):
+            mission.now -= record.t_hold
+            record.t_hold = 0.0
+            _reject_leg(mission, why)
 
 
-def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) -> tuple[float, float]:
+def _by_the_clock(mission: Mission, i: int, j: int, least: float) -> tuple[float, float]:
     """Wait for the way to open; return how long the leg is expected to take, waiting left out, and the wait.
 
     Where nothing says that the leg can be done, `least` is expected.
     """
-    leg = mission.timed.itinerary([i, j], speed)  # its times count from now
+    leg = mission.timed.itinerary([i, j], mission.context.speed)  # its times count from now
     hold, arrives = leg.leaves.item(), leg.arrives.item()
     if not np.isfinite(arrives):
         return least, 0.0
@@ -342,17 +271,22 @@ def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) 
     return arrives - hold + float(mission.graph.duration[i, j]), hold
 
 
-def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
+def why_refused(mission: Mission, times: np.ndarray) -> str:
     """Return why the planned leg should not be executed, or an empty string.
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, with the margin that its route was made with.
+
+    Args:
+        mission: on the leg.
+        times: [N, N] s that edges are expected to take.
     """
-    if why := unfit(context, mission, leg):
+    leg, rules = mission.active_leg, mission.context.rules
+    if why := unfit(mission):
         return why
-    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not context.rules.guard_return:
+    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not rules.guard_return:
         return ""
-    if context.rules.visits == "once":
+    if rules.visits == "once":
         times = times.copy()
         times[:, leg.record.start] = np.inf
     to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
@@ -365,14 +299,14 @@ def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: n
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
-def _reject_leg(context: SimulationContext, mission: Mission, leg: Leg, why: str) -> None:
+def _reject_leg(mission: Mission, why: str) -> None:
     """Ask for another route without the refused edge, or with the time that its path takes."""
+    leg = mission.active_leg
     mission.refusals += 1
     leg.record.refused = why
-    barred = bool(unfit(context, mission, leg))
+    barred = bool(unfit(mission))
     i, j = leg.record.start, leg.record.goal
-    name = f"leg {mission.run.called(i)} to {mission.run.called(j)}"
-    mission.obstruction = f"{name}, {why}"
+    mission.obstruction = f"{mission.leg_name}, {why}"
     if barred:
         mission.barred |= {(i, j), (j, i)}
         mission.graph = mission.graph.without_edges([(i, j)])
@@ -381,26 +315,27 @@ def _reject_leg(context: SimulationContext, mission: Mission, leg: Leg, why: str
     mission.cause = "refused"
     stuck = barred and not mission.graph.adjacency[i].any() and not mission.visited - {i}
     if mission.refusals > _REFUSALS or stuck:
-        mission.end(f"{name} cannot be executed: {why}")
+        mission.end(f"{mission.leg_name} cannot be executed: {why}")
+    mission.leg = None
 
 
-def _judge(context: SimulationContext, mission: Mission) -> None:
+def _judge(mission: Mission) -> None:
     """After a leg: do the task, compare the leg's whole time with t_ij, decide on re-planning (3.3.2)."""
-    run, planning, leg = mission.run, context.rules, mission.active_leg
-    record = leg.record
+    run, context, leg = mission.run, mission.context, mission.active_leg
+    record, planning = leg.record, context.rules
     finish(leg)
     if isinstance(mission.sea, ModelSea):
         record.current_difference = mission.sea.difference(record.positions, record.times)
         record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
-    mission.leg = None
     if context.simulated:
         made = leg.speed_made / context.speed
         mission.pace = made if abs(made - 1.0) > _PACE else 1.0
     if planning.charge_compute:
         mission.charge(record.cpu)
     if not record.arrived:
-        name = f"leg {mission.run.called(record.start)} to {mission.run.called(record.goal)}"
-        mission.end(f"{name} was not finished: {leg.stopped}")
+        mission.end(f"{mission.leg_name} was not finished: {leg.stopped}")
+    mission.leg = None
+    if mission.ended:
         return
     _await_window(mission, record)
     mission.now += record.t_wait + record.t_task
@@ -419,7 +354,7 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
 
 
 def _await_window(mission: Mission, record: LegRecord) -> None:
-    """Book how long the vehicle waits for the window of the task, or that it has missed it."""
+    """Record how long the vehicle waits for the window of the task, or that it has missed it."""
     timetable = mission.graph.timetable
     if timetable is None or record.priority == 0.0 == record.t_task:
         return

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
-from auvplan.executive.context import Array, Mission, SimulationContext
+from auvplan.executive.context import Array, Mission
 from auvplan.executive.lines import follow, rows_of
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import Current, evaluated
@@ -37,20 +37,14 @@ class Offer:
     seconds: float
 
 
-def plan_legs(
-    context: SimulationContext,
-    missions: list[Mission],
-    causes: Sequence[str],
-    cold: bool = False,
-    growing: bool = True,
-) -> None:
+def plan_legs(missions: list[Mission], cause: str, cold: bool = False, growing: bool = True) -> None:
     """Plan paths from where the vehicles are, and follow them; arguments as `offered`."""
-    for mission, offer in zip(missions, offered(context, missions, causes, cold, growing), strict=True):
-        take(mission, offer, context.rules.lower_bounds)
+    causes = [cause] * len(missions)
+    for mission, offer in zip(missions, offered(missions, causes, cold, growing), strict=True):
+        take(mission, offer, mission.context.rules.lower_bounds)
 
 
 def offered(
-    context: SimulationContext,
     missions: list[Mission],
     causes: Sequence[str],
     cold: bool = False,
@@ -60,7 +54,6 @@ def offered(
     """Plan paths from where the vehicles are; none is followed yet.
 
     Args:
-        context: what the missions share.
         missions: B missions on a leg that needs a path.
         causes: [B], "leg", "window" or "hazard", for the record.
         cold: search afresh; otherwise from the kept population.
@@ -69,7 +62,7 @@ def offered(
         forecasts: B currents to plan in; drawn if absent.
     """
     found = {
-        row: Offer(_staying(context, mission), "leg", 0.0)
+        row: Offer(_staying(mission), "leg", 0.0)
         for row, mission in enumerate(missions)
         if mission.active_leg.stays
     }
@@ -77,59 +70,66 @@ def offered(
         those = [missions[row] for row in going]
         currents = None if forecasts is None else [forecasts[row] for row in going]
         keys = prng.stacked([mission.path_key() for mission in those])
-        env = believed(context, those, currents)
+        env = believed(those, currents)
         if not growing:
-            env = replace(env, obstacles=replace(env.obstacles, growth=_growth_of_near(context, those)))
-        plans, seconds = context.clock.time(partial(_call, context, those, env, keys, cold))
+            env = replace(env, obstacles=replace(env.obstacles, growth=_growth_of_near(those)))
+        plans, seconds = those[0].context.clock.time(partial(_call, those, env, keys, cold))
         for row, plan in zip(going, plans, strict=True):
             found[row] = Offer(plan, causes[row], seconds / len(going))
     return [found[row] for row in range(len(missions))]
 
 
-def _growth_of_near(context: SimulationContext, missions: list[Mission]) -> NDArray[np.floating]:
+def _growth_of_near(missions: list[Mission]) -> NDArray[np.floating]:
     """[B, M] m/s, growth of the boundaries that vehicles may meet before they have seen them from near."""
-    legs = [mission.active_leg for mission in missions]
+    context, legs = missions[0].context, [mission.active_leg for mission in missions]
     near = [leg.belief.within(leg.position, context.lookahead, context.speed) for leg in legs]
     return np.stack([leg.belief.growth * soon for leg, soon in zip(legs, near, strict=True)])
 
 
-def _staying(context: SimulationContext, mission: Mission) -> PathPlan:
+def _staying(mission: Mission) -> PathPlan:
     """Return the plan of a leg between two waypoints in one place: station is kept there for a moment."""
-    leg, config, forecast = mission.active_leg, context.path_config, mission.sea.forecast()
-    share = np.linspace(0.0, 1.0, config.samples)
+    context, leg, forecast = mission.context, mission.active_leg, mission.sea.forecast()
+    samples = context.path_config.samples
+    share = np.linspace(0.0, 1.0, samples)
     positions = leg.origin + share[:, None] * (leg.target - leg.origin)
     times, middle = mission.now + TURN_TO * share, 0.5 * (positions[1:] + positions[:-1])
-    none, limits = jnp.zeros(0), len(VIOLATIONS)
-    return PathPlan(
+    return unsearched(
+        Conditions(context.environment(forecast), context.vehicle, context.path_config),
         travel_time=TURN_TO,
         length=float(np.linalg.norm(leg.target - leg.origin)),
         positions=positions,
         times=times,
         control_points=positions[[0, -1]],
-        violations=np.zeros(limits),
         clearance=np.inf,
         altitude=np.inf,
         cost=TURN_TO,
-        population=jnp.zeros((0, 3 * config.control_points)),
-        history=History(*[none] * len(History.__dataclass_fields__)),
-        excess=np.zeros((limits, config.samples - 1)),
+        excess=np.zeros((len(VIOLATIONS), samples - 1)),
         water=np.stack(evaluated(forecast, *middle.T, t=times[:-1]), axis=1),
-        conditions=Conditions(context.environment(forecast), context.vehicle, config),
     )
 
 
-def believed(
-    context: SimulationContext, missions: list[Mission], forecasts: Sequence[Current] | None = None
-) -> Environment:
+def unsearched(conditions: Conditions, excess: Array, **fields: Any) -> PathPlan:
+    """Return a plan that no search has found, which has no population and no history."""
+    nothing = jnp.zeros(0)
+    return PathPlan(
+        **fields,
+        violations=excess.mean(axis=1),
+        excess=excess,
+        population=jnp.zeros((0, 3 * conditions.config.control_points)),
+        history=History(*[nothing] * len(History.__dataclass_fields__)),
+        conditions=conditions,
+    )
+
+
+def believed(missions: list[Mission], forecasts: Sequence[Current] | None = None) -> Environment:
     """Return the world as the vehicles know it now; current and obstacles have a leading axis."""
+    context = missions[0].context
     obstacles = as_obstacles([mission.active_leg.belief for mission in missions], context.scenario.sensors)
     currents = [mission.sea.forecast() for mission in missions] if forecasts is None else forecasts
     return context.environment(stacked(currents), obstacles)
 
 
-def sketched(
-    context: SimulationContext, mission: Mission, starts: Array, goals: Array, departs: Array
-) -> list[Array]:
+def sketched(mission: Mission, starts: Array, goals: Array, departs: Array) -> list[Array]:
     """Return paths [K, S, 3] m between B pairs of places, nearly as quick as those that legs would have.
 
     What was found between two places is kept.
@@ -138,6 +138,7 @@ def sketched(
         starts, goals: [B, 3] m.
         departs: [B] s since the epoch.
     """
+    context = mission.context
     keys = [ends.tobytes() for ends in np.concatenate([starts, goals], axis=1)]
     if rows := [row for row, key in enumerate(keys) if key not in mission.sketches]:
         # Worlds are shaped as those of legs are, whose programs serve.
@@ -154,28 +155,25 @@ def sketched(
     return [mission.sketches[key] for key in keys]
 
 
-def _call(
-    context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
-) -> Sequence[PathPlan]:
+def _call(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> Sequence[PathPlan]:
     """Return a plan each: along its survey line, or the planner's."""
     lines = [mission.active_leg.record.line for mission in missions]
     if not any(lines):
-        return list(_searched(context, missions, env, keys, cold))
+        return list(_searched(missions, env, keys, cold))
     found = {
-        row: follow(context, line, mission.active_leg.position, mission.now, rows_of(env, [row]), keys[row])
+        row: follow(mission, line, mission.active_leg.position, rows_of(env, [row]), keys[row])
         for row, (mission, line) in enumerate(zip(missions, lines, strict=True))
         if line is not None
     }
     if free := [row for row, line in enumerate(lines) if line is None]:
         chosen = [missions[row] for row in free], rows_of(env, free), keys[np.asarray(free)]
-        found |= dict(zip(free, _searched(context, *chosen, cold), strict=True))
+        found |= dict(zip(free, _searched(*chosen, cold), strict=True))
     return [found[row] for row in range(len(missions))]
 
 
-def _searched(
-    context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
-) -> PathPlans:
+def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
     """Return the planning call of legs that are free to go any way."""
+    context = missions[0].context
     legs = [mission.active_leg for mission in missions]
     now = np.asarray([mission.now for mission in missions])
     places = np.stack([np.clip(leg.position, *context.box) for leg in legs])
@@ -190,10 +188,8 @@ def _searched(
 def take(mission: Mission, offer: Offer, bounded: bool = False) -> None:
     """Follow a new plan, and book it, `bounded` with what no path could beat."""
     plan, leg = offer.plan, mission.active_leg
-    history = {
-        name: np.asarray(getattr(plan.history, name))
-        for name in ("best", "mean", "std", "violation_best", "violation_mean", "violation_std")
-    }
+    names = "best", "mean", "std", "violation_best", "violation_mean", "violation_std"
+    history = {name: np.asarray(getattr(plan.history, name)) for name in names}
     leg.record.plans.append(
         PlanRecord(
             mission.now,

@@ -5,7 +5,6 @@ planned for them, and each is planned in the current forecast for the time at wh
 """
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
@@ -18,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.clock import Untimed
-from auvplan.executive.context import Mission, SimulationContext
-from auvplan.executive.loop import make_context, seed_keys, start_mission, step
+from auvplan.executive.context import Mission, MissionContext, make_context
+from auvplan.executive.loop import seed_keys, start_mission, step
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
@@ -73,7 +72,7 @@ def plan_scenario(
     keyed = seed_keys([seed])[0] if key is None else key
     (mission,) = leaving(context, keyed, [depart], seed)
     with expecting(PLANS, scenario.fingerprint):
-        complete(context, mission, progress)
+        complete(mission, progress)
     return _from_departure(mission.run, depart)
 
 
@@ -119,7 +118,7 @@ def planning_context(
     area: OperatingArea,
     depart: float | None = None,
     ahead: bool = True,
-) -> SimulationContext:
+) -> MissionContext:
     """Return what plans count on, nothing simulated or timed.
 
     That is no more of the data than a mission from `depart` meets. Plans that are all made `ahead` of the
@@ -135,7 +134,7 @@ def planning_context(
     return context
 
 
-def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
+def leaving(context: MissionContext, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
     """One mission a departure: the same but for the time and the current of that time."""
     departs = np.asarray(departs, float)
     model = start_mission(context, 0, key, seed)
@@ -144,24 +143,15 @@ def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed
         now = float(departs[number])
         model.sea.advance(now)
         run = replace(model.run, t_available=now + model.run.t_available, routes=[], legs=[])
-        own = {
-            "run": run,
-            "sea": copy(model.sea),
-            "now": now,
-            "learnt": {},
-            "sketches": {},
-            "visited": set(),
-            "barred": set(),
-        }
-        missions[number] = replace(model, number=number, **own)
+        missions[number] = model.fork(number=number, run=run, now=now, sketches={})
         missions[number].sea.hold()
     return [missions[number] for number in range(len(departs))]
 
 
-def complete(context: SimulationContext, mission: Mission, progress: Progress | None = None) -> None:
+def complete(mission: Mission, progress: Progress | None = None) -> None:
     """Plan a mission to its end."""
     while not mission.ended:
-        step(context, [mission])
+        step([mission])
         if progress:
             progress(mission.now, mission.doing)
 

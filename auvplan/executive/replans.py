@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auvplan.executive.context import HORIZON, Leg, Mission, SimulationContext
+from auvplan.executive.context import HORIZON, Leg, Mission
 from auvplan.executive.path_calls import Offer, offered, take
 from auvplan.ocean.currents import Current
 from auvplan.path import PathPlan
@@ -45,10 +45,38 @@ class Review:
     standing: _Standing
     offers: list[Offer] = field(default_factory=list)
 
+    @property
+    def best(self) -> tuple[_Standing, Offer]:
+        """The fastest of the offers that stand best, and how it stands."""
+        return min(
+            ((_standing(self.mission, offer.plan), offer) for offer in self.offers),
+            key=lambda pair: (pair[0], pair[1].plan.travel_time),
+        )
 
-def review(context: SimulationContext, mission: Mission, cause: str) -> Review:
+    @property
+    def wants_more(self) -> bool:
+        """Whether what would be followed is a long way round, or meets an obstacle."""
+        standing, offer = self.best
+        slow = self.rest is not None and offer.plan.travel_time > FURTHER * self.rest.time_left
+        return standing[0] or (slow and standing < self.standing)
+
+    def settle(self) -> None:
+        """Follow the best offer, or keep the plan in hand."""
+        leg, (standing, offer) = self.mission.active_leg, self.best
+        seconds = sum(other.seconds for other in self.offers)
+        if self.rest is not None:
+            enough = (1.0 - self.mission.context.rules.window_change) * self.rest.time_left
+            faster = offer.plan.travel_time < enough
+            if standing > self.standing or (standing == self.standing and not faster):
+                leg.keep(self.rest.times)
+                leg.record.plans[-1].cpu += seconds
+                return
+        take(self.mission, replace(offer, seconds=seconds))
+
+
+def review(mission: Mission, cause: str) -> Review:
     """Judge the plan in hand in the forecast of now, from where the vehicle is."""
-    leg, forecast = mission.active_leg, mission.sea.forecast()
+    context, leg, forecast = mission.context, mission.active_leg, mission.sea.forecast()
     if leg.escaping:
         return Review(mission, cause, forecast, None, (True, True))
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
@@ -57,9 +85,9 @@ def review(context: SimulationContext, mission: Mission, cause: str) -> Review:
     return Review(mission, cause, forecast, rest, (hazard(mission, context.lookahead), rest.broken))
 
 
-def holds(context: SimulationContext, one: Review) -> bool:
+def holds(one: Review) -> bool:
     """Return whether the plan in hand still does what it was planned to do, by the forecast of now."""
-    least = context.rules.window_change
+    least = one.mission.context.rules.window_change
     if least == 0.0 or one.rest is None or detours(one.mission.active_leg):
         return False
     return one.rest.change < least and not any(one.standing)
@@ -79,6 +107,12 @@ def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
     return _meets(mission, plan.positions, times, horizon)
 
 
+def _standing(mission: Mission, plan: PathPlan) -> _Standing:
+    # Obstacles further away do not count: they move, and are known better from near.
+    others = set(plan.broken()) - {"obstacle"}
+    return _meets(mission, plan.positions, plan.times, mission.context.lookahead), bool(others)
+
+
 def _meets(mission: Mission, positions: np.ndarray, times: np.ndarray, horizon: float) -> bool:
     """Return whether a path [n, 3] m, [n] s meets a believed collision boundary within a horizon, s."""
     now, until = mission.now, mission.now + horizon
@@ -88,60 +122,25 @@ def _meets(mission: Mission, positions: np.ndarray, times: np.ndarray, horizon: 
     return bool(mission.active_leg.belief.clearance(places, moments).min() < 0.0)
 
 
-def replan(context: SimulationContext, reviews: Sequence[Review]) -> None:
+def replan(reviews: Sequence[Review]) -> None:
     """Offer plans in place of those in hand, and follow them where they are better.
 
     Differences from the paper:
         It follows what a window finds. Here a path that is slower than the rest of the old one is left,
         under the paper's preset either: a few generations from a transferred population may lose to it.
     """
-    growing = not context.rules.second_look
-    _offer(context, reviews, context.rules.replan_from == "fresh", growing)
-    further = [one for one in reviews if _wants_more(context, one)]
-    if further:
-        _offer(context, further, True, growing)
+    _offer(reviews)
+    _offer([one for one in reviews if one.wants_more], cold=True)
     for one in reviews:
-        _settle(context, one)
+        one.settle()
 
 
-def _offer(context: SimulationContext, reviews: Sequence[Review], cold: bool, growing: bool) -> None:
+def _offer(reviews: Sequence[Review], cold: bool = False) -> None:
     """Make one more offer in each review."""
-    missions, causes = [one.mission for one in reviews], [one.cause for one in reviews]
-    forecasts = [one.forecast for one in reviews]
-    for one, offer in zip(reviews, offered(context, missions, causes, cold, growing, forecasts), strict=True):
+    if not reviews:
+        return
+    rules, missions = reviews[0].mission.context.rules, [one.mission for one in reviews]
+    causes, forecasts = [one.cause for one in reviews], [one.forecast for one in reviews]
+    made = offered(missions, causes, cold or rules.replan_from == "fresh", not rules.second_look, forecasts)
+    for one, offer in zip(reviews, made, strict=True):
         one.offers.append(offer)
-
-
-def _best(context: SimulationContext, one: Review) -> tuple[_Standing, Offer]:
-    """Return the fastest of the offers that stand best, and how it stands."""
-
-    def standing(plan: PathPlan) -> _Standing:
-        # Obstacles further away do not count: they move, and are known better from near.
-        others = set(plan.broken()) - {"obstacle"}
-        return _meets(one.mission, plan.positions, plan.times, context.lookahead), bool(others)
-
-    known = [(standing(offer.plan), offer) for offer in one.offers]
-    return min(known, key=lambda pair: (pair[0], pair[1].plan.travel_time))
-
-
-def _wants_more(context: SimulationContext, one: Review) -> bool:
-    """Return whether what would be followed is a long way round, or meets an obstacle."""
-    standing, offer = _best(context, one)
-    if standing[0]:
-        return True
-    slow = one.rest is not None and offer.plan.travel_time > FURTHER * one.rest.time_left
-    return slow and standing < one.standing
-
-
-def _settle(context: SimulationContext, one: Review) -> None:
-    """Follow the best offer, or keep the plan in hand."""
-    leg, (standing, offer) = one.mission.active_leg, _best(context, one)
-    seconds = sum(other.seconds for other in one.offers)
-    if one.rest is not None:
-        enough = (1.0 - context.rules.window_change) * one.rest.time_left
-        faster = offer.plan.travel_time < enough
-        if standing > one.standing or (standing == one.standing and not faster):
-            leg.keep(one.rest.times)
-            leg.record.plans[-1].cpu += seconds
-            return
-    take(one.mission, replace(offer, seconds=seconds))

@@ -3,10 +3,11 @@
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from threading import Thread
 
 from auvplan.executive.clock import Clock
-from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.context import Mission, MissionContext
 from auvplan.executive.legs import advance, begin_legs
 from auvplan.executive.path_calls import plan_legs
 from auvplan.records import LegRecord
@@ -19,12 +20,12 @@ log = logging.getLogger(__name__)
 _warmed_up: set[str] = set()
 
 
-def warm_up(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+def warm_up(context: MissionContext, start_mission: Callable[[MissionContext], Mission]) -> None:
     """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
 
     Args:
         context: what it shares with the missions to come. A scenario is begun so once, in one process.
-        start_mission: makes the mission.
+        start_mission: makes the mission, given what it shares with others.
     """
     if cores.count() == 1 or not cache.enabled():
         return
@@ -36,18 +37,19 @@ def warm_up(context: SimulationContext, start_mission: Callable[[], Mission]) ->
     if cache.holds(__name__, mark):  # what this would compile is on disk
         return
     cache.store(__name__, mark, True)
-    Thread(target=begin_a_leg, args=(replace(context, clock=Clock()), start_mission), daemon=True).start()
+    own = replace(context, clock=Clock())
+    Thread(target=begin_a_leg, args=(partial(start_mission, own),), daemon=True).start()
 
 
-def begin_a_leg(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+def begin_a_leg(start_mission: Callable[[], Mission]) -> None:
     """Plan and simulate the beginning of a leg with zeros for results, which compiles what it needs."""
     try:
         mission = start_mission()
         start = mission.here
         goal = int(mission.graph.adjacency[start].argmax())
         with compiling_ahead():
-            begin_legs(context, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
-            plan_legs(context, [mission], ["window"])
-            advance(context, [mission])
+            begin_legs([mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
+            plan_legs([mission], "window")
+            advance([mission])
     except Exception as error:  # what is wrong shows where it matters
         log.info("programs are not compiled side by side: %s", error)

@@ -22,7 +22,6 @@ from auvplan.link.progress import Progress, staying
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
-from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord
 from auvplan.runtime.formatting import counted
 
@@ -139,10 +138,20 @@ class _Executor:
         self._sight: tuple[float, Array] | None = None
 
     def run(self) -> ExecutionRecord:
-        """Execute the mission."""
+        """Execute the mission, and bring the vehicle to a safe end where it cannot go on."""
         record = self._record
         try:
-            self._go()
+            try:
+                self._depart()
+                self._follow()
+            except _Left as error:
+                record.reason, record.safe = str(error), "left to whoever stopped it"
+                self._watch_rise()
+            except (_SafeEnd, LinkError, ExportError) as error:
+                self._end_safely(str(error))
+            except Exception as error:  # a vehicle is under way: whatever is wrong here, it is brought up
+                _log.exception("the executor failed")
+                self._end_safely(one_line(f"the executor failed: {type(error).__name__}: {error}"))
         except KeyboardInterrupt:
             record.reason = "interrupted"
             if not record.safe:
@@ -154,20 +163,6 @@ class _Executor:
             self._say("end", f"{record.reason}; {record.safe}")
         return record
 
-    def _go(self) -> None:
-        """Execute the mission, and bring the vehicle to a safe end where it cannot go on."""
-        try:
-            self._depart()
-            self._follow()
-        except _Left as error:
-            self._record.reason, self._record.safe = str(error), "left to whoever stopped it"
-            self._watch_rise()
-        except (_SafeEnd, LinkError, ExportError) as error:
-            self._end_safely(str(error))
-        except Exception as error:  # a vehicle is under way: whatever is wrong here, it is brought up
-            _log.exception("the executor failed")
-            self._end_safely(one_line(f"the executor failed: {type(error).__name__}: {error}"))
-
     @property
     def _now(self) -> float:
         return self._link.now
@@ -175,6 +170,16 @@ class _Executor:
     @property
     def _started(self) -> bool:
         return self._phase is not Phase.READY
+
+    @property
+    def _place(self) -> Array:
+        """Where the vehicle was last seen, [3] m."""
+        assert self._sight is not None
+        return self._sight[1]
+
+    @property
+    def _held(self) -> bool:
+        return self._phase is Phase.HELD
 
     def _say(self, kind: str, text: str) -> None:
         event, record = Event(round(self._now, 1), kind, text), self._record
@@ -190,13 +195,7 @@ class _Executor:
         return f"{run.called(leg.start)} - {run.called(leg.goal)}"
 
     def _depart(self) -> None:
-        """Plan, find the vehicle, upload, start.
-
-        Raises:
-            _SafeEnd: there is no plan, or the vehicle is elsewhere or busy.
-            Lost, Refused: the vehicle is not there, or does not take the plan.
-            ExportError: the plan cannot be handed to a vehicle.
-        """
+        """Plan, find the vehicle, upload, start."""
         if not self._plan.plan(self._link.allowance):
             raise _SafeEnd(f"no plan: {self._plan.reason}")
         plan = self._plan.followed
@@ -224,9 +223,6 @@ class _Executor:
 
         Returns:
             m that it is from there, depth apart; 0 where its place is not known.
-
-        Raises:
-            _SafeEnd: it is not so.
         """
         if report.state is State.EXECUTING:
             raise _SafeEnd("the vehicle executes a plan already: end that first")
@@ -239,11 +235,7 @@ class _Executor:
         return float(np.linalg.norm(gap[:2]))
 
     def _follow(self) -> None:
-        """Look at the vehicle until it is at the destination, and do what is decided at each look.
-
-        Raises:
-            _SafeEnd, _Left: it does not come there.
-        """
+        """Look at the vehicle until it is at the destination, and do what is decided at each look."""
         report = self._look(self._limits.look)
         while True:
             decision = decide(self._facts(report))
@@ -266,21 +258,18 @@ class _Executor:
 
     def _do(self, decision: Decision) -> None:
         """Do what was decided at a look."""
-        if decision.act is Act.HOLD:
-            self._hold(decision.rule, decision.why)
-        elif decision.act in (Act.UPLOAD, Act.START):
-            call = self._upload if decision.act is Act.UPLOAD else self._start
-            self._asked(call, "the new plan was not taken: sent again")
-        elif decision.act is Act.GIVE_WAY:
-            self._give_way(decision.why)
-        elif decision.act is Act.RESTART:
-            self._restart(decision.why)
-        elif decision.act is Act.REPLAN_LEG:
-            self._plan_leg(decision.why)
-        elif decision.act is Act.REPLAN_REST:
-            self._plan_rest(decision.why)
-        elif decision.act is Act.DROP:
-            self._drop()
+        why = decision.why
+        calls: dict[Act, Callable[[], object]] = {
+            Act.HOLD: lambda: self._hold(decision.rule, why),
+            Act.UPLOAD: lambda: self._asked(self._upload, "the new plan was not taken: sent again"),
+            Act.START: lambda: self._asked(self._start, "the new plan was not taken: sent again"),
+            Act.GIVE_WAY: lambda: self._give_way(why),
+            Act.RESTART: lambda: self._restart(why),
+            Act.REPLAN_LEG: lambda: self._plan_leg(why),
+            Act.REPLAN_REST: lambda: self._plan_rest(why),
+            Act.DROP: self._drop,
+        }
+        calls[decision.act]()
 
     def _facts(self, report: Report) -> Facts:
         """Take in a report, and what was reported from outside; return what is known now."""
@@ -294,7 +283,7 @@ class _Executor:
         stuck, idle = "", report.state is State.IDLE
         astray = hazard = approached = ""
         if heard and place is not None and not idle and self._is_blocked(place):
-            if self._phase is Phase.HELD or progress.at_task(place):
+            if self._held or progress.at_task(place):
                 approached = "an obstacle comes to where it stays"
             else:
                 hazard = "an obstacle is in the way of the present leg"
@@ -329,10 +318,9 @@ class _Executor:
 
     def _missed(self, new: _Next) -> str:
         """Return why a plan cannot be begun any more, or an empty string."""
-        held = self._phase is Phase.HELD
-        if self._count > new.kept or (self._count == new.kept and not held and not new.sent):
+        if self._count > new.kept or (self._count == new.kept and not self._held and not new.sent):
             return "the vehicle is past the leg that the new plan begins with"
-        late = held and not new.sent and self._now - new.begins > _LATE
+        late = self._held and not new.sent and self._now - new.begins > _LATE
         return "the new plan was to be begun before" if late else ""
 
     def _is_at_task(self, place: Array | None) -> bool:
@@ -348,9 +336,9 @@ class _Executor:
         now = self._now
         if now - self._looked >= self._limits.astray:
             self._looked = now
-            stopped = self._phase is Phase.HELD and not self._aside
             # By then a held vehicle has a plan, or this is looked at again.
             until = self._cost + 2.0 * self._limits.astray
+            stopped = self._held and not self._aside
             track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
@@ -364,14 +352,13 @@ class _Executor:
             self._due, self._settled = "late" if late > 0.0 else "early", self._count
 
     def _book(self, report: Report) -> None:
-        """Book where the vehicle is, and the steps that it has completed and can have completed."""
-        progress = self._progress
+        """Keep where the vehicle is, and the steps that it has completed and can have completed."""
+        progress, track = self._progress, self._record.track
         self._see(report)
         if report.position is not None:
             north, east, depth = (round(float(part), 2) for part in report.position)
-            row = round(self._now, 1), north, east, depth
-            if not self._record.track or self._record.track[-1][1:] != row[1:]:
-                self._record.track.append(row)
+            if not track or track[-1][1:] != (north, east, depth):
+                track.append((round(self._now, 1), north, east, depth))
         for step in progress.complete(report.done, self._now):
             if self._aside:
                 continue  # this is no step of the mission's
@@ -391,59 +378,58 @@ class _Executor:
         self._sight = now, report.position
 
     def _end_leg(self, number: int) -> None:
-        """Book legs up to one of a number, from 1."""
+        """Record legs up to one of a number, from 1."""
         for leg in self._plan.legs[self._count : number]:
             self._route.append(leg.goal)
             if leg.priority > 0.0:
                 self._record.tasks.append(self._leg_name(leg))
                 self._record.total_priority += leg.priority
             task = ", task done" if leg.priority > 0.0 else ""
-            planned = float(leg.times[-1]) + leg.t_wait + leg.t_task
-            off = f"{self._now - planned:+.0f} s off the plan"
-            run = self._plan.run
-            place = run.called(leg.goal) if run.names else f"waypoint {leg.goal}"
-            self._say("leg", f"reached {place}{task}, {off}")
+            off = f"{self._now - leg.ends:+.0f} s off the plan"
+            self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
         self._count = max(self._count, number)
 
     def _hear(self) -> None:
         """Take in what is reported from outside."""
-        reported = []
+        reported: list[str] = []
         for notice in self._notices.read():
             if isinstance(notice, str):
                 self._say("note", notice)
             elif isinstance(notice, ObstacleNotice):
-                now = self._now
                 obstacle = notice.obstacle
-                north, east = (p - v * now for p, v in zip(obstacle.position, obstacle.velocity, strict=True))
-                self._plan.add_obstacle(replace(obstacle, position=(north, east)))
+                self._plan.add_obstacle(obstacle.after(-self._now))
                 self._say("reported", f"obstacle {obstacle.name}, radius {obstacle.radius:.0f} m")
                 self._looked = -math.inf
-                reported.append(obstacle)
+                reported.append(obstacle.name)
             elif isinstance(notice, GoneNotice):
                 there = self._plan.remove_obstacle(notice.name)
                 end = "is gone" if there else "is reported gone, but was never reported"
                 self._say("reported" if there else "note", f"obstacle {notice.name} {end}")
                 self._looked = -math.inf
-            elif isinstance(notice, CurrentNotice):
-                place = self._link.report(0.0).position if notice.position is None else notice.position
-                if place is None:
-                    self._say("note", "a current was reported before the vehicle's place is known: left out")
-                    continue
-                offset = self._plan.correct_current(notice.velocity, place, self._now)
-                if offset is None:
-                    self._say("note", "a current was reported where there is no forecast: left out")
-                    continue
-                words = ", ".join(f"{part:+.2f}" for part in offset)
-                self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
-                if self._now - self._measured >= _PAUSE:
-                    self._due, self._new, self._measured = "current", None, self._now
+            else:
+                self._hear_current(notice)
         if reported:
             self._tries["hazard"] = self._tries["no plan"] = 0  # what is in the way now is something else
             self._check_legs(reported)
 
-    def _check_legs(self, reported: list[KnownObstacle]) -> None:
+    def _hear_current(self, notice: CurrentNotice) -> None:
+        """Take in a current that was measured."""
+        place = self._link.report(0.0).position if notice.position is None else notice.position
+        if place is None:
+            self._say("note", "a current was reported before the vehicle's place is known: left out")
+            return
+        offset = self._plan.correct_current(notice.velocity, place, self._now)
+        if offset is None:
+            self._say("note", "a current was reported where there is no forecast: left out")
+            return
+        words = ", ".join(f"{part:+.2f}" for part in offset)
+        self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
+        if self._now - self._measured >= _PAUSE:
+            self._due, self._new, self._measured = "current", None, self._now
+
+    def _check_legs(self, reported: list[str]) -> None:
         """See whether reported obstacles are in the way of the legs after the present one."""
-        names = reported[0].name if len(reported) == 1 else counted(len(reported), "obstacle")
+        names = reported[0] if len(reported) == 1 else counted(len(reported), "obstacle")
         for leg in self._plan.legs[self._count + 1 :]:
             if self._plan.clearance(leg.positions, leg.times) < self._plan.margin:
                 self._due, self._new = "hazard", None
@@ -541,9 +527,8 @@ class _Executor:
 
     def _give_way(self, why: str) -> None:
         """Have the vehicle go aside, to wait for a plan from there; a task under way is begun again."""
-        assert self._sight is not None
-        self._blocked, place, before = False, self._sight[1], self._progress.upload
-        leg = self._plan.aside(self._count, place, self._now)
+        self._blocked, before = False, self._progress.upload
+        leg = self._plan.aside(self._count, self._place, self._now)
         if leg is None:
             self._say("hazard", f"{why}: no place near is better, and it stays")
             return
@@ -560,16 +545,12 @@ class _Executor:
     def _drop(self) -> None:
         """Drop the plan that waits; another one is due for the same cause."""
         assert self._new is not None
-        if self._phase is not Phase.HELD:
+        if not self._held:
             self._say("replan", "the new plan came too late for its first leg")
         self._new, self._due = None, self._new.cause
 
     def _upload(self) -> None:
-        """Upload the plan that waits, without what the vehicle has completed of it.
-
-        Raises:
-            Lost, Refused: the vehicle may have this plan or the one before.
-        """
+        """Upload the plan that waits, without what the vehicle has completed of it."""
         new, before = self._new, self._progress
         assert new is not None
         fresh = new.upload if before.upload is new.upload else new.upload.without(before.passed(new.upload))
@@ -581,8 +562,7 @@ class _Executor:
     def _start(self) -> None:
         """Start what was uploaded, at the step that the vehicle has come to meanwhile.
 
-        Raises:
-            Lost, Refused: the vehicle does not say that it does; the plan is to be uploaded again.
+        Where that fails the plan is to be uploaded again.
         """
         new, before = self._new, self._progress
         assert new is not None
@@ -605,12 +585,10 @@ class _Executor:
 
     def _plan_leg(self, cause: str) -> None:
         """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
-        assert self._sight is not None
-        place = self._sight[1]
         for _ in range(2):
             asked = self._now
             begins = asked + self._cost
-            found = self._plan.from_position(self._count, place, begins)
+            found = self._plan.from_position(self._count, self._place, begins)
             self._cost = self._now - asked
             if found is None or self._now - begins <= _LATE:
                 break
@@ -626,8 +604,7 @@ class _Executor:
     def _plan_rest(self, cause: str) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
         legs, progress, begin = self._plan.legs, self._progress, self._now
-        assert self._sight is not None
-        late = progress.late(self._sight[1], begin) or 0.0
+        late = progress.late(self._place, begin) or 0.0
         kept = self._count + 1
         while kept < len(legs) and _after(legs[kept - 1], late) < begin + self._cost:
             kept += 1
@@ -640,9 +617,8 @@ class _Executor:
             self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)
-        staying = [_shifted(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
-        rest = self._plan.itinerary(found, kept)
-        first = present.steps[0]
+        staying = [_later(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
+        rest, first = self._plan.itinerary(found, kept), present.steps[0]
         origin = first.left, first.left_at + late
         if progress.ahead == 0 and present.origin is None:  # it is on its way to the start
             origin = progress.line[0], first.left_at
@@ -664,8 +640,7 @@ class _Executor:
             self._book(report)
             if end != "surface":
                 record.safe = f"at the end: {end}"
-                return
-            if self._is_up(report):
+            if end != "surface" or self._is_up(report):
                 return
 
     def _end_safely(self, why: str) -> None:
@@ -723,6 +698,6 @@ def _after(leg: LegRecord, late: float) -> float:
     return float(leg.times[-1]) + late + max(leg.t_wait - max(late, 0.0), 0.0) + leg.t_task
 
 
-def _shifted(leg: PlannedLeg, seconds: float) -> PlannedLeg:
+def _later(leg: PlannedLeg, seconds: float) -> PlannedLeg:
     """Return a leg that is gone later."""
     return replace(leg, times=leg.times + seconds, kept_times=leg.kept_times + seconds)

@@ -6,12 +6,12 @@ Messages are imcpy's; a plan is the PlanSpecification of the vehicle file, eleme
 """
 
 import math
-import queue
 import re
 import socket
 import time
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -58,31 +58,23 @@ def as_message(element: Element) -> Any:
     imcpy: Any = import_module("imcpy")
     message = getattr(imcpy, element.tag)()
     for child in element:
+        name, text = child.tag, child.text or ""
         if len(child):
             parts = [as_message(part) for part in child]
-            if child.tag == "data":
-                setattr(message, child.tag, parts[0])
+            if name == "data":
+                message.data = parts[0]
             else:
-                getattr(message, child.tag).extend(parts)
-        elif child.text:
-            setattr(message, child.tag, _value(getattr(message, child.tag), message, child))
+                getattr(message, name).extend(parts)
+        elif text:
+            names = {"z_units": "ZUnits", "speed_units": "SpeedUnits"}.get(name)
+            own = {"type": "LoiterTypeEnum", "direction": "DirectionEnum"}.get(name)
+            if names or own:  # which stand for numbers
+                value = getattr(getattr(imcpy, names) if names else getattr(message, str(own)), text)
+            else:
+                default = getattr(message, name)
+                value = next(kind for kind in (str, int, float) if isinstance(default, kind))(text)
+            setattr(message, name, value)
     return message
-
-
-def _value(default: Any, message: Any, child: Element) -> Any:
-    """Return a field's text in the type of its field; names stand for numbers of enumerations."""
-    imcpy: Any = import_module("imcpy")
-    text = child.text or ""
-    if isinstance(default, str):
-        return text
-    names = {"z_units": imcpy.ZUnits, "speed_units": imcpy.SpeedUnits}.get(child.tag)
-    if child.tag == "type":
-        names = message.LoiterTypeEnum
-    if child.tag == "direction":
-        names = message.DirectionEnum
-    if names is not None:
-        return getattr(names, text)
-    return int(text) if isinstance(default, int) else float(text)
 
 
 class _Datagrams:
@@ -189,17 +181,14 @@ class ImcVehicle(ListeningLink):
         Args:
             address: HOST:PORT of the vehicle, for UDP, with `?local=PORT` for a port of ours; or
                 tcp:HOST:PORT.
-            site: that local coordinates count from.
-            limits: of replies and tries.
-            scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
-            over_ground: whether it holds a speed over ground, not through the water.
+            site, limits, scale, over_ground: as for `ListeningLink`.
 
         Raises:
             LinkError: the address cannot be used.
             ImportError: imcpy is not installed.
         """
         imcpy: Any = import_module("imcpy")
-        super().__init__(site, limits, scale)
+        super().__init__(site, limits, scale, over_ground)
         self._imc, self.name = imcpy, f"the IMC vehicle at {address}"
         place, _, local = address.partition("?local=")
         host, _, port = place.rpartition(":")
@@ -210,15 +199,14 @@ class ImcVehicle(ListeningLink):
         except (OSError, ValueError) as error:
             raise LinkError(f"{address}: {error}") from None
         self._announced = -math.inf  # s, when that was last done
-        self._answers: queue.Queue[Any] = queue.Queue()
         self._vehicle, self._at = _ANYONE, -math.inf
         self._speed, self._mode, self._words = math.nan, None, ""
         self._control: Any = None  # PlanControlState that came last
-        self._request, self._over_ground = 0, over_ground
+        self._request = 0
         self._upload: Upload | None = None  # newest that was handed over
         self._plan: Upload | None = None  # that is executed, from `_offset` steps on
         self._offset, self._done, self._holds = 0, 0, False
-        self._started: set[str] = set()  # plans of ours that the vehicle was given to execute
+        self._started_plans: set[str] = set()  # plans of ours that the vehicle was given to execute
         self._since = math.inf  # s of the vehicle's clock, when it began to execute the last of them
         self._ended, self._faulty, self._aborted = "", False, False
         self._start_listening()
@@ -233,21 +221,16 @@ class ImcVehicle(ListeningLink):
         self._send(self._imc.Heartbeat())
 
     def _receive(self) -> None:
-        try:
-            messages = self._wire.receive()
-        except OSError:
-            return
-        for message in messages:
-            self._take(message)
+        with suppress(OSError):
+            for message in self._wire.receive():
+                self._take(message)
 
     def _send(self, message: Any, by: Callable[[bytes], None] | None = None) -> None:
         """Send a message; what cannot be sent is as lost as what does not arrive."""
         message.src, message.dst = self._wire.identifier, self._vehicle
         message.set_timestamp_now()
-        try:
+        with suppress(OSError):
             (by or self._wire.send)(self._imc.Packet.serialize(message))
-        except OSError:
-            return
 
     def _take(self, message: Any) -> None:
         """Take in a message of the vehicle, which is the first that says where it is."""
@@ -260,15 +243,12 @@ class ImcVehicle(ListeningLink):
         if isinstance(message, imc.EstimatedState):
             longitude, latitude = math.degrees(message.lon), math.degrees(message.lat)
             north, east = self._site.to_local(longitude, latitude)
-            offset = np.asarray([message.x, message.y])
-            bearing = float(self._site.true_north(longitude, latitude))
-            turned = np.asarray(
-                [
-                    offset[0] * math.cos(bearing) - offset[1] * math.sin(bearing),
-                    offset[0] * math.sin(bearing) + offset[1] * math.cos(bearing),
-                ]
+            bearing, x, y = float(self._site.true_north(longitude, latitude)), message.x, message.y
+            more = (
+                x * math.cos(bearing) - y * math.sin(bearing),
+                x * math.sin(bearing) + y * math.cos(bearing),
             )
-            self._put(float(north) + turned[0], float(east) + turned[1], message.depth)
+            self._put(float(north) + more[0], float(east) + more[1], message.depth)
             self._speed = math.hypot(message.vx, message.vy, message.vz)
         elif isinstance(message, imc.PlanControlState):
             self._control = message
@@ -285,10 +265,7 @@ class ImcVehicle(ListeningLink):
         plan = self._plan
         if plan is None or state.plan_id != self._identifier(plan, self._offset):
             return
-        outcomes, states = (
-            self._imc.PlanControlState.LastPlanOutcomeEnum,
-            self._imc.PlanControlState.StateEnum,
-        )
+        outcomes, states = state.LastPlanOutcomeEnum, state.StateEnum
         steps, manoeuvre = plan.steps, state.man_id
         if manoeuvre == "end" or (state.state == states.READY and state.last_outcome == outcomes.SUCCESS):
             done = len(steps)
@@ -314,7 +291,7 @@ class ImcVehicle(ListeningLink):
         if self._plan is None or self._aborted or state.timestamp < self._since or not state.plan_id:
             return
         states, outcomes = state.StateEnum, state.LastPlanOutcomeEnum
-        ours = state.plan_id in self._started
+        ours = state.plan_id in self._started_plans
         ready = state.state in (states.READY, states.BLOCKED)
         if state.state == states.EXECUTING and not ours:
             self._ended = f"another plan was started, {state.plan_id}"
@@ -342,34 +319,22 @@ class ImcVehicle(ListeningLink):
             raise Refused(f"{self.name} has left the plan: {self._words or self._ended}")
 
     def connect(self) -> list[str]:
-        """Wait for the vehicle's position, and for its plan control to be ready or busy.
+        """Wait for the vehicle's position, and for its plan control to be ready or busy."""
 
-        Returns:
-            Nothing: what it does by itself is not asked.
+        def ready() -> bool:
+            known = self._here is not None and self._control is not None
+            return known and self._control.state != self._control.StateEnum.BLOCKED
 
-        Raises:
-            Lost: there is none.
-            Refused: it does not become ready.
-        """
-        end, known = time.monotonic() + self._limits.connect, False
-        while time.monotonic() < end:
-            if self._here is not None and self._control is not None:
-                known = True
-                if self._control.state != self._control.StateEnum.BLOCKED:
-                    return []
-            time.sleep(0.02)
         within = f"within {self._limits.connect:.0f} s"
-        if known:
+        if self._until(ready, self._limits.connect):
+            return []
+        if self._here is not None and self._control is not None:
             raise Refused(f"{self.name}: was not ready for a plan {within}: {self._words or 'blocked'}")
         what = "EstimatedState" if self._here is None else "PlanControlState"
         raise Lost(f"{self.name}: no {what} {within}")
 
     def upload(self, plan: Upload) -> list[str]:
-        """Store the plan in the vehicle's data base, and read it back.
-
-        Raises:
-            Lost, Refused: the vehicle does not hold the plan, or has left the one before.
-        """
+        """Store the plan in the vehicle's data base, and read it back."""
         self._check_goes_on()
         self._store(plan, 0)
         self._upload = plan
@@ -400,37 +365,25 @@ class ImcVehicle(ListeningLink):
         what: str,
         done: Callable[[], bool] = lambda: False,
     ) -> Any:
-        """Make a request until it is answered, or until the vehicle is seen to have done it.
-
-        Raises:
-            Lost, Refused: neither is so.
-        """
+        """Make a request until it is answered, or until the vehicle is seen to have done it."""
         self._request = self._request % 0xFFFF + 1
-        request = kind()
-        request.type, request.op, request.plan_id = kind.TypeEnum.REQUEST, operation, plan
+        request, kinds = kind(), kind.TypeEnum
+        request.type, request.op, request.plan_id = kinds.REQUEST, operation, plan
         request.request_id = self._request
         if argument is not None:
             request.arg = argument
+
+        def fits(answer: Any) -> bool:
+            ours = isinstance(answer, kind) and (answer.request_id, answer.op) == (self._request, operation)
+            return ours and answer.type in (kinds.SUCCESS, kinds.FAILURE)
+
         for _ in range(self._limits.attempts):
             self._send(request)
-            end = time.monotonic() + self._limits.reply
-            while (left := end - time.monotonic()) > 0.0:
-                self._check_goes_on()
-                try:
-                    answer = self._answers.get(timeout=min(left, 0.05))
-                except queue.Empty:
-                    if done():
-                        return None
-                    continue
-                if not isinstance(answer, kind) or (answer.request_id, answer.op) != (
-                    self._request,
-                    operation,
-                ):
-                    continue
-                if answer.type == kind.TypeEnum.SUCCESS:
-                    return answer
-                if answer.type == kind.TypeEnum.FAILURE:
-                    raise Refused(f"{self.name} refuses {what}: {answer.info}")
+            answer = self._answer(fits, self._check_goes_on, done)
+            if answer is not None and answer.type == kinds.FAILURE:
+                raise Refused(f"{self.name} refuses {what}: {answer.info}")
+            if answer is not None or done():
+                return answer
         raise Lost(f"{self.name}: no answer to {what}")
 
     def _executes(self, identifier: str) -> bool:
@@ -439,28 +392,19 @@ class ImcVehicle(ListeningLink):
         return control is not None and control.state == executing and control.plan_id == identifier
 
     def start(self, step: int = 0) -> None:
-        """Execute the last upload from a step on.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Execute the last upload from a step on."""
         plan = self._upload
         assert plan is not None
         if step:
             self._store(plan, step)
         self._execute(self._identifier(plan, step), None, "the start")
         self._plan, self._offset, self._done, self._holds = plan, step, step, False
-        if math.isnan(self._begin):
-            self._begin = time.monotonic()
+        self._begin_time()
 
     def _execute(self, identifier: str, plan: Any, what: str) -> None:
-        """Have a plan executed.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does, or was stopped meanwhile.
-        """
+        """Have a plan executed, unless the vehicle was stopped meanwhile."""
         self._check_goes_on()
-        self._started.add(identifier)
+        self._started_plans.add(identifier)
         operation = self._imc.PlanControl.OperationEnum.START
         answer = self._ask(
             self._imc.PlanControl, operation, identifier, plan, what, lambda: self._executes(identifier)
@@ -471,11 +415,7 @@ class ImcVehicle(ListeningLink):
         self._since = (answer or self._control).timestamp
 
     def hold(self) -> None:
-        """Stay where it is, by a plan of that alone.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Stay where it is, by a plan of that alone."""
         if self._here is None or self._plan is None:
             raise Lost(f"{self.name}: its place is not known")
         plan = as_message(stay_specification(self._plan.itinerary, self._here, _HOLD))
@@ -483,20 +423,19 @@ class ImcVehicle(ListeningLink):
         self._holds = True
 
     def surface(self) -> None:
-        """Give the plan up: the vehicle stops and floats up.
-
-        Raises:
-            Lost: it goes on executing a plan.
-        """
+        """Give the plan up: the vehicle stops and floats up."""
         executing = self._imc.PlanControlState.StateEnum.EXECUTING
         for _ in range(self._limits.attempts):
             self._send(self._imc.Abort())
             begin = time.monotonic()
-            while time.monotonic() - begin < self._limits.reply:
-                if self._at > begin and self._control is not None and self._control.state != executing:
-                    self._aborted = True
-                    return
-                time.sleep(0.02)
+            if self._until(
+                lambda begin=begin: (
+                    self._at > begin and self._control is not None and self._control.state != executing
+                ),
+                self._limits.reply,
+            ):
+                self._aborted = True
+                return
         raise Lost(f"{self.name}: goes on after an abort")
 
     def _report(self) -> Report:
@@ -518,7 +457,7 @@ class ImcVehicle(ListeningLink):
         if control.timestamp < self._since < math.inf:
             return State.EXECUTING  # what it said before it was started
         if control.state == states.EXECUTING:
-            if control.man_id == "end" and control.plan_id in self._started:
+            if control.man_id == "end" and control.plan_id in self._started_plans:
                 return State.FINISHED
             return State.HOLDING if self._holds else State.EXECUTING
         return State.IDLE

@@ -2,15 +2,18 @@
 
 import logging
 import math
+import queue
 import threading
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.link.limits import Limits
-from auvplan.link.vehicle import Report
+from auvplan.link.vehicle import Report, VehicleLink
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -21,23 +24,24 @@ _log = logging.getLogger(__name__)
 _BEAT = 1.0
 
 
-class ListeningLink(ABC):
+class ListeningLink(VehicleLink):
     """A vehicle that is listened to in a thread, from `_start_listening` until `close`."""
 
-    left_alone = ""
-
-    def __init__(self, site: Site, limits: Limits | None, scale: float) -> None:
+    def __init__(self, site: Site, limits: Limits | None, scale: float, over_ground: bool) -> None:
         """Begin before mission time does.
 
         Args:
             site: that local coordinates count from.
             limits: of replies and tries.
             scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+            over_ground: whether the vehicle holds a speed over ground, not through the water.
         """
         self._site, self._limits, self.rate = site, limits or Limits(), scale
+        self._over_ground = over_ground
         self._begin = math.nan  # s, when mission time began
         self._position: Array | None = None
         self._placed = -math.inf  # s, when that was heard
+        self._answers: queue.Queue[Any] = queue.Queue()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
 
@@ -56,9 +60,18 @@ class ListeningLink(ABC):
             self._position, self._placed = place, time.monotonic()
 
     @property
+    def _started(self) -> bool:
+        return not math.isnan(self._begin)
+
+    def _begin_time(self) -> None:
+        """Let mission time begin, where it has not."""
+        if not self._started:
+            self._begin = time.monotonic()
+
+    @property
     def now(self) -> float:
         """Return s of mission time."""
-        return 0.0 if math.isnan(self._begin) else (time.monotonic() - self._begin) * self.rate
+        return (time.monotonic() - self._begin) * self.rate if self._started else 0.0
 
     def report(self, seconds: float) -> Report:
         """Let `seconds` of mission time pass, and return the newest report."""
@@ -83,6 +96,41 @@ class ListeningLink(ABC):
             except Exception as error:  # whatever comes in, what comes after it is listened to
                 _log.info("a message was left out: %r", error)
                 self._closed.wait(0.01)
+
+    def _until(self, so: Callable[[], bool], seconds: float) -> bool:
+        """Wait until something is so; return whether it is within some seconds."""
+        end = time.monotonic() + seconds
+        while not so():
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.005)
+        return True
+
+    def _answer(
+        self,
+        fits: Callable[[Any], bool],
+        look: Callable[[], None] = lambda: None,
+        done: Callable[[], bool] = lambda: False,
+    ) -> Any:
+        """Return the next fitting answer within the time of a reply; None without one.
+
+        Args:
+            fits: whether an answer is one.
+            look: called all the time; may raise.
+            done: whether no answer is needed any more.
+        """
+        end = time.monotonic() + self._limits.reply
+        while (left := end - time.monotonic()) > 0.0:
+            look()
+            try:
+                message = self._answers.get(timeout=min(left, 0.05))
+            except queue.Empty:
+                if done():
+                    return None
+                continue
+            if fits(message):
+                return message
+        return None
 
     @abstractmethod
     def _say_hello(self) -> None:

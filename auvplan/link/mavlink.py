@@ -7,12 +7,11 @@ the items of its `.plan` file, with the fence; what is there is read back and co
 import logging
 import math
 import os
-import queue
 import threading
 import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -33,11 +32,18 @@ _OURS = 255, 190
 #: s that other vehicles on the link are looked for.
 _OTHERS = 1.5
 
-#: MAV_CMD_NAV_WAYPOINT.
-_WAYPOINT = 16
-
 #: Mission types: waypoints and fences.
 MISSION, FENCE = 0, 1
+
+#: MAV_CMD_NAV_WAYPOINT, _NAV_FENCE_POLYGON_VERTEX_EXCLUSION and _NAV_FENCE_CIRCLE_EXCLUSION.
+_WAYPOINT, _CORNER, _CIRCLE = 16, 5002, 5004
+
+#: MAV_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _MISSION_START, _DO_PAUSE_CONTINUE, _NAV_LAND and
+#: _DO_CHANGE_SPEED.
+_ARM, _SET_MODE, _START, _PAUSE, _LAND, _SPEED = 400, 176, 300, 193, 21, 178
+
+#: MAV_FRAME_GLOBAL, of fences, and MAV_FRAME_MISSION, of items without a place.
+_GLOBAL, _NO_PLACE = 0, 2
 
 #: Names of MAV_MISSION_RESULT and MAV_RESULT, by number.
 _ACKS = (
@@ -49,26 +55,17 @@ _RESULTS = (
     "accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled",
 )  # fmt: skip
 
-#: MISSION_ACK that another try may mend: error, invalid sequence, cancelled.
-_AGAIN = (1, 13, 15)
+#: MAV_MISSION_OPERATION_CANCELLED; another try may mend that, an error or an invalid sequence.
+_CANCELLED, _AGAIN = 15, (1, 13, 15)
 
 #: Replies' times that are waited after the last item.
 _LAST = 3
 
-#: MAV_MISSION_OPERATION_CANCELLED.
-_CANCELLED = 15
-
-#: Messages that answer an offer of items, a request for them, and a command.
+#: Messages that answer an offer of items, a request for them, a command, and a question for a parameter.
 _OFFERED = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
 _READ = ("MISSION_COUNT", "MISSION_ITEM_INT")
 _COMMANDED = ("COMMAND_ACK",)
 _VALUES = ("PARAM_VALUE",)
-
-#: MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION and MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION.
-_CORNER, _CIRCLE = 5002, 5004
-
-#: MAV_FRAME_GLOBAL, of fences, and MAV_FRAME_MISSION, of items without a place.
-_GLOBAL, _NO_PLACE = 0, 2
 
 #: m by which heights may be off that are held as they were sent.
 _SAME = 1e-3
@@ -76,15 +73,14 @@ _SAME = 1e-3
 #: MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4 and MAV_TYPE_SUBMARINE.
 _ARDUPILOT, _PX4, _SUBMARINE = 3, 12, 12
 
-#: MAV_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _MISSION_START, _DO_PAUSE_CONTINUE, _NAV_LAND, _DO_CHANGE_SPEED
-#: and _SET_MESSAGE_INTERVAL.
-_ARM, _SET_MODE, _START, _PAUSE, _LAND, _SPEED, _INTERVAL = 400, 176, 300, 193, 21, 178, 511
-
 #: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
 _CUSTOM = 1
 
-#: States by MISSION_CURRENT.mission_state.
+#: States by MISSION_CURRENT.mission_state, and by ArduSub's mode where it says none.
 _STATES = {3: State.EXECUTING, 4: State.HOLDING, 5: State.FINISHED}
+_MODES = {
+    ardusub.AUTO: State.EXECUTING, ardusub.POSHOLD: State.HOLDING, ardusub.SURFACE: State.SURFACING,
+}  # fmt: skip
 
 #: MAV_STATE_CRITICAL, _EMERGENCY, _POWEROFF and _FLIGHT_TERMINATION.
 _FAULTS = (5, 6, 7, 8)
@@ -117,12 +113,17 @@ class Item:
     y: int
     z: float
 
-    def same(self, other: "Item", height: float = _SAME) -> bool:
-        """Return whether another item says the same; what is left to the vehicle may have any value.
+    @classmethod
+    def at(
+        cls, frame: int, command: int, params: Sequence[float], place: Sequence[float], z: float = 0.0
+    ) -> "Item":
+        """Return an item at a place of latitude and longitude, degrees."""
+        return cls(frame, command, tuple(params), round(place[0] * 1e7), round(place[1] * 1e7), float(z))
 
-        Args:
-            other: item.
-            height: m, by which heights may be off each other.
+    def same(self, other: "Item", height: float = _SAME) -> bool:
+        """Return whether another item says the same, heights within some m of each other.
+
+        What is left to the vehicle may have any value.
         """
         return (
             (self.frame, self.command, self.x, self.y) == (other.frame, other.command, other.x, other.y)
@@ -144,44 +145,31 @@ class Item:
 def mission_items(upload: Upload, ardupilot: bool = False) -> list[Item]:
     """Return the items of an upload's `.plan` file.
 
-    Args:
-        upload: whose itinerary is written.
-        ardupilot: whether they are for ArduPilot: the planned home comes first, and of each item there is
-            what it keeps.
+    For ArduPilot the planned home comes first, and of each item there is what it keeps.
     """
-    mission = qgc_plan(upload.itinerary)["mission"]
-    items = []
+    mission, items = qgc_plan(upload.itinerary)["mission"], []
     for item in mission["items"]:
         *params, latitude, longitude, height = item["params"]
-        values = tuple(math.nan if part is None else float(part) for part in params)
-        items.append(
-            Item(item["frame"], item["command"], values, *_scaled((latitude, longitude)), float(height))
-        )
-    if ardupilot:
-        latitude, longitude, height = mission["plannedHomePosition"]
-        place = round(latitude * 1e7), round(longitude * 1e7), height
-        items.insert(0, Item(_GLOBAL, 16, (0.0, 0.0, 0.0, 0.0), *place))
-        items = [item.kept for item in items]
-    return items
+        values = [math.nan if part is None else float(part) for part in params]
+        items.append(Item.at(item["frame"], item["command"], values, (latitude, longitude), height))
+    if not ardupilot:
+        return items
+    *place, height = mission["plannedHomePosition"]
+    return [item.kept for item in (Item.at(_GLOBAL, _WAYPOINT, [0.0] * 4, place, height), *items)]
 
 
 def fence_items(upload: Upload) -> list[Item]:
     """Return the fence of an upload's `.plan` file, corners and circles."""
     fence = qgc_plan(upload.itinerary)["geoFence"]
-    items = [
-        Item(_GLOBAL, _CORNER, (float(len(area["polygon"])), 0.0, 0.0, 0.0), *_scaled(corner), 0.0)
+    corners = [
+        Item.at(_GLOBAL, _CORNER, (float(len(area["polygon"])), 0.0, 0.0, 0.0), corner)
         for area in fence["polygons"]
         for corner in area["polygon"]
     ]
-    for area in fence["circles"]:
-        circle = area["circle"]
-        radius = float(np.float32(circle["radius"]))
-        items.append(Item(_GLOBAL, _CIRCLE, (radius, 0.0, 0.0, 0.0), *_scaled(circle["center"]), 0.0))
-    return items
-
-
-def _scaled(place: Sequence[float]) -> tuple[int, int]:
-    return round(place[0] * 1e7), round(place[1] * 1e7)
+    return corners + [
+        Item.at(_GLOBAL, _CIRCLE, (float(np.float32(one["radius"])), 0.0, 0.0, 0.0), one["center"])
+        for one in (area["circle"] for area in fence["circles"])
+    ]
 
 
 @dataclass
@@ -201,17 +189,20 @@ class _Heard:
     failed: bool = False  # whether that was a failsafe
     speed: float = math.nan
     current: int = -1
-    reached: int = -1
     progress: State = State.UNKNOWN
     words: str = ""
     alarm: str = ""  # its last words of warning
-    answers: "queue.Queue[Any]" = field(default_factory=queue.Queue)
+
+    @property
+    def warned(self) -> str:
+        """Its last words of warning, in brackets."""
+        return f" ({self.alarm})" if self.alarm else ""
 
 
 class MavlinkVehicle(ListeningLink):
     """A vehicle behind a MAVLink connection of pymavlink."""
 
-    by_legs, allowance = False, ALLOWANCES["mavlink"]
+    allowance = ALLOWANCES["mavlink"]
 
     def __init__(
         self,
@@ -226,11 +217,8 @@ class MavlinkVehicle(ListeningLink):
 
         Args:
             address: as pymavlink takes it, such as udpin:0.0.0.0:14550, tcp:HOST:PORT or /dev/ttyUSB0.
-            site: that local coordinates count from.
-            limits: of replies and tries.
-            scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+            site, limits, scale, over_ground: as for `ListeningLink`.
             link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
-            over_ground: whether it holds a speed over ground, not through the water.
 
         Raises:
             LinkError: the connection cannot be opened.
@@ -241,7 +229,7 @@ class MavlinkVehicle(ListeningLink):
         mavutil: Any = import_module("pymavlink.mavutil")
         mavutil.print = lambda *words: _log.info("%s", " ".join(map(str, words)))  # not on standard output
 
-        super().__init__(site, limits, scale)
+        super().__init__(site, limits, scale, over_ground)
         self.name = f"the MAVLink vehicle at {address}"
         try:
             self._port = mavutil.mavlink_connection(
@@ -255,17 +243,14 @@ class MavlinkVehicle(ListeningLink):
         self._target = 0, 0
         self._systems: set[int] = set()
         self._items: list[Item] = []
+        self._fence: list[Item] = []
         self._numbers: list[int] = []  # items of the steps
         self._speeds: list[float] = []  # m/s over ground, at which they are gone to
         # Both, of an upload that is not started.
         self._fresh: tuple[list[int], list[float]] | None = None
         self._done, self._settled = 0, -math.inf
-        self._ours: frozenset[int] = (
-            frozenset()
-        )  # modes that the vehicle may be in because it was asked to be
-        self._link_loss, self._over_ground = link_loss, over_ground
-        self._failsafes: dict[str, float] = {}
-        self._fence: list[Item] = []
+        self._ours = frozenset[int]()  # modes that the vehicle may be in because it was asked to be
+        self._link_loss, self._failsafes = link_loss, dict[str, float]()
         self._expected: tuple[str, ...] = ()
         self._start_listening()
 
@@ -291,7 +276,7 @@ class MavlinkVehicle(ListeningLink):
                 return
 
     def _take(self, message: Any) -> None:
-        kind, heard = message.get_type(), self._heard
+        kind, heard, now = message.get_type(), self._heard, time.monotonic()
         source = message.get_srcSystem(), message.get_srcComponent()
         if getattr(message, "target_system", 0) not in (0, _OURS[0]):
             return  # to another ground station
@@ -302,10 +287,10 @@ class MavlinkVehicle(ListeningLink):
         if source != self._target:
             return
         # Messages overtake each other: an old heartbeat must not say that the vehicle left its mode.
-        late = time.monotonic() - heard.at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
-        if time.monotonic() - heard.at > _GAP:
-            heard.again = time.monotonic()
-        heard.at = time.monotonic()
+        late = now - heard.at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
+        if now - heard.at > _GAP:
+            heard.again = now
+        heard.at = now
         if not late:
             heard.order = message.get_seq()
             if vehicle:
@@ -323,22 +308,17 @@ class MavlinkVehicle(ListeningLink):
             if heard.progress is State.FINISHED:
                 self._advance(len(self._items) - 1)
         elif kind == "MISSION_ITEM_REACHED":
-            heard.reached = message.seq
             self._advance(message.seq)
         elif kind == "STATUSTEXT":
             heard.words = message.text
             if message.severity <= _WARNING:
                 heard.alarm = message.text
-        elif kind.startswith("MISSION_") or kind in (*_COMMANDED, *_VALUES):
-            if kind in self._expected:
-                heard.answers.put(message)
-            elif kind in ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT"):
-                # A doubled message made the vehicle begin a transfer that nobody waits for.
-                self._send(
-                    lambda mav: mav.mission_ack_send(
-                        *self._target, _CANCELLED, getattr(message, "mission_type", 0)
-                    )
-                )
+        elif kind in self._expected:
+            self._answers.put(message)
+        elif kind in ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT"):
+            # A doubled message made the vehicle begin a transfer that nobody waits for.
+            mission = getattr(message, "mission_type", 0)
+            self._send(lambda mav: mav.mission_ack_send(*self._target, _CANCELLED, mission))
 
     def _take_heartbeat(self, message: Any) -> None:
         """Take in mode and state, and keep in mind what has ended the mission, however short it is seen."""
@@ -349,13 +329,12 @@ class MavlinkVehicle(ListeningLink):
         heard.fault = message.system_status in _FAULTS
         if not self._ours or heard.gave_up or self._done >= len(self._numbers):
             return
-        said = f" ({heard.alarm})" if heard.alarm else ""
         if heard.fault:
-            heard.gave_up, heard.failed = f"it reports a failsafe{said}", True
+            heard.gave_up, heard.failed = f"it reports a failsafe{heard.warned}", True
         elif was_armed and not heard.armed:
-            heard.gave_up = f"it was disarmed{said}"
+            heard.gave_up = f"it was disarmed{heard.warned}"
         elif self._ardupilot and heard.mode not in self._ours:
-            heard.gave_up = f"it was set to mode {ardusub.mode_name(heard.mode)}{said}"
+            heard.gave_up = f"it was set to mode {ardusub.mode_name(heard.mode)}{heard.warned}"
 
     def _check_ours(self) -> None:
         """See that nobody has ended the mission.
@@ -381,39 +360,21 @@ class MavlinkVehicle(ListeningLink):
         """Wait for the vehicle's heartbeat and position, and see that no other one is there.
 
         What ArduSub does without a link is read, and set where that is asked for.
-
-        Returns:
-            Lines for people on what it does by itself.
-
-        Raises:
-            Lost: there is none.
-            Refused: there are several, or it does not let its failsafes be set.
         """
-        begin = time.monotonic()
-        while time.monotonic() - begin < self._limits.connect:
-            if self._target != (0, 0) and self._here is not None:
-                time.sleep(_OTHERS)
-                if len(self._systems) > 1:
-                    numbers = ", ".join(map(str, sorted(self._systems)))
-                    raise Refused(f"{self.name}: systems {numbers} are on this link: give each its own")
-                return self._read_failsafes()
-            time.sleep(0.02)
-        what = "no heartbeat" if self._target == (0, 0) else "no GLOBAL_POSITION_INT"
-        raise Lost(f"{self.name}: {what} within {self._limits.connect:.0f} s")
-
-    def _read_failsafes(self) -> list[str]:
-        """Read what ArduSub does by itself, set what it does without a link, and return lines on both.
-
-        Raises:
-            Refused: it does not take what is set.
-        """
-        if not self._ardupilot or self._heard.kind != _SUBMARINE:
+        wait = self._limits.connect
+        if not self._until(lambda: self._target != (0, 0) and self._here is not None, wait):
+            what = "no heartbeat" if self._target == (0, 0) else "no GLOBAL_POSITION_INT"
+            raise Lost(f"{self.name}: {what} within {wait:.0f} s")
+        time.sleep(_OTHERS)
+        if len(self._systems) > 1:
+            numbers = ", ".join(map(str, sorted(self._systems)))
+            raise Refused(f"{self.name}: systems {numbers} are on this link: give each its own")
+        if not self._ardusub:
             if self._link_loss:
                 raise Refused(f"{self.name} is not ArduSub: what it does without a link is set on itself")
             return []
         for name in ardusub.FAILSAFES:
-            value = self._parameter(name)
-            if value is not None:
+            if (value := self._parameter(name)) is not None:
                 self._failsafes[name] = value
         notes = []
         if self._link_loss and self._state() is not State.EXECUTING:
@@ -421,16 +382,13 @@ class MavlinkVehicle(ListeningLink):
                 if self._failsafes.get(name) != wanted:
                     self._set_parameter(name, wanted)
                     notes.append(f"{name} is set to {wanted:g}, and stays so")
-        alone = self.left_alone
-        notes.append(f"if the link is lost, {alone}" if alone else "if the link is lost, it goes on")
+        notes.append(f"if the link is lost, {self.left_alone or 'it goes on'}")
         return notes + ardusub.warnings(self._failsafes)
 
     @property
     def left_alone(self) -> str:
         """Return what the vehicle does when the link is lost; empty where it goes on with its plan."""
-        return (
-            ardusub.left_alone(self._failsafes) if self._heard.kind == _SUBMARINE and self._ardupilot else ""
-        )
+        return ardusub.left_alone(self._failsafes) if self._ardusub else ""
 
     def _parameter(self, name: str) -> float | None:
         """Return a parameter; None where the vehicle does not say."""
@@ -442,11 +400,7 @@ class MavlinkVehicle(ListeningLink):
         return None if found is None else float(found.param_value)
 
     def _set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter; ArduPilot takes any as a number of single precision (MAV_PARAM_TYPE_REAL32).
-
-        Raises:
-            Refused: the vehicle does not say that it has the value.
-        """
+        """Set a parameter; ArduPilot takes any as a number of single precision (MAV_PARAM_TYPE_REAL32)."""
         self._expect(_VALUES)
         found = self._asked_for(
             lambda mav: mav.param_set_send(*self._target, name.encode(), value, 9),
@@ -460,22 +414,21 @@ class MavlinkVehicle(ListeningLink):
     def _ardupilot(self) -> bool:
         return self._heard.autopilot == _ARDUPILOT
 
-    def upload(self, plan: Upload) -> list[str]:
-        """Hand over items and fence, and read both back.
+    @property
+    def _ardusub(self) -> bool:
+        return self._ardupilot and self._heard.kind == _SUBMARINE
 
-        Raises:
-            Lost, Refused: the vehicle does not hold the plan.
-        """
+    def upload(self, plan: Upload) -> list[str]:
+        """Hand over items and fence, and read both back."""
         notes = []
         self._check_ours()
         if not self._over_ground:
             plan = replace(plan, itinerary=replace(plan.itinerary, over_ground=False))
-        items = mission_items(plan, self._ardupilot)
+        items, fence = mission_items(plan, self._ardupilot), fence_items(plan)
         home = 1 if self._ardupilot else 0
         numbers = [k for k, item in enumerate(items) if item.command == _WAYPOINT][home:]
         speeds = item_speeds(plan.itinerary)
-        fence = fence_items(plan)
-        if self._ardupilot and (self._heard.mode == ardusub.AUTO or not math.isnan(self._begin)):
+        if self._ardupilot and (self._heard.mode == ardusub.AUTO or self._started):
             # It goes on by the number of its item, which is another one in the new plan.
             self._insist(self.hold)
         if fence != self._fence or items == self._items:  # which are sent again where it may have lost them
@@ -484,27 +437,19 @@ class MavlinkVehicle(ListeningLink):
                 self._fence = fence
             except Refused as error:
                 notes.append(f"{error}: the vehicle goes without a fence")
-        self._place(items, MISSION, "plan", lambda: self._switch(numbers, speeds))
+        self._place(items, MISSION, "plan", (numbers, speeds))
         self._items, self._settled = items, time.monotonic() + self._limits.outdated
         return notes
 
-    def _switch(self, numbers: list[int], speeds: list[float]) -> None:
-        """Count no more items: from now on they may be those of another plan, that is not started."""
-        self._fresh = numbers, speeds
-
     def _place(
-        self, items: list[Item], kind: int, what: str, sent_all: Callable[[], None] = lambda: None
+        self, items: list[Item], kind: int, what: str, fresh: tuple[list[int], list[float]] | None = None
     ) -> None:
-        """Upload items until they are read back as they are.
-
-        Raises:
-            Lost, Refused: that does not come about.
-        """
+        """Upload items until they are read back as they are; once all are sent, `fresh` is not started."""
         problem = Lost(f"{self.name}: does not say what it holds of the {what}")
         try:
             for _ in range(self._limits.uploads):
                 try:
-                    self._offer(items, kind, what, sent_all)
+                    self._offer(items, kind, what, fresh)
                     broken = None
                 except Lost as error:
                     broken = error  # the answer may have been lost alone
@@ -526,12 +471,10 @@ class MavlinkVehicle(ListeningLink):
             self._expect(())
         raise problem
 
-    def _offer(self, items: list[Item], kind: int, what: str, sent_all: Callable[[], None]) -> None:
-        """Answer the vehicle's requests for items until it acknowledges.
-
-        Raises:
-            Lost, Refused: it does not.
-        """
+    def _offer(
+        self, items: list[Item], kind: int, what: str, fresh: tuple[list[int], list[float]] | None
+    ) -> None:
+        """Answer the vehicle's requests for items until it acknowledges."""
         self._expect(_OFFERED)
         sent: set[int] = set()
         unanswered, begin = 0, time.monotonic()
@@ -539,10 +482,7 @@ class MavlinkVehicle(ListeningLink):
             if not sent:
                 self._send(lambda mav: mav.mission_count_send(*self._target, len(items), kind))
             message = self._answer(
-                lambda m: (
-                    m.get_type() in ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
-                    and getattr(m, "mission_type", 0) == kind
-                )
+                lambda m: m.get_type() in _OFFERED and getattr(m, "mission_type", 0) == kind
             )
             if message is None:
                 unanswered += 1
@@ -559,30 +499,19 @@ class MavlinkVehicle(ListeningLink):
                 if message.seq not in sent:
                     unanswered, begin = 0, time.monotonic()
                     sent.add(message.seq)
-                if len(sent) == len(items):
-                    sent_all()
+                if len(sent) == len(items) and fresh:
+                    self._fresh = fresh  # items that are done may be this plan's from now on: none is counted
                 # Sent once a request: an item that comes unasked restarts the vehicle's own timeout.
                 self._send_item(items[message.seq], message.seq, kind)
         asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"
         raise Lost(f"{self.name}: the {what} broke off: {asked}")
 
     def _send_item(self, item: Item, number: int, kind: int) -> None:
-        if self._ardupilot:  # which refuses NaN in most places, and has 0 for it in the others
-            item = replace(item, params=tuple(0.0 if math.isnan(part) else part for part in item.params))
+        # ArduPilot refuses NaN in most places, and has 0 for it in the others.
+        params = [0.0 if self._ardupilot and math.isnan(part) else part for part in item.params]
+        head = number, item.frame, item.command, 0, 1
         self._send(
-            lambda mav: mav.mission_item_int_send(
-                *self._target,
-                number,
-                item.frame,
-                item.command,
-                0,
-                1,
-                *item.params,
-                item.x,
-                item.y,
-                item.z,
-                kind,
-            )
+            lambda mav: mav.mission_item_int_send(*self._target, *head, *params, item.x, item.y, item.z, kind)
         )
 
     def _download(self, kind: int) -> list[Item] | None:
@@ -628,41 +557,18 @@ class MavlinkVehicle(ListeningLink):
     def _expect(self, kinds: tuple[str, ...]) -> None:
         """Keep messages of these kinds from now on, and forget what was kept before."""
         self._expected = kinds
-        answers = self._heard.answers
-        while not answers.empty():
-            answers.get_nowait()
-
-    def _answer(self, fits: Callable[[Any], bool]) -> Any:
-        """Return the next fitting message within the time of a reply, or None."""
-        end = time.monotonic() + self._limits.reply
-        while (left := end - time.monotonic()) > 0.0:
-            try:
-                message = self._heard.answers.get(timeout=left)
-            except queue.Empty:
-                return None
-            if fits(message):
-                return message
-        return None
+        while not self._answers.empty():
+            self._answers.get_nowait()
 
     def _command(self, command: int, *params: float, done: Callable[[], bool] = lambda: False) -> None:
-        """Give a command until it is acknowledged, or until the vehicle is seen to have done it.
-
-        Raises:
-            Lost, Refused: neither is so.
-        """
+        """Give a command until it is acknowledged, or until the vehicle is seen to have done it."""
         values = [*params, *[0.0] * (7 - len(params))]
         self._expect(_COMMANDED)
         self._heard.words, said = "", "no answer to"
-
-        def acknowledges(message: Any) -> bool:
-            return message.get_type() == "COMMAND_ACK" and message.command == command
-
         for attempt in range(self._limits.attempts):
             self._send(lambda mav, n=attempt: mav.command_long_send(*self._target, command, n, *values))
-            answer = self._answer(acknowledges)
-            if answer is not None and answer.result in (0, 5):
-                return
-            if done():
+            answer = self._answer(lambda m: m.get_type() == "COMMAND_ACK" and m.command == command)
+            if (answer is not None and answer.result in (0, 5)) or done():
                 return
             if answer is not None:
                 words = f" ({self._heard.words})" if self._heard.words else ""
@@ -679,11 +585,7 @@ class MavlinkVehicle(ListeningLink):
         self._command(_SET_MODE, _CUSTOM, main, sub, done=lambda: self._heard.mode == wanted)
 
     def _set_ardusub(self, mode: int, also: int | None = None) -> None:
-        """Set a mode of ArduSub, and see that it is in it, or in one that follows by itself.
-
-        Raises:
-            Lost, Refused: it is not.
-        """
+        """Set a mode of ArduSub, and see that it is in it, or in one that follows by itself."""
         heard, wanted = self._heard, frozenset({mode} if also is None else {mode, also})
         if self._ours:
             self._ours |= wanted
@@ -693,24 +595,13 @@ class MavlinkVehicle(ListeningLink):
             self._ours = wanted
 
     def _see(self, done: Callable[[], bool], what: str) -> None:
-        """Wait until the vehicle says that something is so.
-
-        Raises:
-            Lost: it does not.
-        """
-        end = time.monotonic() + self._limits.attempts * self._limits.reply
-        while not done():
-            if time.monotonic() > end:
-                raise Lost(f"{self.name}: is not seen in {what}")
-            time.sleep(0.005)
+        """Wait until the vehicle says that something is so."""
+        if not self._until(done, self._limits.attempts * self._limits.reply):
+            raise Lost(f"{self.name}: is not seen in {what}")
 
     def _insist(self, call: Callable[[], None]) -> None:
-        """Ask again where a vehicle refuses that was not started yet: just after boot it has no position.
-
-        Raises:
-            Lost, Refused: it refuses for too long, or does not answer.
-        """
-        end = time.monotonic() + (self._limits.connect if math.isnan(self._begin) else 0.0)
+        """Ask again where a vehicle refuses that was not started yet: just after boot it has no position."""
+        end = time.monotonic() + (0.0 if self._started else self._limits.connect)
         while True:
             try:
                 return call()
@@ -725,9 +616,6 @@ class MavlinkVehicle(ListeningLink):
         The mode of holding needs the position that AUTO needs, so that it is armed only where that is known.
         AUTO starts with its own speed (ArduSub/mode_auto.cpp), and at a later item without that before it:
         that of the plan is given once more.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that the mission is active.
         """
         heard = self._heard
         self._insist(self._check_sound)
@@ -744,7 +632,7 @@ class MavlinkVehicle(ListeningLink):
                 "mode AUTO with an active mission",
             )
         except LinkError:
-            if own and math.isnan(self._begin):
+            if own and not self._started:
                 self._disarm()
             raise
         while True:  # it may begin the next line, with a speed of its own, meanwhile
@@ -756,14 +644,9 @@ class MavlinkVehicle(ListeningLink):
         self._ours = frozenset({ardusub.AUTO})
 
     def _check_sound(self) -> None:
-        """See that no failsafe is on.
-
-        Raises:
-            Refused: one is.
-        """
+        """See that no failsafe is on."""
         if self._heard.fault:
-            words = f" ({self._heard.alarm})" if self._heard.alarm else ""
-            raise Refused(f"{self.name} reports a failsafe{words}: it is not started")
+            raise Refused(f"{self.name} reports a failsafe{self._heard.warned}: it is not started")
 
     def _disarm(self) -> None:
         """Disarm, where that can be done."""
@@ -773,11 +656,7 @@ class MavlinkVehicle(ListeningLink):
             _log.info("not disarmed: %s", error)
 
     def start(self, step: int = 0) -> None:
-        """Arm, execute from a step on.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does, or somebody has ended the mission.
-        """
+        """Arm, and execute from a step on, unless somebody has ended the mission."""
         self._check_ours()
         numbers, speeds = self._fresh or (self._numbers, self._speeds)
         if self._ardupilot:
@@ -786,59 +665,44 @@ class MavlinkVehicle(ListeningLink):
             step = self._start_other(numbers, step)
         self._numbers, self._speeds, self._done = numbers, speeds, step
         self._fresh = None
-        if math.isnan(self._begin):
-            self._begin = time.monotonic()
+        self._begin_time()
 
     def _start_other(self, numbers: list[int], step: int) -> int:
-        """Start PX4, or another vehicle, and return the step that it begins with.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
-        if not self._heard.armed:
-            self._command(_ARM, 1, done=lambda: self._heard.armed)
-        under_way = self._heard.progress is State.EXECUTING
-        if under_way and time.monotonic() >= self._settled:
+        """Start PX4, or another vehicle, and return the step that it begins with."""
+        heard = self._heard
+        if not heard.armed:
+            self._command(_ARM, 1, done=lambda: heard.armed)
+        if heard.progress is State.EXECUTING and time.monotonic() >= self._settled:
             # It began the new plan by itself, and may have come some way.
-            step = max(step, bisect_left(numbers, self._heard.current))
-        self._heard.progress = State.UNKNOWN
+            step = max(step, bisect_left(numbers, heard.current))
+        heard.progress = State.UNKNOWN
         last = numbers[-1] + 1
         item = 0 if not step else numbers[step] if step < len(numbers) else last
         # Another speed is an item of its own, before the waypoint.
         has_speed = 0 < step < len(numbers) and numbers[step] - numbers[step - 1] > 1
         self._set_current(item - 1 if has_speed else item)
-        if self._heard.autopilot == _PX4:
+        if heard.autopilot == _PX4:
             self._set_px4(4, 4)
         else:
-            self._command(_START, 0, 0, done=lambda: self._heard.progress is State.EXECUTING)
-        self._ours = frozenset({self._heard.mode})
+            self._command(_START, 0, 0, done=lambda: heard.progress is State.EXECUTING)
+        self._ours = frozenset({heard.mode})
         return step
 
     def _set_current(self, item: int) -> None:
-        """Set the item that is executed next.
-
-        Raises:
-            Lost: the vehicle does not say that it is.
-        """
+        """Set the item that is executed next."""
+        heard, passes = self._heard, not (self._ardupilot and item)
         for _ in range(self._limits.attempts):
-            self._heard.current = -1
+            heard.current = -1
             self._send(lambda mav: mav.mission_set_current_send(*self._target, item))
-            end = time.monotonic() + self._limits.reply
-            while time.monotonic() < end:
-                # A vehicle that is held cannot have come further, and says what it was set to.
-                if self._heard.current == item or (
-                    self._heard.current > item and not (self._ardupilot and item)
-                ):
-                    return
-                time.sleep(0.005)
+            # A vehicle that is held cannot have come further, and says what it was set to.
+            if self._until(
+                lambda: heard.current == item or (heard.current > item and passes), self._limits.reply
+            ):
+                return
         raise Lost(f"{self.name}: no answer to item {item} as the next")
 
     def hold(self) -> None:
-        """Stay where it is.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does, or somebody has ended the mission.
-        """
+        """Stay where it is, unless somebody has ended the mission."""
         self._check_ours()
         if self._ardupilot:
             self._set_ardusub(ardusub.POSHOLD)
@@ -848,11 +712,7 @@ class MavlinkVehicle(ListeningLink):
             self._command(_PAUSE, 0, done=lambda: self._heard.progress is State.HOLDING)
 
     def surface(self) -> None:
-        """Surface.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Surface."""
         self._ours = frozenset()
         if self._ardupilot:
             self._set_ardusub(ardusub.SURFACE, ardusub.ALT_HOLD)
@@ -860,15 +720,8 @@ class MavlinkVehicle(ListeningLink):
             self._command(_LAND)
 
     def _report(self) -> Report:
-        heard = self._heard
-        return Report(
-            time.monotonic() - heard.at,
-            self._here,
-            heard.speed,
-            self._state(),
-            self._done,
-            heard.gave_up or heard.words,
-        )
+        heard, age = self._heard, time.monotonic() - self._heard.at
+        return Report(age, self._here, heard.speed, self._state(), self._done, heard.gave_up or heard.words)
 
     def _state(self) -> State:
         heard = self._heard
@@ -878,16 +731,9 @@ class MavlinkVehicle(ListeningLink):
             return State.STOPPED
         if self._ardupilot and not heard.armed and heard.progress is not State.FINISHED:
             return State.IDLE
-        if heard.progress is not State.UNKNOWN:
-            return heard.progress
-        if self._ardupilot:
-            modes = {
-                ardusub.AUTO: State.EXECUTING,
-                ardusub.POSHOLD: State.HOLDING,
-                ardusub.SURFACE: State.SURFACING,
-            }
-            return modes.get(heard.mode, State.UNKNOWN)
-        return State.UNKNOWN
+        if heard.progress is State.UNKNOWN and self._ardupilot:
+            return _MODES.get(heard.mode, State.UNKNOWN)
+        return heard.progress
 
     def _disconnect(self) -> None:
         self._port.close()

@@ -23,6 +23,9 @@ Array = NDArray[np.floating]
 
 _PLACE = "longitude", "latitude", "north", "east"
 
+#: m, depths that may be stated.
+_DEPTHS = 0.0, 12_000.0
+
 #: Each line has one of them, and may have these fields more.
 _KINDS = {
     "obstacle": (*_PLACE, "radius", "course", "speed", "depth_min", "depth_max"),
@@ -33,11 +36,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class ObstacleNotice:
-    """An obstacle where it is now.
-
-    Attributes:
-        obstacle: its position is that of the moment when it is reported.
-    """
+    """An obstacle where it is now: its position is that of the moment when it is reported."""
 
     obstacle: KnownObstacle
 
@@ -148,24 +147,24 @@ class NoticeFile:
             raise ValueError(f"must be an object with one of {', '.join(map(repr, _KINDS))}")
         if "gone" in found:
             return GoneNotice(_name(found["gone"]))
+        place = self._position(found)
         if "current" in found:
             velocity = found["current"]
             if not isinstance(velocity, list) or len(velocity) not in (2, 3):
                 raise ValueError("current: must be [north, east] or [north, east, down] in m/s")
             parts = [_number({"current": part}, "current", (-10.0, 10.0)) for part in velocity]
-            place = self._position(found)
-            depth = _number(found, "depth", (0.0, 12_000.0), 0.0)
-            return CurrentNotice(
-                np.asarray([*parts, 0.0][:3]), None if place is None else np.asarray([*place, depth])
-            )
-        place = self._position(found)
+            depth = _number(found, "depth", _DEPTHS, 0.0)
+            at = None if place is None else np.asarray([*place, depth])
+            return CurrentNotice(np.asarray([*parts, 0.0][:3]), at)
         if place is None:
             raise ValueError("obstacle: needs longitude and latitude, or north and east")
         course = math.radians(_number(found, "course", (-360.0, 360.0), 0.0))
         speed = _number(found, "speed", (0.0, 50.0), 0.0)
         radius = _number(found, "radius", (0.1, 100_000.0))
-        top = _number(found, "depth_min", (0.0, 12_000.0), 0.0)
-        bottom = _number(found, "depth_max", (0.0, 12_000.0), math.inf)
+        top, bottom = (
+            _number(found, "depth_min", _DEPTHS, 0.0),
+            _number(found, "depth_max", _DEPTHS, math.inf),
+        )
         if bottom < top:
             raise ValueError(f"depth_max: {bottom:g} is above depth_min, {top:g}")
         velocity = speed * math.cos(course), speed * math.sin(course)
@@ -182,9 +181,8 @@ class NoticeFile:
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""
         if "longitude" in found or "latitude" in found:
-            longitude = _number(found, "longitude", (-180.0, 360.0))
-            latitude = _number(found, "latitude", (-90.0, 90.0))
-            north, east = self._site.to_local(longitude, latitude)
+            degrees = _number(found, "longitude", (-180.0, 360.0)), _number(found, "latitude", (-90.0, 90.0))
+            north, east = self._site.to_local(*degrees)
             return float(north), float(east)
         if "north" in found or "east" in found:
             return _number(found, "north", (-1e7, 1e7)), _number(found, "east", (-1e7, 1e7))
@@ -198,11 +196,7 @@ def _name(found: Any) -> str:
 def _number(
     found: dict[str, Any], name: str, span: tuple[float, float], default: float | None = None
 ) -> float:
-    """Return a number within limits.
-
-    Raises:
-        ValueError: it is missing, no number or outside.
-    """
+    """Return a number within limits, or its default."""
     value = found.get(name, default)
     if value is None:
         raise ValueError(f"{name}: is missing")

@@ -2,15 +2,34 @@
 
 import re
 import socket
+from importlib import import_module
 
 from auvplan.errors import AuvplanError
 from auvplan.link.limits import OVER_GROUND, Limits
 from auvplan.link.vehicle import LinkError, VehicleLink
 from auvplan.site import Site
 
-#: What stands before the address of a vehicle.
+#: What stands for the simulator.
 SIMULATOR = "sim"
-MAVLINK, IMC = "mavlink:", "imc:"
+
+#: A serial port, as MAVLink addresses have it.
+_SERIAL = r"/dev/\S+|COM\d+(,\d+)?"
+
+#: By what addresses begin with: their form, what they are like, and the library that they need.
+_FORMS = {
+    "mavlink": (
+        rf"{_SERIAL}|(udpin|udpout|udp|tcp|tcpin):[^:]+:\d+",
+        "a MAVLink address is such as mavlink:udpin:0.0.0.0:14550, mavlink:tcp:HOST:PORT or "
+        "mavlink:/dev/ttyUSB0",
+        "pymavlink",
+    ),
+    "imc": (
+        r"tcp:[^:?]+:\d+|[^:?]+:\d+(\?local=\d+)?",
+        "an IMC address is such as imc:10.0.10.80:6002, imc:10.0.10.80:6002?local=6011 or "
+        "imc:tcp:10.0.10.80:6006",
+        "imcpy",
+    ),
+}
 
 
 def check_address(address: str, link_loss: str = "") -> None:
@@ -19,33 +38,31 @@ def check_address(address: str, link_loss: str = "") -> None:
     Raises:
         AuvplanError: it is none that `open_link` knows, or its library is not installed; one line.
     """
-    if link_loss and not address.startswith(MAVLINK):
+    if link_loss and not address.startswith("mavlink:"):
         raise AuvplanError(f"--link-loss: is for --link mavlink:ADDRESS, where ArduSub is, not {address}")
     if address == SIMULATOR:
         return
-    if address.startswith(MAVLINK):
-        rest = address.removeprefix(MAVLINK)
-        serial = re.fullmatch(r"/dev/\S+|COM\d+(,\d+)?", rest)
-        if not serial and not re.fullmatch(r"(udpin|udpout|udp|tcp|tcpin):[^:]+:\d+", rest):
-            raise AuvplanError(
-                f"--link {address}: a MAVLink address is such as mavlink:udpin:0.0.0.0:14550, "
-                "mavlink:tcp:HOST:PORT or mavlink:/dev/ttyUSB0"
-            )
-        if not serial:
-            _check_host(address)
-        _require("pymavlink")
-        if serial:
-            _require("serial", "pyserial")
-    elif address.startswith(IMC):
-        if not re.fullmatch(r"tcp:[^:?]+:\d+|[^:?]+:\d+(\?local=\d+)?", address.removeprefix(IMC)):
-            raise AuvplanError(
-                f"--link {address}: an IMC address is such as imc:10.0.10.80:6002, "
-                "imc:10.0.10.80:6002?local=6011 or imc:tcp:10.0.10.80:6006"
-            )
-        _check_host(address.partition("?")[0])
-        _require("imcpy")
-    else:
+    kind, colon, rest = address.partition(":")
+    if not colon or kind not in _FORMS:
         raise AuvplanError(f"--link {address}: must be sim, mavlink:ADDRESS or imc:HOST:PORT")
+    form, example, library = _FORMS[kind]
+    if not re.fullmatch(form, rest):
+        raise AuvplanError(f"--link {address}: {example}")
+    serial = kind == "mavlink" and bool(re.fullmatch(_SERIAL, rest))
+    if not serial:
+        address = address.partition("?")[0]
+        host, port = address.split(":")[-2:]
+        if not 0 < int(port) < 65_536:
+            raise AuvplanError(f"--link {address}: a port is from 1 to 65535")
+        try:
+            socket.gethostbyname(host)
+        except OSError as error:
+            raise AuvplanError(f"--link {address}: host {host}: {error.strerror or error}") from None
+    for needed, package in ((library, "'auvplan[link]'"), *[("serial", "pyserial")] * serial):
+        try:
+            import_module(needed)
+        except ImportError:
+            raise AuvplanError(f"--link needs {needed}: pip install {package}") from None
 
 
 def open_link(
@@ -71,37 +88,15 @@ def open_link(
         AuvplanError: the address is none, its library is missing, or it cannot be opened; one line.
     """
     check_address(address, link_loss)
+    kind, _, rest = address.partition(":")
+    held = OVER_GROUND[kind] if over_ground is None else over_ground
     try:
-        if address.startswith(MAVLINK):
+        if kind == "mavlink":
             from auvplan.link.mavlink import MavlinkVehicle
 
-            held = OVER_GROUND["mavlink"] if over_ground is None else over_ground
-            return MavlinkVehicle(address.removeprefix(MAVLINK), site, limits, scale, link_loss, held)
+            return MavlinkVehicle(rest, site, limits, scale, link_loss, held)
         from auvplan.link.imc import ImcVehicle
 
-        held = OVER_GROUND["imc"] if over_ground is None else over_ground
-        return ImcVehicle(address.removeprefix(IMC), site, limits, scale, held)
+        return ImcVehicle(rest, site, limits, scale, held)
     except LinkError as error:
         raise AuvplanError(f"--link {error}") from None
-
-
-def _check_host(address: str) -> None:
-    """Check the host and the port at the end of an address.
-
-    Raises:
-        AuvplanError: the host is not known, or the port is none.
-    """
-    host, port = address.split(":")[-2:]
-    if not 0 < int(port) < 65_536:
-        raise AuvplanError(f"--link {address}: a port is from 1 to 65535")
-    try:
-        socket.gethostbyname(host)
-    except OSError as error:
-        raise AuvplanError(f"--link {address}: host {host}: {error.strerror or error}") from None
-
-
-def _require(library: str, package: str = "'auvplan[link]'") -> None:
-    try:
-        __import__(library)
-    except ImportError:
-        raise AuvplanError(f"--link needs {library}: pip install {package}") from None

@@ -87,11 +87,8 @@ class Progress:
 
     def stay_on(self, before: "Progress") -> None:
         """Take over how long the vehicle was at places that it also goes to by this upload."""
-        known = {
-            _place_of(step): float(time)
-            for step, time in zip(before.upload.steps, before.stayed, strict=True)
-        }
-        self.stayed = np.asarray([known.get(_place_of(step), -1.0) for step in self.upload.steps])
+        known = {step.key: float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)}
+        self.stayed = np.asarray([known.get(step.key, -1.0) for step in self.upload.steps])
 
     def complete(self, count: int, now: float) -> list[Step]:
         """Complete steps up to a count as far as the vehicle can have been at them; return these.
@@ -115,31 +112,25 @@ class Progress:
         steps = self.upload.steps
         while self.done > self.first and self.ahead + 1 < len(steps) and not self.step.ends_leg:
             step, after = steps[self.ahead], steps[self.ahead + 1]
-            if _distance(place, after.left, after.position) >= _distance(place, step.left, step.position):
+            if _beside(place, after.left, after.position)[1] >= _beside(place, step.left, step.position)[1]:
                 return
             self.ahead += 1
 
     def passed(self, upload: Upload) -> int:
         """Return the steps at the beginning of another upload that the vehicle has completed already."""
-        done = {_place_of(step) for step in self.upload.steps[: self.ahead]}
-        count = 0
-        while count < len(upload.steps) and _place_of(upload.steps[count]) in done:
-            count += 1
-        return count
+        done = {step.key for step in self.upload.steps[: self.ahead]}
+        return next((k for k, step in enumerate(upload.steps) if step.key not in done), len(upload.steps))
 
     def at_task(self, place: Array | None) -> bool:
         """Return whether the vehicle, at [3] m, is at the place of a task that is not done."""
-        if place is None or self.over:
-            return False
-        return self.step.hold > 0.0 and bool(np.linalg.norm(self.step.position - place) < _AT_TASK)
+        return place is not None and not self.over and _is_at(self.step, place)
 
     def leaves_task(self, place: Array) -> bool:
         """Return whether the vehicle, at [3] m, is still at the place of the task that it completed last.
 
         It counts as completed as soon as it can have been.
         """
-        last = self.upload.steps[self.done - 1] if self.done else None
-        return last is not None and last.hold > 0.0 and bool(np.linalg.norm(last.position - place) < _AT_TASK)
+        return self.done > 0 and _is_at(self.upload.steps[self.done - 1], place)
 
     def still(self, report: Report, now: float, limits: Limits) -> float:
         """Take note of whether the vehicle moves; return s for which it has made no way, 0 where that may be.
@@ -162,7 +153,7 @@ class Progress:
         """Return m by which the vehicle, at [3] m, has been off its track for too long; else 0."""
         if self.over:
             return 0.0
-        off = _distance(place, *self.line)
+        _, off = _beside(place, *self.line)
         if off <= limits.corridor:
             self.astray = math.inf
         elif self.astray == math.inf:
@@ -177,9 +168,7 @@ class Progress:
         if self.to_the_start:
             ahead = float(np.linalg.norm(step.position - place)) / self.upload.itinerary.speed
             return now + ahead - step.time
-        way = step.position - step.left
-        length = float(way @ way)
-        share = float(np.clip((place - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
+        share, _ = _beside(place, step.left, step.position)
         return now - (step.left_at + share * (step.time - step.left_at))
 
     def track_ahead(self, place: Array, now: float) -> tuple[Array, Array]:
@@ -214,14 +203,14 @@ def staying(place: Array, seconds: float) -> tuple[Array, Array]:
     return np.stack([place, place]), np.asarray([0.0, seconds])
 
 
-def _place_of(step: Step) -> tuple[float, ...]:
-    """Return what distinguishes a step from those of other places and legs."""
-    return step.leg, *step.position.tolist()
+def _is_at(step: Step, place: Array) -> bool:
+    """Return whether [3] m is the place of a step's task."""
+    return step.hold > 0.0 and bool(np.linalg.norm(step.position - place) < _AT_TASK)
 
 
-def _distance(place: Array, first: Array, last: Array) -> float:
-    """Return m from a place to the straight line between two others."""
+def _beside(place: Array, first: Array, last: Array) -> tuple[float, float]:
+    """Return how far along the straight line between two places another is, as a share, and m off it."""
     way = last - first
     length = float(way @ way)
-    share = float(np.clip((place - first) @ way / length, 0.0, 1.0)) if length else 0.0
-    return float(np.linalg.norm(place - first - share * way))
+    share = float(np.clip((place - first) @ way / length, 0.0, 1.0)) if length else 1.0
+    return share, float(np.linalg.norm(place - first - share * way))

@@ -1,6 +1,7 @@
 """What became of a mission that was executed: the record of it, as a file."""
 
 import json
+from collections import Counter
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from importlib.metadata import version
@@ -80,21 +81,18 @@ class ExecutionRecord:
     def summary(self) -> dict[str, Any]:
         """Return the record ready for JSON."""
         plain = asdict(self)
-        scenario = plain.pop("scenario")
-        plain.pop("folder")
-        kinds = sorted({event.kind for event in self.events})
+        first = ("success", "reason", "safe", "link", "t_available", "t_mission", "seed")
+        last = ("route", "planned", "uploads", "events", "track")
         return {
-            "success": self.success,
-            "reason": self.reason,
-            **{name: plain.pop(name) for name in ("safe", "link", "t_available", "t_mission", "seed")},
-            "scenario": scenario.get("name", ""),
+            **{name: plain[name] for name in first},
+            "scenario": self.scenario.get("name", ""),
             "tasks": len(self.tasks),
-            "total_priority": plain.pop("total_priority"),
-            "counts": {kind: self.count(kind) for kind in kinds},
-            "tasks_done": plain.pop("tasks"),
+            "total_priority": self.total_priority,
+            "counts": dict(sorted(Counter(event.kind for event in self.events).items())),
+            "tasks_done": self.tasks,
             "files": [asdict(file) for file in self._files],
             "version": version("auvplan"),
-            **{name: plain[name] for name in ("route", "planned", "uploads", "events", "track")},
+            **{name: plain[name] for name in last},
         }
 
     def save(self, folder: str | Path) -> Path:

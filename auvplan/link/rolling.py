@@ -4,7 +4,6 @@ Before every leg the state of the planners is kept. A new plan begins from the s
 may still change, with what has been learnt since.
 """
 
-from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.executive.context import Mission
-from auvplan.executive.legs import finish, go_as_planned, refusal, set_out, unfit
+from auvplan.executive.evasion import escape_track
+from auvplan.executive.legs import finish, go_as_planned, plan_first_paths, set_out, unfit
 from auvplan.executive.loop import seed_keys, step
-from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
@@ -27,6 +26,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
+from auvplan.simulation.sea import Sea
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -42,18 +42,14 @@ _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 _PLACES = 64
 
 
-class CorrectedSea:
-    """A forecast, and what it is off by as far as is known; nothing of it is simulated.
-
-    Attributes:
-        field: the current from now on.
-    """
+class CorrectedSea(Sea):
+    """A forecast, and what it is off by as far as is known; nothing of it is simulated."""
 
     def __init__(self, forecast: Current, offset: Array | None = None) -> None:
         """Start with a forecast that is off by `offset`, [3] m/s north, east, down; 0 if absent."""
         self._forecast = forecast
         self.offset = np.zeros(3) if offset is None else np.asarray(offset, float)
-        self.field: Current = perturbed(forecast, offset=self.offset) if self.offset.any() else forecast
+        self.field = perturbed(forecast, offset=self.offset) if self.offset.any() else forecast
 
     def corrected(self, offset: Array) -> "CorrectedSea":
         """Return the same forecast, off by `offset` [3] m/s."""
@@ -64,49 +60,23 @@ class CorrectedSea:
         found = self._forecast(*(np.asarray(part, np.float32) for part in (*position, now)))  # type: ignore[arg-type]
         return np.asarray([float(part) for part in found])
 
-    def advance(self, now: float) -> None:
-        """Do nothing: a report holds until the next one."""
-
-    def begin_window(self) -> None:
-        """Do nothing, as `advance`."""
-
-    def hold(self) -> None:
-        """Do nothing, as `advance`."""
-
-    def forecast(self) -> Current:
-        """Return the corrected forecast."""
-        return self.field
-
-
-@dataclass(frozen=True)
-class _Planned:
-    """A leg as planned, and the planners' state before it."""
-
-    record: LegRecord
-    before: Mission
-
 
 @dataclass(frozen=True)
 class Prospect:
     """A plan to the mission's end, which may be followed.
 
     Attributes:
-        planned: legs in order, executed ones first.
-        after: the planners' state at the end.
+        legs: in order, executed ones first.
+        states: of the planners before each leg, and at the end.
     """
 
-    planned: tuple[_Planned, ...]
-    after: Mission
-
-    @property
-    def legs(self) -> list[LegRecord]:
-        """Legs in order."""
-        return [leg.record for leg in self.planned]
+    legs: list[LegRecord]
+    states: list[Mission]
 
     @property
     def ends(self) -> float:
         """Planned end of the mission, s."""
-        return self.after.now
+        return self.states[-1].now
 
 
 class RollingPlan:
@@ -168,22 +138,19 @@ class RollingPlan:
                 every leg, in this plan and in those that are made of it.
             away: s that it takes to the start.
         """
-        first = _fork(self._first)
+        first, graph = self._first.fork(), self._first.graph
         self._stop, self._task = allowance.ends(float(np.asarray(self.run.vehicle.speed))), allowance.task
-        first.now = away + allowance.begins(float(first.graph.positions[first.here][2]))
-        graph = first.graph
+        first.now = away + allowance.begins(float(graph.positions[first.here][2]))
         more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
         first.graph = replace(graph, duration=graph.duration + more)
-        found = self._complete(first, ())
+        found = self._complete(first)
         if found is not None:
             self.followed = found
         return found is not None
 
     def from_leg(self, count: int, now: float) -> Prospect | None:
         """Re-plan all after the first `count` legs, which end at `now`; None where there is no plan."""
-        state = _fork(self._state(count))
-        state.now, state.cause = now, "late"
-        return self._complete(state, self.followed.planned[:count])
+        return self._complete(self.followed.states[count].fork(now=now, cause="late"), count)
 
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
@@ -200,58 +167,43 @@ class RollingPlan:
         Returns:
             The plan, or None.
         """
-        old, after = self.legs[count], self._state(count + 1)
-        state = _fork(self._state(count))
-        state.now, state.cause = now, ""
+        old, (before, after) = self.legs[count], self.followed.states[count : count + 2]
         # The route that the leg belongs to may have been made at its beginning, after the state was kept.
-        state.route, state.step, state.slack = after.route, after.step - 1, after.slack
+        route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
+        state = before.fork(now=now, cause="", **route)
         state.run.routes[:] = after.run.routes
-        record = replace(
-            old,
-            plans=[],
-            followed=0,
-            times=np.zeros(0),
-            positions=np.zeros((0, 3)),
-            arrived=False,
-            t_hold=0.0,
-        )
+        none = {"times": np.zeros(0), "positions": np.zeros((0, 3))}
+        record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0)
         back = old.start == old.goal  # it is on such a way already
         if not back and self._set_out_from(state, record, position):
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
-                step(self._context, [state])
-            kept = (*self.followed.planned[:count], _Planned(record, self._state(count)))
-            return self._complete(state, kept, late=True)
+                step([state])
+            return self._complete(state, count, (record, before), late=True)
         return self._back_to_start(count, position, now)
 
     def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
         """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
-        old, before = self.legs[count], _fork(self._state(count))
+        old, before = self.legs[count], self.followed.states[count].fork()
         if old.start != old.goal:
             before.barred |= {(old.start, old.goal), (old.goal, old.start)}
             before.graph = before.graph.without_edges([(old.start, old.goal)])
-        state = _fork(before)
-        state.now = now
-        record = LegRecord(old.start, old.start, 0.0, 0.0, 0.0, revisit=True)
+        state, record = before.fork(now=now), LegRecord(old.start, old.start, 0.0, 0.0, 0.0, revisit=True)
         if not self._set_out_from(state, record, position):
             self.reason = "no path leads on from where the vehicle is, nor back"
             return None
-        go_as_planned(self._context, [state])
+        go_as_planned([state])
         finish(state.active_leg)
         state.leg = None
         state.run.legs.append(record)
         state.cause = "refused"
-        return self._complete(state, (*self.followed.planned[:count], _Planned(record, before)))
+        return self._complete(state, count, (record, before))
 
     def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
         """Plan a leg's path from a position instead of its start; return whether it may be gone."""
-        set_out(self._context, state, record, position)
-        for _ in range(2):
-            plan_legs(self._context, [state], ["hazard"], cold=True)
-            if not refusal(state.active_leg):
-                break
-        record.followed = len(record.plans) - 1
-        return not unfit(self._context, state, state.active_leg)
+        set_out(state, record, position)
+        plan_first_paths([state], "hazard")
+        return not unfit(state)
 
     def add_obstacle(self, obstacle: KnownObstacle) -> None:
         """Count on an obstacle in all that is planned from now on; its position is for time 0 s.
@@ -281,9 +233,8 @@ class RollingPlan:
         offset = measured - sea.forecast_at(position, now)
         if not np.isfinite(offset).all():
             return None
-        for state in (self._first, self.followed.after, *(leg.before for leg in self.followed.planned)):
-            assert isinstance(state.sea, CorrectedSea)
-            state.sea = state.sea.corrected(offset)
+        for state in (self._first, *self.followed.states):
+            state.sea = sea.corrected(offset)
             state.travel_time, state.sketches = None, {}
         return offset
 
@@ -291,7 +242,7 @@ class RollingPlan:
         """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
         # What the vehicle takes longer anyway it is not asked to stay.
         rest = [replace(leg, t_task=self._own_time(leg)) for leg in prospect.legs[count:]]
-        run = replace(prospect.after.run, legs=rest, obstacles=self._context.area.obstacles)
+        run = replace(prospect.states[-1].run, legs=rest, obstacles=self._context.area.obstacles)
         found = itinerary_of(run, self.site)
         legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
         return replace(found, legs=legs)
@@ -308,12 +259,9 @@ class RollingPlan:
     def _clearances(self, positions: Array, times: Array) -> Array:
         """Return m [n], as `clearance`, from each place to the next."""
         known = self._context.known_obstacles(0.0)
-        apart = (
-            np.asarray(positions, float)[:, None]
-            - known.position
-            - np.asarray(times)[:, None, None] * known.velocity
-        )
-        return (closest_approach(apart)[0] - known.radius).min(axis=1, initial=np.inf)
+        gone = np.asarray(times)[:, None, None] * known.velocity
+        apart = closest_approach(np.asarray(positions, float)[:, None] - known.position - gone)[0]
+        return (apart - known.radius).min(axis=1, initial=np.inf)
 
     def aside(self, count: int, position: Array, now: float) -> PlannedLeg | None:
         """Return a straight leg out of the way of known obstacles; None where staying is as good.
@@ -326,7 +274,7 @@ class RollingPlan:
             now: s.
         """
         how = {"stay": 2.0 * _ASIDE, "share": _BRISK}
-        track = self._context.escape(position, now, _ASIDE, self._clearances, **how)
+        track = escape_track(self._context, position, now, _ASIDE, self._clearances, **how)
         if track is None:
             return None
         leg, ends = self.legs[count], np.stack([position, track[-1]])
@@ -338,31 +286,31 @@ class RollingPlan:
         """M that paths keep off obstacles."""
         return self._context.scenario.safety.obstacles
 
-    def _state(self, count: int) -> Mission:
-        """Return the planners' state after the first `count` legs."""
-        planned = self.followed.planned
-        return planned[count].before if count < len(planned) else self.followed.after
+    def _complete(
+        self,
+        state: Mission,
+        count: int = 0,
+        first: tuple[LegRecord, Mission] | None = None,
+        late: bool = False,
+    ) -> Prospect | None:
+        """Plan to the end; None where the destination is not reached, in time if not `late`.
 
-    def _complete(self, state: Mission, kept: tuple[_Planned, ...], late: bool = False) -> Prospect | None:
-        """Plan to the end; None where the destination is not reached, in time if not `late`."""
-        legs = list(kept)
+        Args:
+            state: after what is done.
+            count: legs of the plan that is followed that are done.
+            first: the leg after them, where that is planned, and the state before it.
+            late: whether the destination may be reached too late.
+        """
+        before = self.followed if count else Prospect([], [])
+        legs, states = before.legs[:count], before.states[:count]
+        if first is not None:
+            legs, states = [*legs, first[0]], [*states, first[1]]
         with expecting(PLANS, self._fingerprint):
             while not state.ended:
-                before, known = _fork(state), len(state.run.legs)
-                step(self._context, [state])
-                legs += [_Planned(record, before) for record in state.run.legs[known:] if record.arrived]
+                kept, known = state.fork(), len(state.run.legs)
+                step([state])
+                done = [record for record in state.run.legs[known:] if record.arrived]
+                legs, states = legs + done, states + [kept] * len(done)
         self.reason = state.run.reason
         good = state.run.success or (late and state.run.arrived)
-        return Prospect(tuple(legs), state) if good else None
-
-
-def _fork(state: Mission) -> Mission:
-    """Return a state that goes on by itself."""
-    return replace(
-        state,
-        run=replace(state.run, routes=list(state.run.routes), legs=list(state.run.legs)),
-        sea=copy(state.sea),
-        learnt=dict(state.learnt),
-        visited=set(state.visited),
-        barred=set(state.barred),
-    )
+        return Prospect(legs, [*states, state]) if good else None

@@ -6,16 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.executive.context import Leg
+from auvplan.executive.context import Leg, Stretch, make_context
 from auvplan.executive.legs import encounter, finish, let_appear, look
-from auvplan.executive.loop import make_context, start_mission
-from auvplan.link.limits import Allowance
+from auvplan.executive.loop import start_mission
 from auvplan.link.notices import CurrentNotice, GoneNotice, Notice, ObstacleNotice
-from auvplan.link.vehicle import Lost, Report, State, Step, Upload
+from auvplan.link.vehicle import Lost, Report, State, Step, Upload, VehicleLink
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
@@ -33,8 +31,7 @@ from auvplan.simulation.faults import (
     TakenOver,
     WrongForecast,
 )
-from auvplan.simulation.sea import stacked
-from auvplan.simulation.simulator import TIME_STEP, WIDTH, over_ground, padded_rows, transit
+from auvplan.simulation.simulator import TIME_STEP, Course, over_ground, simulate
 from auvplan.simulation.world import KNOWN, TrueObstacles
 
 Array = NDArray[np.floating]
@@ -46,8 +43,8 @@ _RISE = 0.5
 _STATES = {GivesUp: State.FAULT, TakenOver: State.STOPPED, Restarts: State.IDLE}
 
 
-class SimulatedVehicle:
-    """A vehicle in the simulator; its time passes in `report` alone.
+class SimulatedVehicle(VehicleLink):
+    """A vehicle in the simulator; its time passes in `report` alone, and stands while the executor plans.
 
     It meets the true current, which differs from the forecast as the scenario has it, and on each leg the
     obstacles that `auvplan mission` draws for one, which are gone when it is over. What its sensor makes of
@@ -55,8 +52,6 @@ class SimulatedVehicle:
     """
 
     name = "the simulator"
-    by_legs = False
-    left_alone, allowance = "", Allowance()
 
     def __init__(
         self,
@@ -90,9 +85,8 @@ class SimulatedVehicle:
         self._done = 0
         self._state = State.IDLE
         self._stays = 0.0  # s that are left of a hold
-        self._ahead: tuple[Array, Array, bool] | None = (
-            None  # times, places, whether the stretch's end is a goal
-        )
+        # Times, places, and whether the stretch's end is a goal.
+        self._ahead: tuple[Array, Array, bool] | None = None
         self._heard, self._report = 0.0, Report()  # s, when it was heard of last, and what
         self._legs: dict[int, Leg] = {}  # that were begun, by number; 0 before the first
         self._look = 0.0  # s, when the sensor looks next
@@ -104,15 +98,6 @@ class SimulatedVehicle:
     def now(self) -> float:
         """Return s of mission time."""
         return self._mission.now
-
-    @property
-    def rate(self) -> float:
-        """Return 0: time stands still while the executor plans."""
-        return 0.0
-
-    def connect(self) -> list[str]:
-        """Do nothing: it is there."""
-        return []
 
     def upload(self, plan: Upload) -> list[str]:
         """Take a plan."""
@@ -132,9 +117,6 @@ class SimulatedVehicle:
     def surface(self) -> None:
         """Surface."""
         self._do(State.SURFACING)
-
-    def close(self) -> None:
-        """Do nothing."""
 
     def report(self, seconds: float) -> Report:
         """Let `seconds` pass."""
@@ -259,7 +241,7 @@ class SimulatedVehicle:
             leg.truth.position = leg.truth.position + seconds * leg.moves
             ground = (place - self._place) / seconds
             step = [until], place[None], leg.truth.position[None], ground[None], water[None]
-            leg.stretches.append(tuple(np.array(part) for part in step))  # type: ignore[arg-type]
+            leg.stretches.append(Stretch(*(np.array(part) for part in step)))
         self._mission.now, self._place = until, place
 
     def _moves(self) -> Array:
@@ -281,10 +263,9 @@ class SimulatedVehicle:
         """Begin a leg to a place, [3] m, where it was not begun before: what the last one had is gone."""
         if number in self._legs:
             return
-        encounter(self._context, self._mission, LegRecord(0, 0, 0.0, 0.0, 0.0), self._place, target)
-        leg = self._legs[number] = self._leg
-        here, none = np.array([self.now]), np.zeros((0, 3))
-        leg.stretches.append((here, self._place[None], leg.truth.position[None].copy(), none, none))
+        encounter(self._mission, LegRecord(0, 0, 0.0, 0.0, 0.0), self._place, target)
+        self._legs[number] = self._leg
+        self._leg.set_off(self.now)
         self._gone += [known.name for known in self._seen.values()]
         self._seen = {}
 
@@ -295,18 +276,13 @@ class SimulatedVehicle:
         if np.linalg.norm(step.position - self._place) < 1e-3:
             return np.asarray([self.now, self.now]), np.stack([self._place, step.position]), True
         self._mission.sea.advance(self.now)
-        parts = np.linspace(0.0, 1.0, self._context.path_config.samples)[:, None]
-        track = self._place + parts * (step.position - self._place)
-        none = [padded_rows(np.zeros(shape)) for shape in ((0, 3), (0, 3), (0,))]
-        rows = {"track": track, "arc": 0.0, "moving": True, "now": self.now}
-        batch = [np.stack([np.asarray(value)] * WIDTH) for value in rows.values()]
-        fields = stacked([self._mission.sea.field] * WIDTH)
-        obstacles = tuple(np.stack([part] * WIDTH) for part in none)
-        share = np.full(WIDTH, self._faults.speed(self.now))
-        out = jax.device_get(
-            transit(*batch, fields, obstacles, self._context.vehicle, share, steps=self._steps)  # type: ignore[arg-type]
-        )
-        times = np.concatenate([[self.now], np.asarray(out.times[0], float)])
-        places = np.concatenate([self._place[None], np.asarray(out.positions[0], float)])
+        context, now, field = self._context, self.now, self._mission.sea.field
+        samples = context.path_config.samples
+        track = self._place + np.linspace(0.0, 1.0, samples)[:, None] * (step.position - self._place)
+        none = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)  # what moves there is moved by `_pass`
+        course = Course(track, 0.0, True, now, field, none, self._faults.speed(now))
+        (out,) = simulate([course], context.vehicle, samples, self._steps)
+        times = np.concatenate([[now], np.asarray(out.times, float)])
+        places = np.concatenate([self._place[None], np.asarray(out.positions, float)])
         fresh = np.concatenate([[True], np.diff(times) > 0.0])
-        return times[fresh], places[fresh], bool(out.arrived[0])
+        return times[fresh], places[fresh], bool(out.arrived)

@@ -109,6 +109,11 @@ class Step:
         way, seconds = float(np.linalg.norm(self.position - self.left)), self.time - self.left_at
         return way / seconds if way > 0.0 and seconds > 0.0 else otherwise
 
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What distinguishes it from steps of other places and legs."""
+        return self.leg, *self.position.tolist()
+
 
 @dataclass(frozen=True)
 class Upload:
@@ -179,85 +184,55 @@ class Upload:
 class VehicleLink(Protocol):
     """A vehicle under way: uploads go there, reports come back.
 
-    Calls return within limits or raise; none waits for ever. Positions are local metres of the itinerary's
-    site.
+    Calls return within limits or raise, `Lost` where the vehicle does not say that it does what it is asked,
+    `Refused` where it says that it will not; none waits for ever. Positions are local metres of the
+    itinerary's site.
+
+    Attributes:
+        name: what the vehicle is called in messages to people.
+        by_legs: whether it reports completed legs and tasks, not each step.
+        rate: s of mission time in one of wall-clock time; 0 where time stands still between reports.
+        allowance: what its own control takes longer than planned paths.
     """
 
-    @property
-    def name(self) -> str:
-        """Return what the vehicle is called in messages to people."""
-        ...
-
-    @property
-    def by_legs(self) -> bool:
-        """Return whether the vehicle reports completed legs and tasks, not each step."""
-        ...
+    name: str
+    by_legs: bool = False
+    rate: float = 0.0
+    allowance: Allowance = Allowance()
 
     @property
     def now(self) -> float:
-        """Return s of mission time."""
-        ...
-
-    @property
-    def rate(self) -> float:
-        """Return s of mission time in one of wall-clock time; 0 where time stands still between reports."""
-        ...
-
-    @property
-    def allowance(self) -> Allowance:
-        """Return what its own control takes longer than planned paths."""
+        """Return s of mission time, which begins with the first start."""
         ...
 
     @property
     def left_alone(self) -> str:
         """Return what the vehicle does when the link is lost; empty where it goes on with its plan."""
-        ...
+        return ""
 
     def connect(self) -> list[str]:
-        """Find the vehicle.
-
-        Returns:
-            Lines for people: what the vehicle does by itself.
-
-        Raises:
-            Lost: nobody answers.
-            Refused: the vehicle is not in the state that was asked for.
-        """
-        ...
+        """Find the vehicle; return lines for people: what it does by itself."""
+        return []
 
     def upload(self, plan: Upload) -> list[str]:
         """Hand over a plan, whole, and read it back where the vehicle lets that be done.
 
-        Until the next `start`, reports count the steps of the plan before.
+        Until the next `start`, reports count the steps of the plan before. Where this fails the vehicle has
+        that one, this one or none.
 
         Returns:
             Lines for people: what the vehicle did not take and can do without.
-
-        Raises:
-            Lost, Refused: the plan is not there; the one before is, or none.
         """
         ...
 
     def start(self, step: int = 0) -> None:
-        """Execute the last upload from a step on; mission time begins with the first start.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Execute the last upload from a step on."""
 
     def hold(self) -> None:
-        """Stay where it is, until the next start.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Stay where it is, until the next start."""
 
     def surface(self) -> None:
-        """Give the plan up and surface.
-
-        Raises:
-            Lost, Refused: the vehicle does not say that it does.
-        """
+        """Give the plan up and surface."""
 
     def report(self, seconds: float) -> Report:
         """Let `seconds` of mission time pass, and return the newest report."""

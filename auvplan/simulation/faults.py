@@ -181,31 +181,31 @@ class Faults:
         return jax.device_get(perturbed(current, factor, step))
 
 
-class FaultySea:
-    """A sea whose current and forecasts have faults."""
+class FaultySea(Sea):
+    """A sea whose current and forecasts have faults, which strike by the times that it is advanced to."""
 
     def __init__(self, sea: Sea, faults: Faults):
-        """Wrap a sea; the faults strike by the times that it is advanced to."""
-        self._sea, self._faults, self._now = sea, faults, 0.0
-        self._known: tuple[Current, int, Current] | None = None
+        """Wrap a sea."""
+        self._sea, self._faults = sea, faults
+        self._inner: Current | None = None
+        self._steps = 0
+        self._strike(0.0)
 
-    @property
-    def field(self) -> Current:
-        """The true current from now on."""
-        inner, steps = self._sea.field, len(self._faults.struck(CurrentStep, self._now))
-        # It is asked for often, and seldom another one.
-        if self._known is None or self._known[0] is not inner or self._known[1] != steps:
-            self._known = inner, steps, self._faults.truth(inner, self._now)
-        return self._known[2]
+    def _strike(self, now: float) -> None:
+        inner, steps = self._sea.field, len(self._faults.struck(CurrentStep, now))
+        if self._inner is not inner or self._steps != steps:  # seldom
+            self._inner, self._steps, self.field = inner, steps, self._faults.truth(inner, now)
+        self._now = now
 
     def advance(self, now: float) -> None:
         """Let time pass up to `now`, s."""
-        self._now = now
         self._sea.advance(now)
+        self._strike(now)
 
     def begin_window(self) -> None:
         """Take note that a window of a leg begins (3.2.2)."""
         self._sea.begin_window()
+        self._strike(self._now)
 
     def hold(self) -> None:
         """Change no more: plans know of nothing else."""

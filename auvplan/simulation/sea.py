@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import jax
 import numpy as np
@@ -14,13 +13,14 @@ from auvplan.runtime import prng
 from auvplan.runtime.compiled import compiled
 
 
-class Sea(Protocol):
-    """A true current and its forecasts."""
+class Sea:
+    """A true current and its forecasts; as it stands, one to which nothing happens and that is foreseen.
 
-    @property
-    def field(self) -> Current:
-        """The true current from now on."""
-        ...
+    Attributes:
+        field: the true current from now on.
+    """
+
+    field: Current
 
     def advance(self, now: float) -> None:
         """Let time pass up to `now`, s."""
@@ -33,10 +33,10 @@ class Sea(Protocol):
 
     def forecast(self) -> Current:
         """Return the current as planners know it now."""
-        ...
+        return self.field
 
 
-class VortexSea:
+class VortexSea(Sea):
     """Vortices that change at every update (Eq. 2); their arrays lie on the host.
 
     It draws from its own key by its own counts, so that no mission depends on those beside it.
@@ -90,26 +90,13 @@ class VortexSea:
         return jax.device_get(_forecast_of(self._forecast_key, self._forecasts, self.field, self._error))
 
 
-class ModelSea:
-    """The currents of an ocean model's files, or of tides: truth and forecast.
-
-    Attributes:
-        field: the truth, which all missions share.
-    """
+class ModelSea(Sea):
+    """The currents of an ocean model's files, or of tides: truth, which all missions share, and forecast."""
 
     def __init__(self, truth: Current, forecast: Current, error: LambVortices | None = None):
         """Hold the `truth`; planners get `forecast` and this mission's `error` added to it."""
         self.field = SumCurrent(truth)
         self._forecast = SumCurrent(forecast, padded(jax.device_get(error)))
-
-    def advance(self, now: float) -> None:
-        """Do nothing: the files' currents depend on time."""
-
-    def begin_window(self) -> None:
-        """Do nothing, as `advance`."""
-
-    def hold(self) -> None:
-        """Do nothing, as `advance`."""
 
     def forecast(self) -> SumCurrent:
         """Return the forecast, the same all the time."""

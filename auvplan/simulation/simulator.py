@@ -3,8 +3,10 @@
 All B missions advance together; arrays carry a leading axis B, and a mission that has ended stands still.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +17,11 @@ from numpy.typing import NDArray
 from auvplan.ocean.currents import Current, combine, partition
 from auvplan.ocean.vortices import rounded_up
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.rows import padded_batches
+from auvplan.simulation.sea import stacked
 from auvplan.vehicle import Vehicle, along_track
+
+Array = NDArray[np.floating]
 
 #: Seconds between two recorded positions.
 TIME_STEP = 3.0
@@ -51,6 +57,57 @@ class Transit:
     arc: jax.Array
     arrived: jax.Array
     shortfall: jax.Array
+
+
+class Course(NamedTuple):
+    """What one vehicle does next, and what is around it.
+
+    Attributes:
+        track: [S, 3] m, that is followed.
+        arc: m already executed along it.
+        moving: whether it follows it; otherwise it keeps station.
+        now: s.
+        current: the truth.
+        obstacles: true position [M, 3] m, own velocity [M, 3] m/s and drift [M].
+        share: that it makes of its speed through the water.
+    """
+
+    track: Array
+    arc: float
+    moving: bool
+    now: float
+    current: Current
+    obstacles: tuple[Array, Array, Array]
+    share: float = 1.0
+
+
+def simulate(courses: Sequence[Course], vehicle: Vehicle, samples: int, steps: int) -> list[Transit]:
+    """Simulate so many steps of vehicles together; tracks have `samples` places or, on detours, more."""
+    obstacles, found = [[padded_rows(part) for part in course.obstacles] for course in courses], []
+    for index, real in padded_batches(len(courses), (WIDTH,)):
+        batch = [courses[k] for k in index]
+        most = max(len(course.track) for course in batch)
+        if most > samples:  # of few shapes
+            most = samples * 2 ** int(np.ceil(np.log2(most / samples)))
+        tracks = [np.pad(one.track, ((0, most - len(one.track)), (0, 0)), mode="edge") for one in batch]
+        out: Transit = jax.device_get(
+            transit(
+                np.stack(tracks),  # type: ignore[arg-type]
+                *(
+                    np.asarray([getattr(course, name) for course in batch])
+                    for name in ("arc", "moving", "now")
+                ),
+                stacked([course.current for course in batch]),
+                tuple(np.stack(part) for part in zip(*(obstacles[k] for k in index), strict=True)),
+                vehicle,
+                np.asarray([course.share for course in batch]),
+                steps=steps,
+            )
+        )
+        for row in range(real):
+            one, present = jax.tree.map(lambda part, row=row: part[row], out), len(batch[row].obstacles[2])
+            found.append(replace(one, obstacles=one.obstacles[:, :present], moves=one.moves[:present]))
+    return found
 
 
 @partial(compiled, static_argnames=("steps",))

@@ -104,9 +104,10 @@ def make_sea(
 def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
     """Return the true current at the start."""
     settings, area = scenario.current, scenario.area
+    uniform = jax.device_put(np.asarray(settings.uniform, float))
     if settings.vortices == 0:
         empty = jnp.zeros((1, 0))
-        return LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, _uniform(scenario))
+        return LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, uniform)
     field = random_vortices(
         key,
         np.asarray(area.lower),
@@ -117,11 +118,7 @@ def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
         peak_speed=settings.peak_speed,
         vertical_scale=settings.vertical_scale,
     )
-    return replace(field, uniform=_uniform(scenario))
-
-
-def _uniform(scenario: Scenario) -> jax.Array:
-    return jax.device_put(np.asarray(scenario.current.uniform, float))
+    return replace(field, uniform=uniform)
 
 
 def current_update(scenario: Scenario) -> CurrentUpdate:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.executive.loop import make_context
+from auvplan.executive.context import make_context
 from auvplan.runtime import cores
 from auvplan.scenario.waypoints import make_graph
 from auvplan.study.cluster import connected, run_on_cluster
@@ -121,7 +121,7 @@ def run_study(
             _run_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
-    dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).chart)
+    dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).area.chart)
     clock = {
         "missions": len(tasks),
         "wall_s": time.perf_counter() - begin,

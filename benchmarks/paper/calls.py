@@ -13,8 +13,9 @@ import numpy as np
 import xarray as xr
 
 from auvplan.executive import seed_keys
+from auvplan.executive.context import make_context
 from auvplan.executive.legs import begin_legs
-from auvplan.executive.loop import make_context, start_mission
+from auvplan.executive.loop import start_mission
 from auvplan.executive.path_calls import plan_legs
 from auvplan.records import LegRecord
 from auvplan.scenario import Scenario
@@ -79,14 +80,14 @@ def _measure(plain: dict[str, Any], seeds: Sequence[int], core: int) -> list[lis
         places = np.asarray(mission.graph.positions, float)
         away = np.linalg.norm(places - places[0], axis=1)
         nearest = int(np.argmin(np.where(np.asarray(mission.graph.adjacency)[0], away, np.inf)))
-        begin_legs(context, [mission], [LegRecord(0, nearest, np.inf, 0.0, 0.0)])
+        begin_legs([mission], [LegRecord(0, nearest, np.inf, 0.0, 0.0)])
         for found, cold in zip(times, (True, False), strict=True):
             if not found:
-                plan_legs(context, [mission], ["leg"], cold=cold)  # compiles
+                plan_legs([mission], "leg", cold=cold)  # compiles
             took = []
             for _ in range(_REPEATS):
                 begin = time.process_time()
-                plan_legs(context, [mission], ["leg"], cold=cold)
+                plan_legs([mission], "leg", cold=cold)
                 took.append(time.process_time() - begin)
             found.append(float(np.median(took)))
     return times

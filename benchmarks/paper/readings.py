@@ -18,9 +18,9 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.executive import seed_keys
-from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.context import Mission, MissionContext, make_context
 from auvplan.executive.legs import set_out
-from auvplan.executive.loop import make_context, start_mission
+from auvplan.executive.loop import start_mission
 from auvplan.executive.path_calls import believed
 from auvplan.records import LegRecord
 from auvplan.study import Design
@@ -107,7 +107,7 @@ def path_rows(seeds: int) -> Iterator[dict[str, Any]]:
     """A row for each scenario and reading: seeds whose violation vanishes, and after which iteration."""
     for name in SCENARIOS:
         context, missions = first_legs(name, seeds)
-        env = believed(context, missions)
+        env = believed(missions)
         starts = np.stack([mission.active_leg.origin for mission in missions])
         goals = np.stack([mission.active_leg.target for mission in missions])
         common = {"key": seed_keys(range(seeds)), "world_per_leg": True}
@@ -123,12 +123,12 @@ def path_rows(seeds: int) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
-def first_legs(name: str, seeds: int) -> tuple[SimulationContext, list[Mission]]:
+def first_legs(name: str, seeds: int) -> tuple[MissionContext, list[Mission]]:
     """Missions on the first leg of a scenario, what lies ahead believed but no path planned."""
     context = make_context(changed(name, "paper"), ".")
     missions = [start_mission(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
     for mission in missions:
-        set_out(context, mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
+        set_out(mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
     return context, missions
 
 

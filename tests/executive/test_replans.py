@@ -9,7 +9,8 @@ import pytest
 import auvplan as ap
 from auvplan.executive import legs, path_calls, replans, seed_keys
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.loop import make_context, start_mission
+from auvplan.executive.context import make_context
+from auvplan.executive.loop import start_mission
 from auvplan.path.outlook import outlook
 from auvplan.records import LegRecord
 from auvplan.scenario.settings import SensorSettings
@@ -72,33 +73,33 @@ def reviews(monkeypatch):
     """
     found, original = [], legs.replan
 
-    def judged(context, one, plan, sample):
+    def judged(one, plan, sample):
+        context = one.mission.context
         common = context.vehicle, context.path_config, context.area.closures
         return outlook(plan, sample, one.mission.now, one.forecast, *common)
 
-    def spy(context, given):
+    def spy(given):
         before = []
         for one in given:
+            context = one.mission.context
             leg, now = one.mission.active_leg, one.mission.now
             old, arc = leg.followed, leg.arc
             if leg.escaping:
                 before.append((old, np.inf, True))
                 continue
             sample = np.interp(arc, leg.marks, np.arange(len(leg.marks)))
-            rest = judged(context, one, old, sample)
+            rest = judged(one, old, sample)
             ahead = (leg.marks >= arc) & (
                 old.times - np.interp(arc, leg.marks, old.times) < context.lookahead
             )
             times = now + old.times - np.interp(arc, leg.marks, old.times)
             meets = leg.belief.clearance(old.positions[ahead], times[ahead]).min(initial=np.inf) < 0.0
             before.append((old, rest.time_left, meets or rest.broken))
-        original(context, given)
+        original(given)
         for one, (old, left, broken) in zip(given, before, strict=True):
             new = one.mission.active_leg.followed
             kept = new.positions is old.positions
-            found.append(
-                (one, old, new, left, left if kept else judged(context, one, new, 0.0).time_left, broken)
-            )
+            found.append((one, old, new, left, left if kept else judged(one, new, 0.0).time_left, broken))
 
     monkeypatch.setattr(legs, "replan", spy)
     return found
@@ -146,7 +147,7 @@ def test_a_vehicle_looks_before_it_sets_out():
     context = make_context(settings)
     mission = start_mission(context, 0, seed_keys([0])[0], 0)
     goal = int(np.asarray(mission.graph.adjacency)[0].argmax())
-    legs.set_out(context, mission, LegRecord(0, goal, 0.0, 0.0, 0.0))
+    legs.set_out(mission, LegRecord(0, goal, 0.0, 0.0, 0.0))
     leg = mission.active_leg
     away = np.linalg.norm(leg.truth.position - leg.origin, axis=1) - leg.truth.radius
     np.testing.assert_array_equal(leg.belief.std, np.where(away <= 300.0, 2.0, 10.0))

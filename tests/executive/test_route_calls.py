@@ -8,8 +8,8 @@ import pytest
 
 import auvplan as ap
 from auvplan.check.run import check_dataset
+from auvplan.executive import context as contexts
 from auvplan.executive import legs, loop
-from auvplan.executive.context import SimulationContext
 from auvplan.executive.route_calls import effort, time_edges
 from auvplan.io.results import to_dataset
 from tests.executive.small import SMALL, light_config, light_routes, planning, scenario
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 def start_mission(settings: ap.Scenario):
     context = loop.make_context(settings, ".")
-    return context, loop.start_mission(context, 0, jax.random.key(3), 3)
+    return loop.start_mission(context, 0, jax.random.key(3), 3)
 
 
 def whole_time(leg) -> float:
@@ -61,7 +61,7 @@ def test_what_the_time_of_a_task_counts_in(task_time, monkeypatch):
     """Beside t_ij: in the leg's time and what is compared, in its time alone, or in neither (Fig. 15)."""
     light = {"path_config": light_config(planning()), "mission_configs": light_routes(planning())}
     for name, config in light.items():
-        monkeypatch.setattr(loop, name, lambda *_, config=config: config)
+        monkeypatch.setattr(contexts, name, lambda *_, config=config: config)
     rules = {"preset": "paper", "task_time": task_time, "routes_from": "fresh", "window_change": 0.01}
     run = ap.run_mission(planning(**rules), key=jax.random.key(1))
     assert len(run.done) > 2
@@ -78,32 +78,33 @@ def test_what_the_time_of_a_task_counts_in(task_time, monkeypatch):
 
 
 def test_times_learnt_under_way_are_as_much_longer_as_the_legs_were(paper):
-    context, mission = start_mission(planning(travel_times="learnt"))
-    time_edges(context, [mission])
-    still = mission.graph.leg_times(context.speed)
-    np.testing.assert_allclose(mission.timed.leg_times(context.speed), still)
+    mission = start_mission(planning(travel_times="learnt"))
+    time_edges([mission])
+    still = mission.graph.leg_times(mission.context.speed)
+    np.testing.assert_allclose(mission.timed.leg_times(mission.context.speed), still)
     ends = [tuple(map(int, edge)) for edge in np.argwhere(mission.graph.adjacency)[:2]]
     straight = [still[edge] - mission.graph.duration[edge] for edge in ends]
     mission.run.legs = [
         replace(leg, start=i, goal=j, times=np.array([0.0, longer * seconds]))
         for leg, (i, j), longer, seconds in zip(paper.done, ends, (1.2, 1.4), straight, strict=False)
     ]
-    time_edges(context, [mission])
+    time_edges([mission])
     share = (1.2 * straight[0] + 1.4 * straight[1]) / sum(straight)
-    travel = mission.timed.leg_times(context.speed) - mission.graph.duration
+    travel = mission.timed.leg_times(mission.context.speed) - mission.graph.duration
     np.testing.assert_allclose(travel[ends[0]], share * straight[0])
 
 
 def test_the_preset_of_the_paper_times_by_distance():
-    context, mission = start_mission(planning(preset="paper"))
-    time_edges(context, [mission])
+    mission = start_mission(planning(preset="paper"))
+    time_edges([mission])
     assert np.isnan(mission.timed.travel_time).all()
 
 
 def test_times_of_the_sea_follow_from_what_is_told_of_the_current():
     exact = SMALL["current"] | {"forecast_error": 0.0}
-    context, mission = start_mission(scenario(current=exact))
-    time_edges(context, [mission])
+    mission = start_mission(scenario(current=exact))
+    time_edges([mission])
+    context = mission.context
     area = context.scenario.area
     env = ap.Environment(mission.sea.field, None, None, area.lower, area.upper)
     known = mission.graph.with_travel_times(env, context.vehicle, 0.0, effort(context.path_config))
@@ -117,27 +118,27 @@ def test_without_obstacles_no_detour_is_allowed_for():
         simulation={"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
         current={"vortices": 0, "layers": 1},
     )
-    context, mission = start_mission(calm)
-    time_edges(context, [mission])
+    mission = start_mission(calm)
+    time_edges([mission])
     graph = mission.graph
     np.testing.assert_allclose(mission.timed.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["sea", "distance"])
 def test_a_refused_edge_keeps_the_time_of_its_path(kind):
-    context, mission = start_mission(planning(travel_times=kind))
+    mission = start_mission(planning(travel_times=kind))
     i, j = (int(node) for node in np.argwhere(mission.graph.adjacency)[0])
     mission.learnt[i, j] = 9000.0
     for now in (0.0, 700.0):
         mission.now = now
-        time_edges(context, [mission])
+        time_edges([mission])
         assert mission.timed.travel_time[i, j] == 9000.0
 
 
 def test_an_edge_barred_for_good_does_not_come_back():
-    context, mission = start_mission(scenario())
+    mission = start_mission(scenario())
     mission.graph = mission.graph.without_edges([(0, int(np.argmax(mission.graph.adjacency[0])))])
-    time_edges(context, [mission])
+    time_edges([mission])
     assert not (mission.timed.adjacency & ~mission.graph.adjacency).any()
 
 
@@ -153,11 +154,9 @@ def test_planners_are_told_the_current_of_the_moment(monkeypatch):
     seen = []
     original = legs.plan_legs
 
-    def spy(context: SimulationContext, missions, causes, cold=False, growing=True):
-        seen.extend(
-            (m.now, m.sea.updates) for m, cause in zip(missions, causes, strict=True) if cause == "leg"
-        )
-        return original(context, missions, causes, cold, growing)
+    def spy(missions, cause, cold=False, growing=True):
+        seen.extend((mission.now, mission.sea.updates) for mission in missions if cause == "leg")
+        return original(missions, cause, cold, growing)
 
     monkeypatch.setattr(legs, "plan_legs", spy)
     settings = scenario(mission=SMALL["mission"] | {"duration": [600, 900]})

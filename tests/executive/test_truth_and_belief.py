@@ -1,5 +1,7 @@
 """The simulator's truth and what a vehicle believes of it."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +9,9 @@ import pytest
 
 import auvplan as ap
 from auvplan.executive.belief import ObstacleBelief, as_obstacles
+from auvplan.executive.context import make_context
 from auvplan.executive.evasion import escape_track
-from auvplan.executive.loop import make_context, seed_keys, start_mission
+from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.ocean import CurrentUpdate, Seabed
 from auvplan.path.motion import Motion
 from auvplan.scenario.scenario import Scenario
@@ -186,23 +189,28 @@ def test_a_boundary_between_two_places_of_a_path_is_met():
     assert belief.clearance(track, times).min() < -30.0
 
 
+def open_water(seabed=None):
+    """What an escape counts on: a vehicle of 2.5 m/s in a box of 20 km, without a coast."""
+    area, config = SimpleNamespace(chart=None, seabed=seabed), SimpleNamespace(samples=10)
+    return SimpleNamespace(area=area, box=(np.full(3, -1e4), np.full(3, 1e4)), speed=2.5, path_config=config)
+
+
 def test_escape_goes_away_from_what_comes():
     sensors = SensorSettings(prior_std=0.0, velocity_std=0.0)
     truth = TrueObstacles(
         np.array([[60.0, 0, 0]]), np.array([[-1.0, 0, 0]]), np.ones(1), np.array([40.0]), ["self-motivated"]
     )
     belief = ObstacleBelief(truth, np.array([[-1.0, 0, 0]]), 0.0, sensors, np.random.default_rng(0))
-    box = (np.full(3, -1e4), np.full(3, 1e4))
-    track = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
+    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance)
     assert track is not None
     assert track[-1, 0] < 0
     # Where the sea bed rises behind the vehicle it gives way to another side.
     depth = np.full((200, 200), 100.0)
     depth[:99] = 2.0
     bed = Seabed.from_depth(depth, 10.0, (-1000.0, -1000.0))
-    aside = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, bed, 2.5, *box, 10)
+    aside = escape_track(open_water(bed), np.zeros(3), 0.0, 30.0, belief.clearance)
     assert aside is None or (bed.altitude(aside) >= 5.0).all()
-    far = escape_track(np.array([-5e3, 0, 0]), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
+    far = escape_track(open_water(), np.array([-5e3, 0, 0]), 0.0, 30.0, belief.clearance)
     assert far is None or np.linalg.norm(far[-1] - [-5e3, 0, 0]) <= 0.4 * 2.5 * 30 + 1e-6
 
 

@@ -20,22 +20,22 @@ GOAL = 7
 
 
 def at_waypoint(edges, edge_tasks=(), waypoint_tasks=(), available=5000.0, here=0, behind=(), **settings):
-    """A context, and a mission at a waypoint of a hand-made graph with some waypoints behind it."""
+    """A mission at a waypoint of a hand-made graph with some waypoints behind it."""
     context = loop.make_context(planning(travel_times="distance", return_margin=0.0, **settings), ".")
     mission = loop.start_mission(context, 0, jax.random.key(0), 0)
     graph = task_graph(PLACES, edges, edge_tasks, waypoint_tasks)
     mission.run.graph, mission.run.t_available, mission.here = graph, available, here
     mission.visited = {*behind, here} if behind else set()
     mission.graph = graph.without_waypoints(behind) if context.rules.visits == "once" else graph
-    time_edges(context, [mission])
-    return context, mission
+    time_edges([mission])
+    return mission
 
 
 def test_a_visited_waypoint_is_passed_where_no_other_way_leads_on():
     edges = [(0, 1), (1, 2), (1, GOAL)]
     tasks = [(1, 2, 5.0, 60.0), (1, GOAL, 2.0, 30.0)]
-    context, mission = at_waypoint(edges, tasks, [(1, 4.0, 90.0)], here=2, behind=(0, 1))
-    plan_routes(context, [mission])
+    mission = at_waypoint(edges, tasks, [(1, 4.0, 90.0)], here=2, behind=(0, 1))
+    plan_routes([mission])
     assert mission.rest == [2, 1, GOAL]
     assert mission.graph.priority[2, 1] == mission.graph.duration[2, 1] == 0.0
     assert mission.graph.priority[1, GOAL] == 2.0
@@ -44,22 +44,22 @@ def test_a_visited_waypoint_is_passed_where_no_other_way_leads_on():
 def test_a_visited_waypoint_is_not_passed_where_another_way_leads_on():
     edges = [(0, 1), (1, 2), (1, GOAL), (2, 3), (3, GOAL)]
     tasks = [(1, GOAL, 50.0, 0.0)]
-    context, mission = at_waypoint(edges, tasks, here=2, behind=(0, 1))
-    plan_routes(context, [mission])
+    mission = at_waypoint(edges, tasks, here=2, behind=(0, 1))
+    plan_routes([mission])
     assert mission.rest == [2, 3, GOAL]
 
 
 def test_it_is_passed_where_the_other_way_takes_too_long():
     edges = [(0, 1), (1, 2), (1, GOAL), (2, 3), (3, GOAL)]
     slow = [(2, 3, 1.0, 4000.0)]
-    context, mission = at_waypoint(edges, slow, here=2, behind=(0, 1), available=2500.0)
-    plan_routes(context, [mission])
+    mission = at_waypoint(edges, slow, here=2, behind=(0, 1), available=2500.0)
+    plan_routes([mission])
     assert mission.rest == [2, 1, GOAL]
 
 
 def test_no_way_at_all_is_one_line():
-    context, mission = at_waypoint([(0, 1), (1, 2), (3, GOAL)], here=2, behind=(0, 1))
-    plan_routes(context, [mission])
+    mission = at_waypoint([(0, 1), (1, 2), (3, GOAL)], here=2, behind=(0, 1))
+    plan_routes([mission])
     assert mission.ended
     assert mission.run.reason.startswith("no route from waypoint 2: no way through the graph")
     assert "\n" not in mission.run.reason
@@ -67,21 +67,21 @@ def test_no_way_at_all_is_one_line():
 
 def test_passed_edges_alone_are_barred_where_waypoints_may_be_visited_again():
     edges = [(0, 1), (1, 2), (2, 3), (3, 1), (1, GOAL)]
-    context, mission = at_waypoint(edges, [(3, 1, 9.0, 10.0)], here=2, behind=(0, 1), visits="edges")
+    mission = at_waypoint(edges, [(3, 1, 9.0, 10.0)], here=2, behind=(0, 1), visits="edges")
     mission.graph = mission.graph.without_edges([(0, 1), (1, 2)])
-    time_edges(context, [mission])
-    plan_routes(context, [mission])
+    time_edges([mission])
+    plan_routes([mission])
     assert mission.rest == [2, 3, 1, GOAL]
 
 
 @pytest.mark.parametrize(("reserve", "expected"), [(60.0, [0, GOAL]), (0.0, [0, 1, GOAL])])
 def test_no_route_uses_the_reserve(reserve, expected):
     """By way of 1 the mission ends 30 s before its time is up."""
-    context, mission = at_waypoint(
+    mission = at_waypoint(
         [(0, GOAL), (0, 1), (1, GOAL)], [(0, 1, 5.0, 70.0)], available=1500.0, reserve=reserve
     )
     assert mission.graph.leg_times(2.5)[[0, 1], [1, GOAL]].sum() == pytest.approx(1470.0)
-    plan_routes(context, [mission])
+    plan_routes([mission])
     assert mission.rest == expected
 
 
@@ -94,11 +94,11 @@ def test_the_kept_population_is_what_routes_are_planned_from(monkeypatch):
         return original(*arguments, population=population, **more)
 
     monkeypatch.setattr(route_calls, "plan_missions", spy)
-    context, mission = at_waypoint([(0, 1), (1, 2), (0, 2), (2, GOAL)], routes_from="kept")
-    plan_routes(context, [mission])
+    mission = at_waypoint([(0, 1), (1, 2), (0, 2), (2, GOAL)], routes_from="kept")
+    plan_routes([mission])
     first = np.asarray(mission.last_route.population)
     mission.cause = "late"
-    plan_routes(context, [mission])
+    plan_routes([mission])
     assert given[0] is None
     np.testing.assert_array_equal(given[1][0], first)
 

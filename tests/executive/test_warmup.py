@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from auvplan.executive import loop, run_mission, warmup
-from auvplan.executive.loop import make_context, seed_keys, start_mission
+from auvplan.executive.context import make_context
+from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import scenario
 
@@ -26,7 +27,7 @@ def real(monkeypatch):
 def test_a_leg_is_begun_by_what_begins_missions(caplog):
     context = make_context(scenario(), ".")
     with caplog.at_level(logging.INFO, "auvplan"):
-        warmup.begin_a_leg(context, partial(start_mission, context, 0, seed_keys([0])[0], 0))
+        warmup.begin_a_leg(partial(start_mission, context, 0, seed_keys([0])[0], 0))
     assert "side by side" not in caplog.text
 
 
@@ -48,16 +49,16 @@ def test_it_is_done_once_for_a_scenario_and_not_on_one_core(tmp_path, monkeypatc
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "one"))
     context = make_context(scenario(), ".")
     for _ in range(2):
-        warmup.warm_up(context, lambda: None)
+        warmup.warm_up(context, lambda _: None)
     assert len(begun) == 1
     monkeypatch.setattr(warmup, "_warmed_up", set())
-    warmup.warm_up(context, lambda: None)
+    warmup.warm_up(context, lambda _: None)
     assert len(begun) == 1, "an earlier process has done it"
     monkeypatch.setattr(warmup, "_warmed_up", set())
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "other"))
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    warmup.warm_up(context, lambda: None)
+    warmup.warm_up(context, lambda _: None)
     assert len(begun) == 1
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    warmup.warm_up(context, lambda: None)
+    warmup.warm_up(context, lambda _: None)
     assert len(begun) == 2

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from auvplan.executive import plan_scenario
-from auvplan.executive.loop import make_context, seed_keys, start_mission
+from auvplan.executive.context import make_context
+from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.executive.route_calls import plan_routes
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, ways_off_lines
 from auvplan.runtime import prng
@@ -53,7 +54,7 @@ def test_a_line_that_cannot_be_finished_is_left():
     mission.here, mission.visited = middle, {start, first, middle}
     mission.graph = mission.graph.without_waypoints([start, first])
     mission.now, mission.cause = 1000.0, "late"
-    plan_routes(context, [mission])
+    plan_routes([mission])
     assert not mission.ended
     assert last not in mission.rest
     assert mission.rest[-1] == mission.run.goal

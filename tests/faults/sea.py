@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.context import Mission, MissionContext
 from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.ocean import Chart, Seabed
 from auvplan.scenario.area import OperatingArea
@@ -40,15 +40,15 @@ def area() -> OperatingArea:
     )
 
 
-def context(settings: Scenario | None = None) -> SimulationContext:
+def context(settings: Scenario | None = None) -> MissionContext:
     """What missions share, with a small search."""
     settings = settings or scenario()
-    return SimulationContext(
+    return MissionContext(
         settings, light_config(settings), light_routes(settings), make_vehicle(settings), area()
     )
 
 
-def begun(shared: SimulationContext, seed: int) -> Mission:
+def begun(shared: MissionContext, seed: int) -> Mission:
     """A mission that may be given faults as it goes: append them to `mission.faults.given`."""
     never = [Obstacle(np.inf, 0.0)] * PLACES
     return start_mission(replace(shared, faults=[never]), 0, seed_keys([seed])[0], seed)

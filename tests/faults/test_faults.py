@@ -28,6 +28,7 @@ from auvplan.simulation.faults import (
 )
 from auvplan.simulation.world import TrueObstacles
 from tests.executive.small import scenario as small
+from tests.executive.test_truth_and_belief import open_water
 from tests.faults.sea import begun, context
 
 PLACES = np.array([300.0, 900.0]), np.array([200.0, 700.0]), np.array([5.0, 5.0]), np.array([0.0, 50.0])
@@ -42,7 +43,7 @@ def under_way(shared, *faults, looks=1):
     """A mission on its first leg after so many looks, struck by faults before the next one."""
     mission = begun(shared, 0)
     for _ in range(looks):
-        step(shared, [mission])
+        step([mission])
     mission.faults.given += faults
     return mission
 
@@ -66,7 +67,7 @@ def test_a_step_that_is_not_known_is_not_stated(shared):
 def test_a_vehicle_that_is_held_up_stays_where_it_is(shared):
     mission = under_way(shared, HeldUp(0.0, 100.0))
     before, now = mission.active_leg.position, mission.now
-    step(shared, [mission])
+    step([mission])
     np.testing.assert_array_equal(mission.active_leg.position, before)
     assert mission.now > now
 
@@ -75,10 +76,10 @@ def test_a_vehicle_that_is_held_up_stays_where_it_is(shared):
 def test_a_slower_vehicle_is_noticed_and_reckoned_with(shared):
     mission = under_way(shared, Slower(0.0, 0.7))
     while mission.leg is not None:
-        step(shared, [mission])
+        step([mission])
     assert mission.pace == pytest.approx(0.7, abs=0.02)
     expected = mission.timed.leg_times(shared.speed)
-    step(shared, [mission])
+    step([mission])
     slower = mission.timed.leg_times(shared.speed)
     open_edges = np.isfinite(expected) & np.isfinite(slower) & (mission.graph.duration == 0.0)
     if open_edges.any():
@@ -88,7 +89,7 @@ def test_a_slower_vehicle_is_noticed_and_reckoned_with(shared):
 @pytest.mark.slow
 def test_a_blind_vehicle_sees_nothing_new(shared):
     mission = under_way(shared, SensorOut(0.0, 1e4), Obstacle(0.0, 200.0))
-    step(shared, [mission])
+    step([mission])
     belief = mission.active_leg.belief
     assert (belief.observed_at < mission.now - 1.0).all()
     assert belief.position[:, 2].max() > 1e5
@@ -98,7 +99,7 @@ def test_a_blind_vehicle_sees_nothing_new(shared):
 def test_without_a_planner_the_last_plan_is_followed(shared):
     mission = under_way(shared, PlannerOut(0.0, 200.0))
     plans = len(mission.active_leg.record.plans)
-    step(shared, [mission])
+    step([mission])
     assert len(mission.active_leg.record.plans) == plans
     assert mission.active_leg.arc > 0.0
 
@@ -107,7 +108,7 @@ def test_without_a_planner_the_last_plan_is_followed(shared):
 def test_at_a_waypoint_the_vehicle_waits_for_its_planner(shared):
     never = [PlannerOut(0.0, 250.0)]
     mission = start_mission(replace(shared, faults=[never]), 0, jax.random.key(0), 0)
-    step(shared, [mission])
+    step([mission])
     assert mission.run.charged_compute == pytest.approx(250.0)
     assert mission.active_leg.stretches[0][0][0] == pytest.approx(250.0)
 
@@ -117,7 +118,7 @@ def test_an_obstacle_appears_where_it_is_said_to(shared):
     mission = under_way(shared, Obstacle(0.0, 120.0, 0.0, 25.0))
     leg, now = mission.active_leg, mission.now
     place = leg.position
-    step(shared, [mission])
+    step([mission])
     row = int(np.flatnonzero(leg.truth.radius == 25.0)[0])
     records = np.concatenate([part[2] for part in leg.stretches])[:, row]
     times = np.concatenate([part[0] for part in leg.stretches])
@@ -131,7 +132,7 @@ def test_a_mission_with_faults_is_a_result_like_any_other(shared):
     given = [Obstacle(100.0, 150.0, 5.0, 40.0), Slower(300.0, 0.9), HeldUp(600.0, 60.0)]
     mission = start_mission(replace(shared, faults=[given]), 0, jax.random.key(2), 2)
     while not mission.ended:
-        step(shared, [mission])
+        step([mission])
     report = check_dataset(mission.run.summary(), to_dataset(mission.run))
     assert not report.collisions, report
     assert not collisions(mission.run, given)
@@ -151,8 +152,7 @@ def test_an_escape_from_inside_a_boundary_leads_away():
     belief = ObstacleBelief(truth, truth.velocity, 0.0, sensors, np.random.default_rng(0))
     belief.look(np.zeros(3), truth, truth.velocity, 0.0)
     assert belief.clearance(np.zeros((1, 3)), np.zeros(1))[0] < 0.0
-    box = (np.full(3, -1e4), np.full(3, 1e4))
-    track = escape_track(np.zeros(3), 0.0, 30.0, belief.clearance, None, None, 2.5, *box, 10)
+    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance)
     assert track is not None
     assert track[-1, 0] < -20.0
 

@@ -65,7 +65,7 @@ class Executed(RuleBasedStateMachine):
 
     def go_on(self):
         before = self.mission.now, len(self.mission.run.legs), self.mission.refusals
-        step(Executed.shared, [self.mission])
+        step([self.mission])
         after = self.mission.now, len(self.mission.run.legs), self.mission.refusals
         assert self.mission.ended or after != before, "neither time nor mission went on"
         if len(self.mission.run.legs) > self.legs_seen:

@@ -26,11 +26,11 @@ SLACK = 100.0
 def causes(late: float, reserve: float) -> list[str]:
     """Why routes were planned, where a mission is late by so many s at its first waypoint."""
     edges, taken = [(0, 1), (1, GOAL)], 3500.0 / 2.5
-    context, mission = at_waypoint(edges, available=taken + reserve + SLACK, reserve=reserve, gain=1e6)
-    plan_routes(context, [mission])
+    mission = at_waypoint(edges, available=taken + reserve + SLACK, reserve=reserve, gain=1e6)
+    plan_routes([mission])
     assert mission.slack == pytest.approx(SLACK, abs=1.0)
     mission.now += late
-    step(context, [mission])
+    step([mission])
     return [route.cause for route in mission.run.routes]
 
 

@@ -39,7 +39,7 @@ def planned() -> RollingPlan:
 def made(**script):
     """A plan that is there when it is asked for, and a vehicle at its start that keeps the planned speed."""
     plan = copy(planned())
-    plan._context = copy(plan._context)  # obstacles are added to it
+    plan.remove_obstacle("")  # and whatever other tests have added
     plans, usual = plan.plan, Allowance()
     plan.plan = lambda given=usual, away=0.0: (given == usual and not away) or plans(given, away)
     start = np.asarray(plan.run.graph.positions[plan.run.start], float)
@@ -705,9 +705,9 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     here, now = np.asarray(leg.positions[3], float), float(leg.times[3])
     found = plan.from_position(0, here, now)
     assert found is not None
-    assert found.after.run.routes[0] is before.after.run.routes[0]
+    assert found.states[-1].run.routes[0] is before.states[-1].run.routes[0]
     assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
-    assert len(found.after.run.routes) <= len(before.after.run.routes) + 1
+    assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
 
 
 def test_what_the_vehicle_does_alone_is_said():

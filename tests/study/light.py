@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.errors import ScenarioError
-from auvplan.executive import loop
+from auvplan.executive import context
 from auvplan.scenario import Scenario
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay
@@ -46,7 +46,7 @@ _really_run = worker.run_job
 
 def lighten() -> None:
     """Make searches of this process light for good, and run no mission twice."""
-    vars(loop).update(LIGHT)
+    vars(context).update(LIGHT)
     runner.run_job = worker.run_job = run_job
 
 
