@@ -28,9 +28,7 @@ from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from benchmarks.harness import launch
-from tests.link.held import held_as_planned
-from tests.link.joining import body_at, joined
-from tests.link.proxy import Faults
+from tests.link.joining import Faults, body_at, held_as_planned, joined
 
 SCENARIO = {
     "name": "link",

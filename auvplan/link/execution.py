@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
-from auvplan.export.itinerary import ExportError, PlannedLeg
+from auvplan.export.itinerary import ExportError
 from auvplan.link.limits import Limits
 from auvplan.link.notices import AllNotices, CurrentNotice, GoneNotice, Notices, ObstacleNotice
 from auvplan.link.progress import Progress, staying
@@ -113,11 +113,9 @@ class _Executor:
         self, plan: RollingPlan, link: VehicleLink, limits: Limits, notices: Notices, tell: Tell, keep: Keep
     ) -> None:
         self._plan, self._link, self._limits, self._notices = plan, link, limits, notices
-        self._tell, self._keep = tell, keep
-        run = plan.run
-        self._record = ExecutionRecord(
-            run.scenario, run.folder, run.seed, link.name, run.t_available, reason=UNDER_WAY
-        )
+        self._tell, self._keep, run = tell, keep, plan.run
+        of = run.scenario, run.folder, run.seed, link.name, run.t_available
+        self._record = ExecutionRecord(*of, reason=UNDER_WAY)
         self._route = [run.start]
         self._count = 0  # legs that are done
         self._phase = Phase.READY
@@ -176,10 +174,6 @@ class _Executor:
         """Where the vehicle was last seen, [3] m."""
         assert self._sight is not None
         return self._sight[1]
-
-    @property
-    def _held(self) -> bool:
-        return self._phase is Phase.HELD
 
     def _say(self, kind: str, text: str) -> None:
         event, record = Event(round(self._now, 1), kind, text), self._record
@@ -245,7 +239,7 @@ class _Executor:
             if decision.act in (Act.LEAVE, Act.SURFACE):
                 raise (_Left if decision.act is Act.LEAVE else _SafeEnd)(decision.why)
             if decision.act is not Act.GO_ON:
-                self._do(decision)
+                _DO[decision.act](self, decision)
             # What was done took time, in which the vehicle may have done something else.
             report = self._look(self._limits.look if decision.act is Act.GO_ON else 0.0)
 
@@ -256,21 +250,6 @@ class _Executor:
             self._end = report
         return report
 
-    def _do(self, decision: Decision) -> None:
-        """Do what was decided at a look."""
-        why = decision.why
-        calls: dict[Act, Callable[[], object]] = {
-            Act.HOLD: lambda: self._hold(decision.rule, why),
-            Act.UPLOAD: lambda: self._asked(self._upload, "the new plan was not taken: sent again"),
-            Act.START: lambda: self._asked(self._start, "the new plan was not taken: sent again"),
-            Act.GIVE_WAY: lambda: self._give_way(why),
-            Act.RESTART: lambda: self._restart(why),
-            Act.REPLAN_LEG: lambda: self._plan_leg(why),
-            Act.REPLAN_REST: lambda: self._plan_rest(why),
-            Act.DROP: self._drop,
-        }
-        calls[decision.act]()
-
     def _facts(self, report: Report) -> Facts:
         """Take in a report, and what was reported from outside; return what is known now."""
         self._book(report)
@@ -279,11 +258,10 @@ class _Executor:
         if self._new is None or not self._new.sent:  # what is uploaded is started before anything else
             self._hear()
         now, progress, new, place = self._now, self._progress, self._new, report.position
-        heard = self._reached(report)
-        stuck, idle = "", report.state is State.IDLE
-        astray = hazard = approached = ""
+        heard, idle = self._reached(report), report.state is State.IDLE
+        stuck = astray = hazard = approached = ""
         if heard and place is not None and not idle and self._is_blocked(place):
-            if self._held or progress.at_task(place):
+            if self._phase is Phase.HELD or progress.at_task(place):
                 approached = "an obstacle comes to where it stays"
             else:
                 hazard = "an obstacle is in the way of the present leg"
@@ -318,9 +296,10 @@ class _Executor:
 
     def _missed(self, new: _Next) -> str:
         """Return why a plan cannot be begun any more, or an empty string."""
-        if self._count > new.kept or (self._count == new.kept and not self._held and not new.sent):
+        held = self._phase is Phase.HELD
+        if self._count > new.kept or (self._count == new.kept and not held and not new.sent):
             return "the vehicle is past the leg that the new plan begins with"
-        late = self._held and not new.sent and self._now - new.begins > _LATE
+        late = held and not new.sent and self._now - new.begins > _LATE
         return "the new plan was to be begun before" if late else ""
 
     def _is_at_task(self, place: Array | None) -> bool:
@@ -338,7 +317,7 @@ class _Executor:
             self._looked = now
             # By then a held vehicle has a plan, or this is looked at again.
             until = self._cost + 2.0 * self._limits.astray
-            stopped = self._held and not self._aside
+            stopped = self._phase is Phase.HELD and not self._aside
             track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
@@ -463,9 +442,8 @@ class _Executor:
     @property
     def _goes_on(self) -> str:
         upload = self._progress.upload
-        return (
-            f"the vehicle goes on with upload {upload.number}, whose last item is to {upload.itinerary.end}"
-        )
+        last = f"whose last item is to {upload.itinerary.end}"
+        return f"the vehicle goes on with upload {upload.number}, {last}"
 
     @property
     def _left_alone(self) -> str:
@@ -482,24 +460,22 @@ class _Executor:
         self._say(kind, text)
         return True
 
-    def _asked(self, call: Callable[[], None], otherwise: str = "") -> bool:
-        """Ask the vehicle for something; return whether it does it. What fails is tried again later.
-
-        Args:
-            call: asks it.
-            otherwise: what is said, and counted, where it fails.
-        """
+    def _asked(self, call: Callable[[], None]) -> bool:
+        """Ask the vehicle for something; return whether it does it. What fails is tried again later."""
         try:
             call()
         except LinkError as error:
             self._say("failed", str(error))
             self._failed = self._now
-            if otherwise:
-                self._try("failed", otherwise)
             return False
         return True
 
-    def _restart(self, why: str) -> None:
+    def _hand_over(self, decision: Decision) -> None:
+        """Upload the plan that waits, or start it."""
+        if not self._asked(self._upload if decision.act is Act.UPLOAD else self._start):
+            self._try("failed", "the new plan was not taken: sent again")
+
+    def _restart(self, decision: Decision) -> None:
         """Hand over what the vehicle should have, as it may have lost it, and start it where it was."""
         progress = self._progress
 
@@ -507,13 +483,13 @@ class _Executor:
             self._link.upload(progress.upload)
             self._link.start(progress.ahead)
 
-        if self._try("stopped", f"{why}: started again") and self._asked(again):
+        if self._try("stopped", f"{decision.why}: started again") and self._asked(again):
             self._failed = self._now  # it gets under way before the rest is re-planned for its times
         progress.since = self._now
 
-    def _hold(self, rule: str, why: str) -> None:
+    def _hold(self, decision: Decision) -> None:
         """Hold the vehicle where it is, until there is a plan from there."""
-        new, cause = self._new, rule
+        new, cause, why = self._new, decision.rule, decision.why
         if new is not None and new.sent:
             cause = new.cause
             self._say("replan", f"{why}: it is held")
@@ -525,9 +501,9 @@ class _Executor:
             self._failed = self._looked = -math.inf
             self._blocked = False
 
-    def _give_way(self, why: str) -> None:
+    def _give_way(self, decision: Decision) -> None:
         """Have the vehicle go aside, to wait for a plan from there; a task under way is begun again."""
-        self._blocked, before = False, self._progress.upload
+        self._blocked, before, why = False, self._progress.upload, decision.why
         leg = self._plan.aside(self._count, self._place, self._now)
         if leg is None:
             self._say("hazard", f"{why}: no place near is better, and it stays")
@@ -542,10 +518,10 @@ class _Executor:
             else:
                 self._new = None  # no later plan of the mission's; whether to give way is looked at again
 
-    def _drop(self) -> None:
+    def _drop(self, _: Decision) -> None:
         """Drop the plan that waits; another one is due for the same cause."""
         assert self._new is not None
-        if not self._held:
+        if self._phase is not Phase.HELD:
             self._say("replan", "the new plan came too late for its first leg")
         self._new, self._due = None, self._new.cause
 
@@ -583,8 +559,9 @@ class _Executor:
         self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})
         self._say("upload", f"upload {number} ({new.cause}): {counted(len(new.sent.steps), 'waypoint')}")
 
-    def _plan_leg(self, cause: str) -> None:
+    def _plan_leg(self, decision: Decision) -> None:
         """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
+        cause = decision.why
         for _ in range(2):
             asked = self._now
             begins = asked + self._cost
@@ -601,9 +578,9 @@ class _Executor:
         legs = counted(len(found.legs) - self._count, "leg")
         self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, planned end {found.ends:.0f} s")
 
-    def _plan_rest(self, cause: str) -> None:
+    def _plan_rest(self, decision: Decision) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
-        legs, progress, begin = self._plan.legs, self._progress, self._now
+        cause, legs, progress, begin = decision.why, self._plan.legs, self._progress, self._now
         late = progress.late(self._place, begin) or 0.0
         kept = self._count + 1
         while kept < len(legs) and _after(legs[kept - 1], late) < begin + self._cost:
@@ -617,7 +594,11 @@ class _Executor:
             self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)
-        staying = [_later(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
+        staying = [
+            replace(leg, times=leg.times + late, kept_times=leg.kept_times + late)
+            for leg in present.itinerary.legs
+            if leg.number <= kept
+        ]
         rest, first = self._plan.itinerary(found, kept), present.steps[0]
         origin = first.left, first.left_at + late
         if progress.ahead == 0 and present.origin is None:  # it is on its way to the start
@@ -650,10 +631,8 @@ class _Executor:
         if not self._started:
             record.safe = _NOT_STARTED
             return
-        upload = self._progress.upload
-        record.safe = (
-            f"told to surface, not answered; upload {upload.number} ends with {upload.itinerary.end}"
-        )
+        upload, end = self._progress.upload, self._progress.upload.itinerary.end
+        record.safe = f"told to surface, not answered; upload {upload.number} ends with {end}"
         for attempt in range(self._limits.tries):
             try:
                 if attempt:
@@ -698,6 +677,14 @@ def _after(leg: LegRecord, late: float) -> float:
     return float(leg.times[-1]) + late + max(leg.t_wait - max(late, 0.0), 0.0) + leg.t_task
 
 
-def _later(leg: PlannedLeg, seconds: float) -> PlannedLeg:
-    """Return a leg that is gone later."""
-    return replace(leg, times=leg.times + seconds, kept_times=leg.kept_times + seconds)
+#: What is done between two looks, by what was decided.
+_DO = {
+    Act.HOLD: _Executor._hold,
+    Act.UPLOAD: _Executor._hand_over,
+    Act.START: _Executor._hand_over,
+    Act.GIVE_WAY: _Executor._give_way,
+    Act.RESTART: _Executor._restart,
+    Act.REPLAN_LEG: _Executor._plan_leg,
+    Act.REPLAN_REST: _Executor._plan_rest,
+    Act.DROP: _Executor._drop,
+}

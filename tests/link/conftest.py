@@ -2,13 +2,18 @@
 
 import pytest
 
-from auvplan.link import Upload
+from auvplan.link import Upload, mavlink
 from tests.export.sample import make_itinerary
-from tests.link.joining import body_at, joined
-from tests.link.proxy import CLEAN
+from tests.link.joining import CLEAN, body_at, joined
 
 #: s of mission time in one of wall-clock time.
 SCALE = 400.0
+
+
+@pytest.fixture(autouse=True)
+def _soon_alone(monkeypatch):
+    """Other vehicles on a link are looked for as long as it takes to hear two heartbeats of a peer."""
+    monkeypatch.setattr(mavlink, "_OTHERS", 0.3)
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """MAVLink vehicles that misbehave, by a peer of pymavlink alone: calls end, with words, within limits."""
 
-import threading
 import time
 from dataclasses import replace
 
@@ -8,116 +7,21 @@ import numpy as np
 import pytest
 
 from auvplan.link import Limits, LinkError, Lost, Refused, Upload, open_link
-
-mavutil = pytest.importorskip("pymavlink.mavutil", reason="needs pymavlink: pip install 'auvplan[link]'")
-
-from tests.link.proxy import free_port  # noqa: E402
+from tests.link.joining import free_port
+from tests.link.mavlink_peer import Stranger, place_of
 
 LIMITS = Limits(reply=0.15, attempts=5, uploads=2, connect=4.0, silence=1.0, outdated=0.1)
-
-
-class Stranger:
-    """A vehicle of the common message set; what is odd of it is a method of a subclass."""
-
-    def __init__(self, address, place, system=1):
-        self.port = mavutil.mavlink_connection(
-            address, source_system=system, source_component=1, dialect="ardupilotmega"
-        )
-        self.place, self.held, self.coming = place, {0: [], 1: []}, None
-        self.armed, self.current, self.state, self.located = 0, 0, 2, True
-        self.closed = threading.Event()
-        self.thread = threading.Thread(target=self.run, daemon=True)
-        self.thread.start()
-
-    def run(self):
-        beat = 0.0
-        while not self.closed.is_set():
-            mav = self.port.mav
-            try:
-                if time.monotonic() - beat > 0.1:
-                    beat = time.monotonic()
-                    mav.heartbeat_send(12, 8, 128 * self.armed, 0, 4)
-                    if self.located:
-                        latitude, longitude = (round(part * 1e7) for part in self.place)
-                        mav.global_position_int_send(0, latitude, longitude, 0, -5000, 0, 0, 0, 0)
-                    mav.mission_current_send(self.current, len(self.held[0]), self.state, 1)
-                    self.often(mav)
-                message = self.port.recv_match(blocking=True, timeout=0.02)
-            except OSError:
-                self.closed.wait(0.02)
-                continue
-            take = message and getattr(self, message.get_type().lower(), None)
-            if take:
-                take(mav, message)
-
-    def often(self, mav):
-        pass
-
-    def command_long(self, mav, message):
-        if message.command == 400:
-            self.armed = int(message.param1)
-        elif message.command == 300:
-            self.state = 3
-        mav.command_ack_send(message.command, 0)
-
-    def ask(self, mav, number, kind):
-        mav.mission_request_int_send(255, 190, number, kind)
-
-    def mission_count(self, mav, message):
-        self.coming = message.mission_type, message.count, {}
-        if message.count:
-            self.ask(mav, 0, message.mission_type)
-        else:
-            self.held[message.mission_type] = []
-            mav.mission_ack_send(255, 190, 0, message.mission_type)
-
-    def mission_item_int(self, mav, message):
-        kind, count, items = self.coming
-        items[message.seq] = message
-        if len(items) < count:
-            self.ask(mav, min(set(range(count)) - set(items)), kind)
-        else:
-            self.held[kind] = [items[k] for k in range(count)]
-            mav.mission_ack_send(255, 190, 0, kind)
-
-    def mission_request_list(self, mav, message):
-        kind = message.mission_type
-        mav.mission_count_send(255, 190, len(self.held[kind]), kind)
-
-    def mission_request_int(self, mav, message):
-        kind = message.mission_type
-        if message.seq < len(self.held[kind]):
-            item = self.held[kind][message.seq]
-            params = item.param1, item.param2, item.param3, item.param4
-            place = item.x, item.y, item.z
-            mav.mission_item_int_send(
-                255, 190, item.seq, item.frame, item.command, 0, 1, *params, *place, kind
-            )
-
-    def mission_set_current(self, mav, message):
-        self.current = message.seq
-        mav.mission_current_send(self.current, len(self.held[0]), self.state, 1)
-
-    def close(self):
-        self.closed.set()
-        self.thread.join(timeout=2.0)
-        self.port.close()
-
-
-def place_of(upload):
-    longitude, latitude = upload.itinerary.site.to_geographic(*upload.steps[0].position[:2])
-    return float(latitude), float(longitude)
 
 
 @pytest.fixture
 def meet(upload, opened):
     """Makes a link and a stranger of a class."""
 
-    def make(kind=Stranger, place=None, limits=LIMITS, **more):
+    def make(kind=Stranger, place=None, limits=LIMITS):
         port = free_port()
         link = open_link(f"mavlink:udpin:127.0.0.1:{port}", upload.itinerary.site, limits)
         opened.append(link)
-        opened.append(kind(f"udpout:127.0.0.1:{port}", place or place_of(upload), **more))
+        opened.append(kind(f"udpout:127.0.0.1:{port}", place or place_of(upload)))
         return link, opened[-1], port
 
     return make
@@ -196,19 +100,12 @@ def test_unusual_transfers_arrive(upload, meet, kind):
     link, peer, _ = meet(kind)
     link.connect()
     assert link.upload(upload) == []
-    assert len(peer.held[0]) == 7
-    assert len(peer.held[1]) == 8
+    assert [len(peer.held[kind]) for kind in (0, 1)] == [7, 8]
 
 
-def test_a_fence_that_is_no_more_planned_is_taken_away(upload, meet):
-    link, peer, _ = meet()
-    link.connect()
-    link.upload(upload)
-    link.upload(Upload(replace(upload.itinerary, fences=()), 2))
-    assert peer.held[1] == []
-
-
-def test_a_vehicle_that_started_anew_gets_fence_and_plan_again(upload, meet):
+def test_plan_and_fence_are_sent_again_to_a_vehicle_that_started_anew_and_taken_away_with_their_cause(
+    upload, meet
+):
     link, peer, _ = meet()
     link.connect()
     link.upload(upload)
@@ -217,9 +114,10 @@ def test_a_vehicle_that_started_anew_gets_fence_and_plan_again(upload, meet):
     time.sleep(0.3)
     link.upload(upload)
     link.start(1)
-    assert len(peer.held[0]) == 7
-    assert len(peer.held[1]) == 8
+    assert [len(peer.held[kind]) for kind in (0, 1)] == [7, 8]
     assert peer.armed
+    link.upload(Upload(replace(upload.itinerary, fences=()), 2))
+    assert peer.held[1] == []
 
 
 def test_two_vehicles_on_a_link_are_refused(upload, meet, opened):
@@ -231,7 +129,7 @@ def test_two_vehicles_on_a_link_are_refused(upload, meet, opened):
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (210.0, 0.0)])
 def test_a_place_that_is_none_is_no_place(meet, place):
-    link, *_ = meet(place=place, limits=replace(LIMITS, connect=1.0))
+    link, *_ = meet(place=place, limits=replace(LIMITS, connect=0.6))
     with pytest.raises(Lost, match="no GLOBAL_POSITION_INT"):
         link.connect()
 
