@@ -352,10 +352,6 @@ class Mission:
         self.path_calls += 1
         return prng.folded(self.key, self.path_calls)
 
-    def route_key(self) -> jax.Array:
-        """Return a key for the next route."""
-        return prng.folded(self.key, 0, len(self.run.routes))
-
     def charge(self, seconds: float) -> None:
         """Let the mission's clock pass planning time (Eq. 16)."""
         self.now += seconds

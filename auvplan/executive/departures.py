@@ -193,25 +193,22 @@ def _plan_legs(missions: list[Mission], progress: Progress | None) -> Departures
         depart=common["departs"],
         world_per_leg=True,
     )
-    reasons = tuple(_fault(plan, context.scenario.mission.time_available, run.site) for plan in plans)
+    available, reasons = context.scenario.mission.time_available, [""] * count
+    for number, plan in enumerate(plans):
+        if not plan.feasible:
+            reasons[number] = plan.explain(plan.broken()[0], context.epoch)
+        elif plan.travel_time >= available:
+            reasons[number] = f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available"
     feasible = np.asarray([not reason for reason in reasons])
     return Departures(
         feasible=feasible,
         time=np.where(feasible, plans.travel_time, np.nan),
         tasks=np.zeros(count, int),
         priority=np.zeros(count),
-        reasons=reasons,
+        reasons=tuple(reasons),
         plans=plans,
         **common,
     )
-
-
-def _fault(plan: PathPlan, available: float, site: Site | None) -> str:
-    """Return the limit that a leg breaks most, where and when; or an empty string."""
-    if not plan.feasible:
-        return plan.explain(plan.broken()[0], site and site.epoch)
-    late = plan.travel_time >= available
-    return f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available" if late else ""
 
 
 def _plan_missions(missions: list[Mission], progress: Progress | None) -> Departures:

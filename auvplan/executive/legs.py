@@ -129,8 +129,11 @@ def advance(missions: list[Mission]) -> None:
     context = missions[0].context
     for mission in missions:
         mission.sea.advance(mission.now)
-        if mission.faults and mission.active_leg.stretches:
-            let_appear(mission, _tangent(mission.active_leg))
+        leg = mission.active_leg
+        if mission.faults and leg.stretches:
+            ends = np.clip([leg.arc - 5.0, leg.arc + 5.0], 0.0, leg.marks[-1])
+            tangent = [np.diff(np.interp(ends, leg.marks, axis))[0] for axis in leg.followed.positions.T]
+            let_appear(mission, np.asarray(tangent))
     _react(missions)
     steps = max(1, round(context.scenario.sensors.interval / TIME_STEP))
     courses = [_course(mission) for mission in missions]
@@ -240,12 +243,6 @@ def let_appear(mission: Mission, tangent: Array) -> None:
         appear(fault, leg.truth, [part.obstacles for part in leg.stretches], leg.position, tangent)
         leg.record.obstacle_radii = leg.truth.radius
         leg.moves = over_ground(mission.sea.field, *leg.truth.motion, now=mission.now)
-
-
-def _tangent(leg: Leg) -> Array:
-    ahead, behind = (np.clip(leg.arc + way, 0.0, leg.marks[-1]) for way in (5.0, -5.0))
-    ends = [np.interp([behind, ahead], leg.marks, axis) for axis in leg.followed.positions.T]
-    return np.diff(ends, axis=1)[:, 0]
 
 
 def _give_way(mission: Mission) -> None:

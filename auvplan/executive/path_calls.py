@@ -9,7 +9,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
@@ -71,19 +70,15 @@ def offered(
         currents = None if forecasts is None else [forecasts[row] for row in going]
         keys = prng.stacked([mission.path_key() for mission in those])
         env = believed(those, currents)
+        context, legs = those[0].context, [mission.active_leg for mission in those]
         if not growing:
-            env = replace(env, obstacles=replace(env.obstacles, growth=_growth_of_near(those)))
-        plans, seconds = those[0].context.clock.time(partial(_call, those, env, keys, cold))
+            met = context.lookahead, context.speed
+            growth = [leg.belief.growth * leg.belief.within(leg.position, *met) for leg in legs]
+            env = replace(env, obstacles=replace(env.obstacles, growth=np.stack(growth)))
+        plans, seconds = context.clock.time(partial(_call, those, env, keys, cold))
         for row, plan in zip(going, plans, strict=True):
             found[row] = Offer(plan, causes[row], seconds / len(going))
     return [found[row] for row in range(len(missions))]
-
-
-def _growth_of_near(missions: list[Mission]) -> NDArray[np.floating]:
-    """[B, M] m/s, growth of the boundaries that vehicles may meet before they have seen them from near."""
-    context, legs = missions[0].context, [mission.active_leg for mission in missions]
-    near = [leg.belief.within(leg.position, context.lookahead, context.speed) for leg in legs]
-    return np.stack([leg.belief.growth * soon for leg, soon in zip(legs, near, strict=True)])
 
 
 def _staying(mission: Mission) -> PathPlan:

@@ -187,8 +187,13 @@ def plan_routes(missions: list[Mission]) -> None:
         groups: dict[tuple[MissionConfig, bool], list[Mission]] = {}
         for mission in missions:
             if mission.cause and not mission.ended and _prepare(mission, attempt):
-                kept = mission.route is not None and mission.context.rules.routes_from == "kept"
-                groups.setdefault((_config(mission), kept), []).append(mission)
+                begun, context = mission.route is not None, mission.context
+                config = context.route_configs[begun]
+                # Places for neighbours come from its own graph alone.
+                most = int(np.asarray(mission.run.graph.adjacency).sum(axis=1).max())
+                config = config.replace(degree=max(config.degree, 1 << (most - 1).bit_length()))
+                kept = begun and context.rules.routes_from == "kept"
+                groups.setdefault((config, kept), []).append(mission)
         for (config, kept), group in groups.items():
             _plan_routes(group, config, kept, attempt.share)
     for mission in missions:
@@ -266,14 +271,6 @@ def _open_passages(mission: Mission, passing: str) -> bool:
     return True
 
 
-def _config(mission: Mission) -> MissionConfig:
-    """Settings for the mission's next route; places for neighbours come from its own graph alone."""
-    first, later = mission.context.route_configs
-    most = int(np.asarray(mission.run.graph.adjacency).sum(axis=1).max())
-    config = first if mission.route is None else later
-    return config.replace(degree=max(config.degree, 1 << (most - 1).bit_length()))
-
-
 def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, share: float) -> None:
     """One call of the mission planner that keeps a share of the slack, and what it found."""
     context = missions[0].context
@@ -289,7 +286,7 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
             speed=context.vehicle.speed,
-            key=prng.stacked([mission.route_key() for mission in missions]),
+            key=prng.stacked([prng.folded(mission.key, 0, len(mission.run.routes)) for mission in missions]),
             population=populations,
             config=config,
             return_margin=share * planning.return_margin,

@@ -18,7 +18,6 @@ from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
-from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
@@ -40,25 +39,6 @@ _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
-
-
-class CorrectedSea(Sea):
-    """A forecast, and what it is off by as far as is known; nothing of it is simulated."""
-
-    def __init__(self, forecast: Current, offset: Array | None = None) -> None:
-        """Start with a forecast that is off by `offset`, [3] m/s north, east, down; 0 if absent."""
-        self._forecast = forecast
-        self.offset = np.zeros(3) if offset is None else np.asarray(offset, float)
-        self.field = perturbed(forecast, offset=self.offset) if self.offset.any() else forecast
-
-    def corrected(self, offset: Array) -> "CorrectedSea":
-        """Return the same forecast, off by `offset` [3] m/s."""
-        return CorrectedSea(self._forecast, offset)
-
-    def forecast_at(self, position: Array, now: float) -> Array:
-        """Return the forecast itself, [3] m/s, at [3] m and a time, s."""
-        found = self._forecast(*(np.asarray(part, np.float32) for part in (*position, now)))  # type: ignore[arg-type]
-        return np.asarray([float(part) for part in found])
 
 
 @dataclass(frozen=True)
@@ -106,7 +86,8 @@ class RollingPlan:
         self._context = planning_context(scenario, folder, known, 0.0, ahead=False)
         self._context.places = _PLACES
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
-        self._first.sea = CorrectedSea(self._first.sea.forecast())
+        self._forecast = self._first.sea.forecast()
+        self._first.sea = Sea(self._forecast)
         self.reason, self._stop, self._task = "", 0.0, 0.0
         self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
 
@@ -228,29 +209,26 @@ class RollingPlan:
         Returns:
             The offset [3] m/s, or None where there is no forecast to compare with; nothing is changed then.
         """
-        sea = self._first.sea
-        assert isinstance(sea, CorrectedSea)
-        offset = measured - sea.forecast_at(position, now)
+        forecast, moment = self._forecast, (np.asarray(part, np.float32) for part in (*position, now))
+        offset = measured - np.asarray([float(part) for part in forecast(*moment)])  # type: ignore[arg-type]
         if not np.isfinite(offset).all():
             return None
         for state in (self._first, *self.followed.states):
-            state.sea = sea.corrected(offset)
+            state.sea = Sea(perturbed(forecast, offset=offset) if offset.any() else forecast)
             state.travel_time, state.sketches = None, {}
         return offset
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
         """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
         # What the vehicle takes longer anyway it is not asked to stay.
-        rest = [replace(leg, t_task=self._own_time(leg)) for leg in prospect.legs[count:]]
+        rest = [
+            replace(leg, t_task=max(leg.t_task - self._stop - self._task, 0.0))
+            for leg in prospect.legs[count:]
+        ]
         run = replace(prospect.states[-1].run, legs=rest, obstacles=self._context.area.obstacles)
         found = itinerary_of(run, self.site)
         legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
         return replace(found, legs=legs)
-
-    def _own_time(self, leg: LegRecord) -> float:
-        """Return s that a leg's task takes itself."""
-        own = leg.t_task - self._stop
-        return max(own - self._task, 0.0) if own > 0.0 else 0.0
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""

@@ -20,7 +20,9 @@ class Sea:
         field: the true current from now on.
     """
 
-    field: Current
+    def __init__(self, field: Current):
+        """Start with a current."""
+        self.field = field
 
     def advance(self, now: float) -> None:
         """Let time pass up to `now`, s."""

@@ -13,7 +13,7 @@ from auvplan.path import PathConfig
 from auvplan.records import LegRecord
 from auvplan.runtime.compiled import MISSIONS
 from auvplan.scenario.area import OperatingArea
-from auvplan.simulation.faults import CurrentStep, FaultySea, HeldUp, PlannerOut
+from auvplan.simulation.faults import CurrentStep, FaultySea, HeldUp, PlannerOut, TakenOver
 from tests.executive.small import SMALL, planning, scenario
 from tests.executive.test_visits import GOAL, at_waypoint
 
@@ -401,19 +401,11 @@ def test_under_way_a_leg_goes_on_and_nothing_is_judged(called, simulated):
 @pytest.fixture
 def crew(monkeypatch):
     """Missions that end after three steps each; who was under way at every step, and what was made ready."""
-    seen = SimpleNamespace(steps=[], warmed=[], occasions=[], context=None)
-
-    def make_context(settings, folder, area):
-        clock = SimpleNamespace(compile_seconds=4.5)
-        seen.context = SimpleNamespace(settings=(settings, folder, area), clock=clock, faults=())
-        return seen.context
+    seen = SimpleNamespace(steps=[], warmed=[], occasions=[])
 
     def start_mission(context, number, key, seed):
-        assert context is seen.context
-        return SimpleNamespace(
-            number=number, key=key, seed=seed, run=SimpleNamespace(number=number), ended=False,
-            now=0.0, doing="transit",
-        )  # fmt: skip
+        run, own = SimpleNamespace(number=number), {"ended": False, "now": 0.0, "doing": "transit"}
+        return SimpleNamespace(context=context, number=number, key=key, seed=seed, run=run, **own)
 
     def step(active):
         seen.steps.append([mission.number for mission in active])
@@ -425,103 +417,91 @@ def crew(monkeypatch):
         seen.occasions.append(given)
         return nullcontext()
 
-    made = {"make_context": make_context, "start_mission": start_mission, "step": step}
-    made["expecting"] = expecting
-    made["warm_up"] = lambda context, start: seen.warmed.append((context, start(context)))
+    made = {"start_mission": start_mission, "step": step, "expecting": expecting}
+    made["warm_up"] = lambda context, start: seen.warmed.append(start(context))
     for name, function in made.items():
         monkeypatch.setattr(loop, name, function)
     return seen
 
 
 def test_missions_advance_together_and_the_next_one_takes_the_place_of_one_that_ends(crew):
-    told, settings = [], scenario()
-    found = list(
-        loop.execute_missions(
-            settings, seeds=[7, 8, 9], folder="here", together=2, progress=lambda *said: told.append(said)
-        )
-    )
-    assert [number for number, _ in found] == [0, 1, 2]
-    assert [run.number for _, run in found] == [0, 1, 2]
-    assert all(run.compile_seconds == 4.5 for _, run in found)
+    told, settings, area = [], scenario(), OperatingArea()
+    common = {"folder": "here", "area": area, "progress": lambda *said: told.append(said)}
+    found = list(loop.execute_missions(settings, seeds=[7, 8, 9], together=2, **common))
+    assert [number for number, _ in found] == [run.number for _, run in found] == [0, 1, 2]
+    assert all(run.compile_seconds == 0.0 for _, run in found)
     assert crew.steps == [[0, 1]] * 3 + [[2]] * 3
     assert told[:3] == [(0, 10.0, "transit"), (1, 10.0, "transit"), (0, 20.0, "transit")]
     assert len(told) == 6
-    assert crew.context.settings == (settings, "here", None)
     assert crew.occasions == [(MISSIONS, settings.fingerprint)]
-    assert [mission.seed for _, mission in crew.warmed] == [7, 8, 9]
-    assert [mission.number for _, mission in crew.warmed] == [0, 1, 2]
-    assert all(context is crew.context for context, _ in crew.warmed)
+    assert [(mission.number, mission.seed) for mission in crew.warmed] == [(0, 7), (1, 8), (2, 9)]
+    (context,) = {id(mission.context): mission.context for mission in crew.warmed}.values()
+    assert (context.scenario, context.folder, context.area) == (settings, "here", area)
 
 
 def test_missions_have_keys_or_seeds_or_both(crew):
     keys, faults = jax.random.split(jax.random.key(2), 2), [[HeldUp(0.0, 5.0)], []]
     list(loop.execute_missions(scenario(), keys=keys, faults=faults))
-    assert [mission.seed for _, mission in crew.warmed] == [0, 1]
-    assert [(mission.key == key).all() for (_, mission), key in zip(crew.warmed, keys, strict=True)] == [
-        True
-    ] * 2
-    assert crew.context.faults is faults
-    crew.warmed.clear()
+    assert [mission.seed for mission in crew.warmed] == [0, 1]
+    assert all((mission.key == key).all() for mission, key in zip(crew.warmed, keys, strict=True))
+    assert crew.warmed[0].context.faults is faults
     list(loop.execute_missions(scenario(), keys=keys, seeds=[4, 5]))
-    assert [mission.seed for _, mission in crew.warmed] == [4, 5]
-    with pytest.raises(ValueError, match="missions need keys or seeds"):
-        list(loop.execute_missions(scenario()))
-    with pytest.raises(ValueError, match="keys and seeds must be as many, got 2 and 3"):
-        list(loop.execute_missions(scenario(), keys=keys, seeds=[4, 5, 6]))
-    with pytest.raises(TypeError, match="keys"):
-        list(loop.execute_missions(scenario(), keys=[1.5, 2.5]))
-    with pytest.raises(ValueError, match="faults must be a list for each of 2 missions, got 1"):
-        list(loop.execute_missions(scenario(), seeds=[0, 1], faults=[[]]))
+    assert [mission.seed for mission in crew.warmed[2:]] == [4, 5]
+    for seed, key in ((3, None), (None, keys[0]), (4, keys[0])):
+        loop.run_mission(scenario(), key=key, seed=seed)
+        assert crew.warmed[-1].seed == (seed or 0)
+        assert (crew.warmed[-1].key == (loop.seed_keys([3])[0] if key is None else key)).all()
 
 
-def test_one_mission_is_a_batch_of_one(monkeypatch):
-    given = []
-
-    def run_missions(settings, **more):
-        given.append(more)
-        return ["first", "second"]
-
-    monkeypatch.setattr(loop, "run_missions", run_missions)
-    key = jax.random.key(3)
-    assert loop.run_mission(scenario(), key=key) == "first"
-    assert loop.run_mission(scenario(), seed=3) == "first"
-    loop.run_mission(scenario(), key=key, seed=3)
-    assert [(one["keys"] is None, one["seeds"]) for one in given] == [
-        (False, None),
-        (True, [3]),
-        (False, [3]),
-    ]
-    assert (given[0]["keys"] == key[None]).all()
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        ({}, ValueError, "missions need keys or seeds"),
+        ({"keys": 2, "seeds": [4, 5, 6]}, ValueError, "keys and seeds must be as many, got 2 and 3"),
+        ({"keys": [1.5, 2.5]}, TypeError, "keys"),
+        ({"seeds": [0, 1], "faults": [[]]}, ValueError, "a list for each of 2 missions, got 1"),
+        (
+            {"seeds": [0], "faults": [[TakenOver(10.0)]]},
+            ValueError,
+            r"SimulatedVehicle\(scenario, seed, faults",
+        ),
+    ],
+)
+def test_what_missions_are_not_made_from(given, error, words):
+    if given.get("keys") == 2:
+        given = given | {"keys": jax.random.split(jax.random.key(2), 2)}
+    with pytest.raises(error, match=words):
+        list(loop.execute_missions(scenario(), **given))
     with pytest.raises(ValueError, match="a mission needs a key or a seed"):
         loop.run_mission(scenario())
 
 
 def test_settings_of_the_searches_are_those_of_preset_and_effort():
-    assert path_config(planning(preset="paper")).bbo == PathConfig.paper().bbo
-    assert path_config(planning(effort="plain")).bbo == PathConfig.plain().bbo
     for preset in ("paper", "default"):
         readings = planning(preset=preset, control_points=6, path_width=0.2, phi=(2.0, 30.0))
         config = path_config(readings)
         assert (config.control_points, config.width) == (6, 0.2)
         assert [(one.phi1, one.phi2) for one in mission_configs(readings)] == [(2.0, 30.0)] * 2
-    first, later = mission_configs(planning(preset="paper"))
-    assert first == later == MissionConfig.paper().replace(objective=first.objective)
-    plain, full = (
-        config.replace(objective="priority") for config in (MissionConfig.plain(), MissionConfig())
-    )
-    alone, jobs = (
-        SMALL["mission"] | {"waypoints": 2},
-        {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]},
-    )
-    first, _ = mission_configs(scenario(mission=alone))
-    assert first == plain.replace(beam_width=plain.quicker().beam_width), "between two waypoints"
-    quick = full.replace(beam_width=full.quicker().beam_width)
-    assert mission_configs(scenario(mission=alone | jobs))[0] == mission_configs(scenario())[0] == quick
-    assert mission_configs(planning(effort="plain"))[0] == plain
-    assert mission_configs(planning(effort="full")) == (full, full)
+    assert path_config(planning(preset="paper")).bbo == PathConfig.paper().bbo
     for effort, finer in (("quick", PathConfig().finer), ("full", PathConfig().finer), ("plain", 1)):
         assert path_config(planning(effort=effort)).finer == 1, "under way there is no finer search"
         assert path_config(planning(effort=effort), ahead=True).finer == finer
+    assert path_config(planning(effort="plain")).bbo == PathConfig.plain().bbo
+    first, later = mission_configs(planning(preset="paper"))
+    assert first == later == MissionConfig.paper().replace(objective=first.objective)
+    plain, full = (one.replace(objective="priority") for one in (MissionConfig.plain(), MissionConfig()))
+    quick = full.replace(beam_width=full.quicker().beam_width)
+    alone = SMALL["mission"] | {"waypoints": 2}
+    jobs = {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}
+    for settings, first in (
+        (scenario(mission=alone), plain.replace(beam_width=plain.quicker().beam_width)),
+        (scenario(mission=alone | jobs), quick),
+        (scenario(), quick),
+        (planning(effort="plain"), plain),
+        (planning(effort="full"), full),
+    ):
+        assert mission_configs(settings)[0] == first
+    assert mission_configs(planning(effort="full")) == (full, full)
 
 
 def test_a_mission_begins_at_the_first_waypoint_and_ends_at_the_last():

@@ -1,9 +1,8 @@
-"""MAVLink vehicles of pymavlink alone, whose behaviour is a class: whatever is odd of them, and ArduSub's ways."""
+"""MAVLink vehicles of pymavlink alone: odd ones are a class of their own, and so are ArduSub's ways."""
 
 import math
 import threading
 import time
-
 
 import pytest
 

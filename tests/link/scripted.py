@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from auvplan.export.qgroundcontrol import item_speeds
-from auvplan.link import LinkError, Lost, Report, State, Upload
+from auvplan.link import Lost, Report, State, Upload
 from auvplan.link.limits import Allowance
 
 #: A span of mission time, s.
@@ -17,6 +18,15 @@ NEVER = (math.inf, math.inf)
 
 def within(now: float, span: Span) -> bool:
     return span[0] <= now < span[1]
+
+
+class Fails(NamedTuple):
+    """What fails of a vehicle, with which error, after a time of the mission, s, and how often."""
+
+    what: str = ""
+    error: Exception | None = None
+    after: float = -1.0
+    times: int = 99
 
 
 @dataclass
@@ -30,11 +40,13 @@ class ScriptedVehicle:
         silent: when nothing is heard of it, and asking fails.
         stuck: when it makes no way; a start ends it where `restarts` is set.
         push: m/s, by which it is driven off, while `pushed`.
-        fails: called with "upload", "start", "hold" or "surface"; may raise.
+        fails: what of "connect", "upload", "start", "hold" and "surface" fails.
         gives_up: when it surfaces by itself.
         stopped: when somebody else ends its plan.
         forgets: when it starts anew, without a plan.
         rises: m/s, from its last step on.
+        skip: when it goes on to its last step but one.
+        odd: makes what it reports, from the vehicle and its true report.
     """
 
     start_at: np.ndarray
@@ -45,11 +57,13 @@ class ScriptedVehicle:
     restarts: bool = False
     push: np.ndarray = field(default_factory=lambda: np.zeros(3))
     pushed: Span = NEVER
-    fails: Callable[[str], None] = lambda what: None
+    fails: Fails = field(default_factory=Fails)
     gives_up: float = math.inf
     stopped: float = math.inf
     forgets: float = math.inf
     rises: float = math.inf
+    skip: float = math.inf
+    odd: Callable[["ScriptedVehicle", Report], Report] = lambda vehicle, report: report
     name: str = "a scripted vehicle"
     by_legs: bool = False
     rate: float = 0.0
@@ -64,12 +78,15 @@ class ScriptedVehicle:
         self.plan: Upload | None = None
         self.done, self.left, self.at = 0, 0.0, False
         self.tasks: list[np.ndarray] = []
-        self.stated, self.closed = Report(), False
+        self.stated, self.closed, self.failed = Report(), False, 0
 
     def _ask(self, what: str) -> None:
         if within(self.now, self.silent):
             raise Lost("no answer")
-        self.fails(what)
+        fails = self.fails
+        if what == fails.what and self.now > fails.after and self.failed < fails.times:
+            self.failed += 1
+            raise fails.error
 
     def connect(self) -> list[str]:
         self._ask("connect")
@@ -100,6 +117,8 @@ class ScriptedVehicle:
 
     def report(self, seconds: float) -> Report:
         end = self.now + seconds
+        if self.now >= self.skip:
+            self.skip, self.done, self.at = math.inf, len(self.plan.steps) - 2, False
         if self.now >= self.gives_up:
             self.state = State.SURFACING
         if self.now >= self.stopped:
@@ -117,7 +136,7 @@ class ScriptedVehicle:
         self.now = end
         if within(self.now, self.silent):
             return replace(self.stated, heard=math.inf)
-        self.stated = Report(0.0, self.place.copy(), self.speed, self.state, self.done)
+        self.stated = self.odd(self, Report(0.0, self.place.copy(), self.speed, self.state, self.done))
         return self.stated
 
     def _go(self, seconds: float) -> None:
@@ -143,15 +162,3 @@ class ScriptedVehicle:
             self.done, self.at = self.done + 1, False
         if self.done == len(self.plan.steps):
             self.state = State.FINISHED
-
-
-class Failing:
-    """Raises an error the first so many times that something of a name is asked."""
-
-    def __init__(self, error: LinkError, times: dict[str, int]) -> None:
-        self._error, self._times = error, dict(times)
-
-    def __call__(self, what: str) -> None:
-        if self._times.get(what, 0) > 0:
-            self._times[what] -= 1
-            raise self._error

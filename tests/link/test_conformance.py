@@ -1,7 +1,6 @@
 """The suite that every link has to pass, on all of ours, and on some that do not."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from auvplan.link.conformance import failures
 from auvplan.link.simulated import SimulatedVehicle
 from tests.executive.small import scenario
 from tests.export.sample import make_itinerary
-from tests.link.scripted import ScriptedVehicle
+from tests.link.scripted import Fails, ScriptedVehicle
 
 LIMITS = Limits(reply=0.2, connect=5.0)
 
@@ -41,19 +40,14 @@ def test_a_scripted_vehicle_conforms_and_is_let_go():
     assert vehicle.closed
 
 
-def refuses(what, wanted):
-    if what == wanted:
-        raise Refused("not now")
-
-
 @pytest.mark.parametrize(
     ("script", "wrong"),
     [
-        ({"fails": partial(refuses, wanted="connect")}, "connects: Refused: not now"),
-        ({"fails": partial(refuses, wanted="upload")}, "takes a plan: Refused: not now"),
-        ({"fails": partial(refuses, wanted="start")}, "takes a plan: Refused: not now"),
-        ({"fails": partial(refuses, wanted="hold")}, "holds: Refused: not now"),
-        ({"fails": partial(refuses, wanted="surface")}, "surfaces: Refused: not now"),
+        ({"fails": Fails("connect", Refused("not now"))}, "connects: Refused: not now"),
+        ({"fails": Fails("upload", Refused("not now"))}, "takes a plan: Refused: not now"),
+        ({"fails": Fails("start", Refused("not now"))}, "takes a plan: Refused: not now"),
+        ({"fails": Fails("hold", Refused("not now"))}, "holds: Refused: not now"),
+        ({"fails": Fails("surface", Refused("not now"))}, "surfaces: Refused: not now"),
         ({"stuck": (0.0, np.inf)}, "follows: 0 steps are done after"),
         ({"stopped": 1.0}, "holds: it is no longer on its plan after 120 s"),
         ({"now": 3.0}, "connects: mission time is 3 s before the start"),
@@ -66,15 +60,6 @@ def test_what_does_not_conform_is_named(script, wrong):
     (found,) = failures(vehicle, plan)[:1]
     assert found.startswith(wrong)
     assert vehicle.closed
-
-
-class Odd(ScriptedVehicle):
-    """Reports what `odd` makes of its reports."""
-
-    odd = staticmethod(lambda vehicle, report: report)
-
-    def report(self, seconds):
-        return self.odd(self, super().report(seconds))
 
 
 def keeps_no_place(vehicle, report):
@@ -101,8 +86,6 @@ def keeps_no_place(vehicle, report):
     ],
 )
 def test_reports_that_do_not_conform_are_named(odd, wrong):
-    vehicle, plan = scripted()
-    vehicle = Odd(vehicle.start_at)
-    vehicle.odd = odd
+    vehicle, plan = scripted(odd=odd)
     (found,) = failures(vehicle, plan)[:1]
     assert found.startswith(wrong)

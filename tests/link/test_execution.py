@@ -18,7 +18,7 @@ from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
 from tests.executive.small import scenario
-from tests.link.scripted import Failing, ScriptedVehicle
+from tests.link.scripted import Fails, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -72,15 +72,77 @@ class Tell:
             yield made() if callable(made) else made
 
 
-def test_a_mission_without_faults_is_uploaded_once_and_done():
-    _, vehicle = made()
-    record = executed(RollingPlan(scenario(site=SITE), 1), vehicle)
-    assert record.success
-    assert record.safe == "at the surface"
-    assert len(record.tasks) == len(vehicle.tasks)
-    assert record.route[0] == "0"
-    assert record.count("leg") == len(record.planned)
-    assert record.summary()["tasks"] == len(record.tasks)
+#: Of a vehicle that is started again it is not counted how late it is.
+PATIENT = {"late": 900.0}
+DRIFT = {"push": np.array([1.5, -1.5, 0.0]), "pushed": (100.0, 190.0)}
+FOREVER, LINK = (200.0, np.inf), {"lost": 1, "heard": 1}
+ALONE = "it surfaces 5 s after the last heartbeat"
+FULL, DENIED, NONE = Refused("it will not: no space"), Refused("denied"), Lost("no answer")
+NOT_STARTED = "no space; the vehicle was not started"
+LEFT = "the vehicle is no longer on its plan; left to whoever stopped it, last seen at a depth of "
+
+#: Script of the vehicle, limits, how often something happens, or at all (None), and words of the verdict.
+QUICK = [
+    ({}, {}, {"upload": 1, "replan": 0}, "destination reached in time; at the surface"),
+    ({"speed": 2.0}, {}, {"replan": None}, "destination"),
+    ({"fails": Fails("connect", FULL)}, {}, {}, NOT_STARTED),
+    ({"fails": Fails("upload", FULL)}, {}, {}, NOT_STARTED),
+    ({"fails": Fails("start", FULL)}, {}, {}, "no space; at the surface"),
+    ({"speed": 2.1, "fails": Fails("upload", NONE, 0.0, 1)}, {}, {"failed": None}, "destination"),
+    ({"speed": 0.1}, {"look": 10.0}, {"over": 1}, "the vehicle is overdue; at the surface"),
+    ({"stuck": (500.0, np.inf), "restarts": True}, PATIENT, {"stopped": 1}, "in time"),
+    # Whom somebody else stopped is not asked for anything.
+    ({"stopped": 300.0, "speed": 2.0, "fails": Fails("surface", DENIED)}, {}, {"failed": 0}, LEFT),
+    # What it says to have done counts only where it was.
+    ({"odd": lambda v, said: replace(said, done=10**6) if v.now > 300.0 else said}, PATIENT, {}, ""),
+    # One that does not go on without a link is not said to.
+    (
+        {"silent": (100.0, 160.0), "left_alone": ALONE, "notes": [ALONE]},
+        {},
+        {"lost": 1, "heard": 1},
+        "in time",
+    ),
+]
+SLOW = [
+    ({"speed": 3.2}, {}, {"replan": None}, "destination"),
+    ({"silent": (300.0, 900.0)}, {}, {"lost": 1, "heard": 1}, "in time"),
+    (
+        {"silent": (300.0, np.inf)},
+        {"overdue": 100.0},
+        {},
+        "the link is lost and the vehicle is overdue; told to",
+    ),
+    ({"stuck": FOREVER, "restarts": True}, PATIENT, {"stopped": 1}, "destination"),
+    ({"stuck": FOREVER}, {}, {}, "no way made"),
+    (DRIFT, {}, {"drift": None}, ""),
+    ({"gives_up": 500.0}, {}, {}, "surfacing"),
+    ({"speed": 2.1, "fails": Fails("upload", DENIED, 0.0, 1)}, {}, {"failed": None}, "destination"),
+    ({"rises": 0.1}, {}, {}, "in time; at the surface"),
+    ({"rises": 0.0}, {}, {}, "the vehicle was not seen to surface yet"),
+    ({"skip": 300.0}, {}, {"drift": None}, "in time"),
+]
+
+
+@pytest.mark.parametrize(
+    ("script", "limits", "counts", "words"),
+    [*QUICK, *(pytest.param(*row, marks=pytest.mark.slow) for row in SLOW)],
+)
+def test_what_becomes_of_a_mission(script, limits, counts, words):
+    plan, vehicle = made(**script)
+    record = executed(plan, vehicle, limits=Limits(**limits))
+    for kind, times in counts.items():
+        assert record.count(kind) == times if times is not None else record.count(kind) > 0, kind
+    assert words in f"{record.reason}; {record.safe}"
+    assert record.success == (record.reason == "destination reached in time")
+    assert len(record.tasks) == len(vehicle.tasks) == record.summary()["tasks"]
+    assert len(record.uploads) == record.count("upload")
+    assert all(upload["time"] < vehicle.stopped for upload in record.uploads)
+    assert record.count("leg") == max(len(record.route) - 1, 0)
+    assert not record.success or record.route[-1] == plan.run.called(plan.run.goal)
+    if vehicle.notes:
+        said = {event.kind: event.text for event in record.events}
+        assert said["note"] == ALONE
+        assert said["lost"].endswith(f"by its own settings {ALONE}")
 
 
 def test_what_the_vehicle_takes_longer_is_in_the_plan_and_not_in_what_it_is_asked():
@@ -139,15 +201,6 @@ def test_the_simulator_executes_what_is_uploaded():
     times, *places = np.asarray(record.track).T
     speeds = np.linalg.norm(np.diff(places, axis=1), axis=0) / np.maximum(np.diff(times), 1e-3)
     assert np.percentile(speeds, 99) < 5.0, "it does not jump"
-
-
-@pytest.mark.parametrize("speed", [2.0, pytest.param(3.2, marks=pytest.mark.slow)])
-def test_what_is_left_is_planned_anew_for_a_vehicle_that_is_off_its_times(speed):
-    plan, vehicle = made(speed=speed)
-    record = executed(plan, vehicle)
-    assert record.count("replan") >= 1
-    assert len(vehicle.uploads) == len(record.uploads) > 1
-    assert len(record.tasks) == len(vehicle.tasks)
 
 
 @pytest.mark.slow
@@ -220,8 +273,7 @@ def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again():
 def test_a_vehicle_that_is_held_gives_way(failures):
     """Also where it does not take the way aside at once, which is then no plan of the mission's."""
     plan, vehicle = made()
-    failing = Failing(Lost("no answer"), {"upload": failures})
-    vehicle.fails = lambda what: failing(what) if vehicle.now > 0.0 else None
+    vehicle.fails = Fails("upload", NONE, 0.0, failures)
     plan.from_position = lambda *_: None  # it has no plan from there
     radius = 40.0
 
@@ -278,48 +330,6 @@ def test_a_told_current_changes_what_is_planned():
     assert record.success
 
 
-@pytest.mark.slow
-def test_a_lost_link_is_told_and_the_vehicle_goes_on():
-    plan, vehicle = made(silent=(300.0, 900.0))
-    record = executed(plan, vehicle)
-    assert (record.count("lost"), record.count("heard")) == (1, 1)
-    assert record.success
-
-
-@pytest.mark.slow
-def test_a_link_that_is_lost_for_good_ends_with_a_verdict():
-    plan, vehicle = made(silent=(300.0, np.inf))
-    record = executed(plan, vehicle, limits=Limits(overdue=100.0))
-    assert not record.success
-    assert "the link is lost" in record.reason
-    assert "not answered" in record.safe
-
-
-@pytest.mark.slow
-def test_a_stopped_vehicle_is_started_again():
-    plan, vehicle = made(stuck=(200.0, np.inf), restarts=True)
-    record = executed(plan, vehicle, limits=Limits(late=900.0))
-    assert record.count("stopped") == 1
-    assert record.route[-1] == plan.run.called(plan.run.goal)
-
-
-@pytest.mark.slow
-def test_a_vehicle_that_stays_stopped_is_brought_up():
-    plan, vehicle = made(stuck=(200.0, np.inf))
-    record = executed(plan, vehicle)
-    assert not record.success
-    assert "no way made" in record.reason
-    assert record.safe == "at the surface"
-
-
-@pytest.mark.slow
-def test_a_vehicle_that_is_driven_off_gets_a_way_from_where_it_is():
-    plan, vehicle = made(push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
-    record = executed(plan, vehicle)
-    assert record.count("drift") >= 1
-    assert len(record.tasks) == len(vehicle.tasks)
-
-
 class Slow(ScriptedVehicle):
     """Finishes the leg that it is on, and its task, before it holds; says so, or only after the next upload.
 
@@ -368,35 +378,6 @@ def test_a_leg_that_ends_before_the_vehicle_holds_is_not_done_again(mute, furthe
     assert record.success
 
 
-@pytest.mark.parametrize("what", [pytest.param("connect", marks=pytest.mark.slow), "upload", "start"])
-def test_a_vehicle_that_refuses_at_the_start_is_not_gone_on_with(what):
-    plan, vehicle = made(fails=Failing(Refused("it will not: no space"), {what: 99}))
-    record = executed(plan, vehicle)
-    assert not record.success
-    assert "no space" in record.reason
-
-
-@pytest.mark.parametrize(
-    "error", [Lost("no answer"), pytest.param(Refused("denied"), marks=pytest.mark.slow)]
-)
-def test_an_upload_that_fails_on_the_way_is_sent_again(error):
-    plan, vehicle = made(speed=2.1)
-    failing = Failing(error, {"upload": 1})
-    vehicle.fails = lambda what: failing(what) if vehicle.now > 0.0 else None
-    record = executed(plan, vehicle)
-    assert record.count("failed") >= 1
-    assert len(vehicle.uploads) > 1
-    assert len(record.tasks) == len(vehicle.tasks)
-
-
-@pytest.mark.slow
-def test_a_vehicle_that_surfaces_by_itself_has_given_the_mission_up():
-    plan, vehicle = made(gives_up=500.0)
-    record = executed(plan, vehicle)
-    assert not record.success
-    assert "surfacing" in record.reason
-
-
 def test_a_mission_without_a_plan_is_not_begun():
     plan = RollingPlan(
         scenario(site=SITE, mission={"waypoints": 8, "neighbours": 4, "time_available": 60}), 1
@@ -406,44 +387,6 @@ def test_a_mission_without_a_plan_is_not_begun():
     assert record.reason.startswith("no plan")
     assert record.safe == "the vehicle was not started"
     assert not vehicle.uploads
-
-
-class Odd(ScriptedVehicle):
-    """Reports what `odd` makes of its reports; goes on to its last step but one at `skip`."""
-
-    odd = staticmethod(lambda vehicle, report: report)
-    skip = np.inf
-
-    def report(self, seconds):
-        if self.now >= self.skip:
-            self.skip, self.done, self.at = np.inf, len(self.plan.steps) - 2, False
-        return self.odd(self, super().report(seconds))
-
-
-def odd(report=None, **script):
-    plan, vehicle = made()
-    vehicle = Odd(vehicle.start_at, **script)
-    if report is not None:
-        vehicle.odd = report
-    return plan, vehicle
-
-
-def test_what_a_vehicle_says_to_have_done_counts_only_where_it_was():
-    plan, vehicle = odd(
-        lambda vehicle, report: replace(report, done=10**6) if vehicle.now > 300.0 else report
-    )
-    record = executed(plan, vehicle)
-    assert len(record.tasks) == len(vehicle.tasks)
-
-
-@pytest.mark.slow
-def test_a_vehicle_that_leaves_steps_out_is_brought_back():
-    plan, vehicle = odd()
-    vehicle.skip = 300.0
-    record = executed(plan, vehicle)
-    assert record.count("drift") >= 1
-    assert record.success
-    assert len(record.tasks) == len(vehicle.tasks)
 
 
 def test_a_place_that_is_none_is_not_taken_in():
@@ -457,7 +400,7 @@ def test_a_place_that_is_none_is_not_taken_in():
                 return replace(report, position=place)
         return report
 
-    plan, vehicle = odd(blind)
+    plan, vehicle = made(odd=blind)
     record = executed(plan, vehicle)
     assert (record.count("lost"), record.count("heard")) == (3, 3)
     assert record.success
@@ -466,43 +409,32 @@ def test_a_place_that_is_none_is_not_taken_in():
 
 
 def test_a_vehicle_that_is_elsewhere_or_busy_is_not_started():
-    plan, vehicle = odd(lambda _, report: replace(report, position=np.array([5e5, 0.0, 0.0])))
+    plan, vehicle = made(odd=lambda _, report: replace(report, position=np.array([5e5, 0.0, 0.0])))
     record = executed(plan, vehicle)
     assert "from the mission's start" in record.reason
-    plan, vehicle = odd(lambda _, report: replace(report, state=State.EXECUTING))
+    plan, vehicle = made(odd=lambda _, report: replace(report, state=State.EXECUTING))
     record = executed(plan, vehicle)
     assert record.reason == "the vehicle executes a plan already: end that first"
     assert record.safe == "the vehicle was not started"
     assert not vehicle.uploads
 
 
-def test_a_vehicle_under_way_after_its_time_is_told_of_and_brought_up():
-    plan, vehicle = made(speed=0.1)
-    record = executed(plan, vehicle)
-    assert record.count("over") == 1
-    assert record.reason == "the vehicle is overdue"
-    assert record.safe == "at the surface"
-    assert record.t_mission < record.t_available + 1000.0
-
-
 @pytest.mark.parametrize("error", [RuntimeError("it\nbroke"), Lost("gone")])
 def test_what_breaks_on_the_way_ends_at_the_surface(error):
-    plan, vehicle = odd()
+    plan, vehicle = made()
     reports = vehicle.report
-    fail = Failing(error, {"report": 1})
-    vehicle.report = lambda seconds: (vehicle.now > 400.0 and fail("report")) or reports(seconds)
+    broken = iter([error])
+
+    def report(seconds):
+        if vehicle.now > 400.0 and (fault := next(broken, None)):
+            raise fault
+        return reports(seconds)
+
+    vehicle.report = report
     record = executed(plan, vehicle)
     assert not record.success
     assert str(error).replace("\n", " ") in record.reason
     assert record.safe == "at the surface"
-
-
-def test_a_vehicle_that_has_lost_its_plan_is_given_it_again():
-    plan, vehicle = made(stuck=(500.0, np.inf), restarts=True)
-    record = executed(plan, vehicle, limits=Limits(late=900.0))
-    assert record.count("stopped") == 1
-    assert len(vehicle.uploads) == len(record.uploads) + 1
-    assert record.success
 
 
 def test_an_interruption_says_how_the_vehicle_is_and_keeps_the_record():
@@ -524,11 +456,11 @@ def _interrupt():
 
 def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
     plan, vehicle = made()
-    told = [(float(t), CurrentNotice(np.array([0.1 * np.sin(t), 0.0, 0.0]))) for t in range(10, 400, 2)]
+    told = [(float(t), CurrentNotice(np.array([0.1 * np.sin(t), 0.0, 0.0]))) for t in range(10, 200, 2)]
     told.insert(0, (5.0, CurrentNotice(np.full(3, np.nan))))
     record = executed(plan, vehicle, notices=Tell(vehicle, *told))
     assert record.count("note") == 1
-    assert len(record.uploads) < 12
+    assert len(record.uploads) < 7
     assert record.success
 
 
@@ -601,16 +533,6 @@ def test_a_task_under_way_when_a_plan_is_handed_over_is_not_done_again():
     assert len(record.tasks) == len(vehicle.tasks)
 
 
-def test_a_mission_that_anybody_else_ends_is_not_gone_on_with():
-    plan, vehicle = made(stopped=300.0, speed=2.0, fails=Failing(Refused("stopped"), {"surface": 99}))
-    record = executed(plan, vehicle)
-    assert not record.success
-    assert record.reason == "the vehicle is no longer on its plan"
-    assert record.safe.startswith("left to whoever stopped it, last seen at a depth of ")
-    assert record.count("failed") == 0, "it is not asked for anything"
-    assert all(upload["time"] < 300.0 for upload in record.uploads)
-
-
 def test_a_vehicle_that_is_stopped_while_a_plan_is_made_or_sent_is_not_started():
     plan, vehicle = made(speed=2.0)
     sends, starts, started = vehicle.upload, vehicle.start, []
@@ -628,17 +550,6 @@ def test_a_vehicle_that_is_stopped_while_a_plan_is_made_or_sent_is_not_started()
     record = executed(plan, vehicle)
     assert record.reason == "the vehicle is no longer on its plan"
     assert started == [0.0]
-
-
-@pytest.mark.slow
-def test_a_vehicle_is_at_the_surface_only_by_its_depth():
-    plan, vehicle = made(rises=0.1)
-    record = executed(plan, vehicle)
-    assert record.success
-    assert record.safe == "at the surface"
-    assert vehicle.place[2] < 1.0, "it has ended its plan long before"
-    plan, vehicle = made(rises=0.0)
-    assert executed(plan, vehicle).safe == "the vehicle was not seen to surface yet"
 
 
 @pytest.mark.parametrize(
@@ -708,13 +619,3 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert found.states[-1].run.routes[0] is before.states[-1].run.routes[0]
     assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
-
-
-def test_what_the_vehicle_does_alone_is_said():
-    """A vehicle that does not go on without a link is not said to."""
-    alone = "it surfaces 5 s after the last heartbeat"
-    plan, vehicle = made(silent=(100.0, 160.0), left_alone=alone, notes=[f"if the link is lost, {alone}"])
-    record = executed(plan, vehicle)
-    said = {event.kind: event.text for event in reversed(record.events)}
-    assert said["note"] == vehicle.notes[0]
-    assert said["lost"].endswith(f"by its own settings {alone}")
