@@ -15,7 +15,6 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.executive import execute_missions
-from auvplan.executive.collisions import Collision, collisions
 from auvplan.link import execute
 from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
@@ -34,6 +33,7 @@ from auvplan.simulation.faults import (
     TakenOver,
     WrongForecast,
 )
+from benchmarks.collisions import Collision, collisions
 from benchmarks.harness import grouped, launch, screen, show, track
 
 Draw = Callable[[np.random.Generator, float], Fault]

@@ -9,7 +9,6 @@ import pytest
 import auvplan as ap
 from auvplan.check.run import check_dataset
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.collisions import collisions
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.loop import start_mission, step
 from auvplan.io.results import to_dataset
@@ -27,7 +26,7 @@ from auvplan.simulation.faults import (
     WrongForecast,
 )
 from auvplan.simulation.world import TrueObstacles
-from tests.executive.small import scenario as small
+from benchmarks.collisions import collisions
 from tests.executive.test_truth_and_belief import open_water
 from tests.faults.sea import begun, context
 
@@ -136,11 +135,6 @@ def test_a_mission_with_faults_is_a_result_like_any_other(shared):
     report = check_dataset(mission.run.summary(), to_dataset(mission.run))
     assert not report.collisions, report
     assert not collisions(mission.run, given)
-
-
-def test_there_are_as_many_lists_of_faults_as_missions():
-    with pytest.raises(ValueError, match="a list for each of 2 missions, got 1"):
-        ap.run_missions(small(), seeds=range(2), faults=[[]])
 
 
 def test_an_escape_from_inside_a_boundary_leads_away():

@@ -18,7 +18,6 @@ from hypothesis.stateful import (
 
 import auvplan as ap
 from auvplan.check.run import check_run
-from auvplan.executive.collisions import collisions
 from auvplan.executive.loop import step
 from auvplan.runtime.files import OutputError, ResultError
 from auvplan.simulation.faults import (
@@ -30,6 +29,7 @@ from auvplan.simulation.faults import (
     Slower,
     WrongForecast,
 )
+from benchmarks.collisions import collisions
 from tests.faults.disk import full_disk
 from tests.faults.sea import PLACES, begun, context, scenario
 

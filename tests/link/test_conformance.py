@@ -1,15 +1,17 @@
 """The suite that every link has to pass, on all of ours, and on some that do not."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from auvplan.link import Limits, Refused, State, Upload
+from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
 from auvplan.link.conformance import failures
 from auvplan.link.simulated import SimulatedVehicle
 from tests.executive.small import scenario
 from tests.export.sample import make_itinerary
+from tests.link.joining import free_port
 from tests.link.scripted import Fails, ScriptedVehicle
 
 LIMITS = Limits(reply=0.2, connect=5.0)
@@ -29,9 +31,37 @@ def test_the_simulator_conforms():
 @pytest.mark.parametrize("kind", ["imc", "mavlink"])
 def test_links_conform(kind, upload, join_vehicle):
     pytest.importorskip("imcpy" if kind == "imc" else "mavsdk")
-    link, *_ = join_vehicle(kind=kind, limits=LIMITS)
+    link, peer, _ = join_vehicle(kind=kind, limits=LIMITS)
     link.connect = list  # it was connected to before
     assert failures(link, upload) == []
+    assert peer.body.depth < 1.0
+
+
+@pytest.mark.parametrize("kind", ["imc", "mavlink"])
+def test_a_dead_link_ends_in_time(kind, upload, join_vehicle):
+    pytest.importorskip("imcpy" if kind == "imc" else "mavsdk")
+    link, _, proxy = join_vehicle(kind=kind, limits=Limits(reply=0.05, attempts=4, uploads=2, connect=5.0))
+    link.upload(upload)
+    proxy.dead = True
+    begin = time.monotonic()
+    for call in (link.start, lambda: link.upload(Upload(upload.itinerary, 2)), link.surface):
+        with pytest.raises(Lost):
+            call()
+    assert time.monotonic() - begin < 10.0
+
+
+@pytest.mark.parametrize(
+    ("address", "library", "words"),
+    [
+        ("imc:127.0.0.1:9", "imcpy", "no EstimatedState within"),
+        (f"mavlink:udpin:127.0.0.1:{free_port()}", "pymavlink", "no heartbeat within"),
+    ],
+)
+def test_nobody_there(address, library, words, upload, opened):
+    pytest.importorskip(library)
+    opened.append(open_link(address, upload.itinerary.site, Limits(connect=0.3)))
+    with pytest.raises(Lost, match=words):
+        opened[0].connect()
 
 
 def test_a_scripted_vehicle_conforms_and_is_let_go():

@@ -8,7 +8,7 @@ import pytest
 
 from auvplan.errors import AuvplanError
 from auvplan.export.imc import plan_specification
-from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
+from auvplan.link import Limits, Refused, State, Upload, open_link
 
 imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
 
@@ -111,42 +111,11 @@ def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(opened):
     assert {round(float(move.data.speed), 4) for move in held.maneuvers} == {1.75}
 
 
-def test_hold_and_surface(upload, join):
-    link, peer, _ = join()
-    link.upload(upload)
-    link.start()
-    link.report(100.0)
-    link.hold()
-    link.report(20.0)
-    place = link.report(20.0).position
-    assert link.report(60.0).position == pytest.approx(place, abs=0.1)
-    link.surface()
-    assert link.report(100.0).state is State.SURFACING
-    assert peer.body.depth == 0.0
-
-
 def test_a_vehicle_that_refuses_is_told_of(upload, join):
     link, peer, _ = join()
     peer.refuse = True
     with pytest.raises(Refused, match="refuses the plan"):
         link.upload(upload)
-
-
-def test_a_dead_link_ends_in_time(upload, join):
-    link, _, proxy = join()
-    link.upload(upload)
-    proxy.dead = True
-    begin = time.monotonic()
-    with pytest.raises(Lost, match="no answer to the start"):
-        link.start()
-    assert time.monotonic() - begin < 10.0
-
-
-def test_nobody_there(upload):
-    link = open_link("imc:127.0.0.1:9", upload.itinerary.site, Limits(connect=0.3))
-    with pytest.raises(Lost, match="no EstimatedState within"):
-        link.connect()
-    link.close()
 
 
 class Tell:

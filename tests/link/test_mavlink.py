@@ -4,14 +4,13 @@ import json
 import math
 import subprocess
 import sys
-import time
 from functools import partial
 
 import pytest
 
 from auvplan.export import export
 from auvplan.export.qgroundcontrol import qgc_plan
-from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
+from auvplan.link import Limits, Refused
 
 mavsdk = pytest.importorskip("mavsdk", reason="needs MAVSDK: pip install mavsdk")
 pytest.importorskip("pymavlink", reason="needs pymavlink: pip install 'auvplan[link]'")
@@ -88,40 +87,3 @@ def test_a_vehicle_that_refuses_is_told_of(upload, join):
     peer.refuse.add(300)
     with pytest.raises(Refused, match="command 300: denied"):
         link.start()
-
-
-def test_hold_and_surface(upload, join):
-    link, peer, _ = join()
-    link.upload(upload)
-    link.start()
-    link.report(100.0)
-    link.hold()
-    held = link.report(40.0)
-    assert held.state is State.HOLDING
-    place = held.position
-    assert link.report(60.0).position == pytest.approx(place)
-    link.start(held.done)
-    assert link.report(100.0).position != pytest.approx(place)
-    link.surface()
-    link.report(100.0)
-    assert peer.body.depth == 0.0
-
-
-def test_a_dead_link_ends_in_time(upload, join):
-    link, _, proxy = join(limits=Limits(reply=0.05, attempts=3, uploads=2))
-    link.upload(upload)
-    proxy.dead = True
-    begin = time.monotonic()
-    with pytest.raises(Lost):
-        link.upload(Upload(upload.itinerary, 2))
-    with pytest.raises(Lost):
-        link.start()
-    assert time.monotonic() - begin < 10.0
-
-
-def test_nobody_there(upload):
-    limits = Limits(connect=0.3)
-    link = open_link(f"mavlink:udpin:127.0.0.1:{free_port()}", upload.itinerary.site, limits)
-    with pytest.raises(Lost, match="no heartbeat within"):
-        link.connect()
-    link.close()

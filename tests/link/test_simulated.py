@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-import auvplan as ap
-from auvplan.executive.collisions import collisions
 from auvplan.link import Lost, State, Upload, execute
 from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
@@ -21,6 +19,7 @@ from auvplan.simulation.faults import (
     TakenOver,
     WrongForecast,
 )
+from benchmarks.collisions import collisions
 from benchmarks.faults import KINDS, MIXED, OF_A_LINK, draw
 from tests.executive.small import scenario
 from tests.export.sample import make_itinerary
@@ -159,11 +158,6 @@ def test_what_was_seen_is_gone_with_its_leg_however_long_nobody_heard():
     vehicle._faults.given.clear()
     assert {notice.name for notice in vehicle.read() if isinstance(notice, GoneNotice)} == names
     assert [leg.obstacle_positions.shape[1] for leg in vehicle.record().legs] == [3, 3]
-
-
-def test_faults_of_a_link_are_refused_where_there_is_none():
-    with pytest.raises(ValueError, match="SimulatedVehicle"):
-        ap.run_missions(scenario(), seeds=[0], faults=[[TakenOver(10.0)]])
 
 
 @pytest.mark.usefixtures("light_search")

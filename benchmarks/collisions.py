@@ -63,7 +63,12 @@ def _of_leg(run: MissionRun, faults: Faults, number: int, leg: LegRecord) -> Ite
     if len(leg.times) < 2:
         return
     walk = Walk.of(leg.times, leg.positions, leg.obstacle_positions)
-    for what, inside in (("land", _on_land(run, walk)), ("sea bed", _below_bed(run, walk))):
+    known: dict[str, NDArray[np.bool_]] = {}
+    if run.chart is not None:
+        known["land"] = ~np.asarray(run.chart.is_water(walk.positions[:, 0], walk.positions[:, 1]))
+    if run.seabed is not None:
+        known["sea bed"] = np.asarray(run.seabed.altitude(walk.positions)) < 0.0
+    for what, inside in known.items():
         for first, _ in events(inside):
             yield Collision(number, what, -1, float(walk.times[first]), np.nan, True)
     distance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.obstacle_radii
@@ -75,18 +80,6 @@ def _of_leg(run: MissionRun, faults: Faults, number: int, leg: LegRecord) -> Ite
             yield Collision(number, "obstacle", obstacle, time, sensed, avoidable)
 
 
-def _on_land(run: MissionRun, walk: Walk) -> NDArray[np.bool_]:
-    if run.chart is None:
-        return np.zeros(len(walk.times), bool)
-    return ~np.asarray(run.chart.is_water(walk.positions[:, 0], walk.positions[:, 1]))
-
-
-def _below_bed(run: MissionRun, walk: Walk) -> NDArray[np.bool_]:
-    if run.seabed is None:
-        return np.zeros(len(walk.times), bool)
-    return np.asarray(run.seabed.altitude(walk.positions)) < 0.0
-
-
 def _sensed(run: MissionRun, faults: Faults, leg: LegRecord, obstacle: int, time: float) -> float:
     """Return the first look at an obstacle, after the last change of the truth before a collision; or NaN."""
     sensors = _sensors(run)
@@ -95,7 +88,8 @@ def _sensed(run: MissionRun, faults: Faults, leg: LegRecord, obstacle: int, time
     for fault in faults.given:
         changes += [fault.at, fault.at + getattr(fault, "seconds", 0.0)]
         if isinstance(fault, Obstacle):  # seen at the look that it appears at, or at a later one
-            changes.append(_appeared(leg, obstacle))
+            near = leg.obstacle_positions[:, obstacle, 2] < 1e5
+            changes.append(float(leg.times[near.argmax()]) if near.any() else np.inf)
     since = max(change for change in changes if change <= time)
     for look in np.arange(leg.times[0], time, period):
         place, obstacles = _at(leg, look)
@@ -104,12 +98,6 @@ def _sensed(run: MissionRun, faults: Faults, leg: LegRecord, obstacle: int, time
         if look >= since and away <= sensors.range and not idle:
             return float(look)
     return np.nan
-
-
-def _appeared(leg: LegRecord, obstacle: int) -> float:
-    """Return when an obstacle came to where vehicles are, s."""
-    near = leg.obstacle_positions[:, obstacle, 2] < 1e5
-    return float(leg.times[near.argmax()]) if near.any() else np.inf
 
 
 def _way_out(run: MissionRun, faults: Faults, leg: LegRecord, sensed: float, time: float) -> bool:
