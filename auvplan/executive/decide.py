@@ -195,15 +195,10 @@ NEXT: dict[tuple[Phase, Act], Phase] = {
     (Phase.UNDER_WAY, Act.HOLD): Phase.HELD,
     (Phase.UNDER_WAY, Act.GIVE_WAY): Phase.HELD,
     (Phase.HELD, Act.START): Phase.UNDER_WAY,
-} | {
-    (phase, act): end
-    for phase in (Phase.UNDER_WAY, Phase.HELD)
-    for act, end in (
-        (Act.ARRIVE, Phase.ARRIVED),
-        (Act.SURFACE, Phase.SURFACING),
-        (Act.LEAVE, Phase.LEFT),
-    )
 }
+for _phase in (Phase.UNDER_WAY, Phase.HELD):
+    NEXT[_phase, Act.ARRIVE], NEXT[_phase, Act.SURFACE] = Phase.ARRIVED, Phase.SURFACING
+    NEXT[_phase, Act.LEAVE] = Phase.LEFT
 
 
 def decide(facts: Facts) -> Decision:

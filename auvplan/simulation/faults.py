@@ -26,52 +26,63 @@ _FAR_BELOW = 1e6
 
 
 @dataclass(frozen=True)
-class CurrentStep:
+class _At:
+    """A fault at a time `at`, s since the epoch."""
+
+    at: float
+
+
+@dataclass(frozen=True)
+class _Passing(_At):
+    """A fault that lasts `seconds`."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Lasting(_At):
+    """A fault from then on, by a factor."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class CurrentStep(_At):
     """The true current gains a uniform one.
 
     Attributes:
-        at: s since the epoch.
         change: m/s north and east.
         known: whether forecasts from then on have it as well.
     """
 
-    at: float
     change: tuple[float, float]
     known: bool = True
 
 
 @dataclass(frozen=True)
-class WrongForecast:
-    """From a time `at`, s since the epoch, on the forecast is `factor` times as strong as the current."""
-
-    at: float
-    factor: float
-
-
-@dataclass(frozen=True)
-class Obstacle:
+class Obstacle(_At):
     """An obstacle appears before a vehicle under way, and drifts with the current from then on.
 
+    Where the vehicle is at a waypoint then, it appears as soon as it is under way again.
+
     Attributes:
-        at: s since the epoch; where the vehicle is at a waypoint then, as soon as it is under way again.
         ahead, aside: m along the track that is followed and to starboard of it, from vehicle to centre.
         radius: m.
         velocity: m/s north and east, its own.
     """
 
-    at: float
     ahead: float
     aside: float = 0.0
     radius: float = 30.0
     velocity: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class _Passing:
-    """A fault that begins at a time `at`, s since the epoch, and lasts `seconds`."""
+class WrongForecast(_Lasting):
+    """The forecast is `factor` times as strong as the current."""
 
-    at: float
-    seconds: float
+
+class Slower(_Lasting):
+    """The vehicle makes `factor` of its speed through the water."""
 
 
 class SensorOut(_Passing):
@@ -86,34 +97,19 @@ class PlannerOut(_Passing):
     """The path planner answers nothing."""
 
 
-@dataclass(frozen=True)
-class Slower:
-    """From a time `at`, s since the epoch, on the vehicle makes `factor` of its speed through the water."""
-
-    at: float
-    factor: float
-
-
 class LinkOut(_Passing):
     """Nothing is heard of the vehicle, and it hears nothing."""
 
 
-@dataclass(frozen=True)
-class _AtOnce:
-    """A fault at a time `at`, s since the epoch."""
-
-    at: float
-
-
-class GivesUp(_AtOnce):
+class GivesUp(_At):
     """The vehicle reports a fault and surfaces."""
 
 
-class TakenOver(_AtOnce):
+class TakenOver(_At):
     """Somebody else stops the vehicle's plan."""
 
 
-class Restarts(_AtOnce):
+class Restarts(_At):
     """The vehicle's computer starts anew, and has no plan."""
 
 
@@ -224,8 +220,8 @@ def absent(count: int) -> TrueObstacles:
 
 def appear(
     fault: Obstacle, truth: TrueObstacles, traces: list[Array], position: Array, tangent: Array
-) -> bool:
-    """Let an obstacle take a free place among those of a leg; return whether there was one.
+) -> None:
+    """Let an obstacle take a free place among those of a leg, where there is one.
 
     Args:
         fault: which.
@@ -237,7 +233,7 @@ def appear(
     """
     free = np.flatnonzero(truth.position[:, 2] > 0.5 * _FAR_BELOW)
     if not len(free):
-        return False
+        return
     level = tangent[:2] / max(float(np.linalg.norm(tangent[:2])), 1e-9)
     starboard = np.array([-level[1], level[0]])
     place = np.append(position[:2] + fault.ahead * level + fault.aside * starboard, position[2])
@@ -247,4 +243,3 @@ def appear(
     if traces:
         traces[-1][-1, row] = place
     truth.position[row], truth.velocity[row], truth.radius[row] = place, (*fault.velocity, 0.0), fault.radius
-    return True
