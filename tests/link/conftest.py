@@ -7,7 +7,7 @@ from tests.export.sample import make_itinerary
 from tests.link.joining import CLEAN, body_at, joined
 
 #: s of mission time in one of wall-clock time.
-SCALE = 400.0
+SCALE, FAST = 400.0, 1000.0
 
 
 @pytest.fixture(autouse=True)
@@ -34,9 +34,9 @@ def opened():
 def join_vehicle(upload, opened):
     """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
 
-    def make(faults=CLEAN, *, kind, limits):
+    def make(faults=CLEAN, *, kind, limits, scale=SCALE):
         site, (north, east, _) = upload.itinerary.site, upload.steps[0].position
-        parts = joined(kind, site, body_at(site, north, east, 12.5), SCALE, faults, 0, limits)
+        parts = joined(kind, site, body_at(site, north, east, 12.5), scale, faults, 0, limits)
         opened.extend(parts)
         parts[0].connect()
         return parts

@@ -14,11 +14,9 @@ imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[l
 
 from auvplan.link.imc import as_message  # noqa: E402
 from tests.export.sample import in_current, make_itinerary  # noqa: E402
-from tests.link.conftest import SCALE  # noqa: E402
-from tests.link.held import held_as_planned  # noqa: E402
-from tests.link.joining import body_at, followed  # noqa: E402
+from tests.link.conftest import FAST, SCALE  # noqa: E402
+from tests.link.joining import CLEAN, Faults, body_at, followed, free_port, held_as_planned  # noqa: E402
 from tests.link.peers import ImcPeer  # noqa: E402
-from tests.link.proxy import CLEAN, Faults, free_port  # noqa: E402
 
 LIMITS = Limits(reply=0.1, attempts=20, connect=5.0)
 
@@ -44,7 +42,7 @@ def test_a_plan_file_is_the_message_that_imcpy_makes(upload):
 
 @pytest.mark.parametrize("faults", [pytest.param(CLEAN, marks=pytest.mark.slow), Faults()])
 def test_a_plan_arrives_as_planned_and_is_executed(upload, join, faults):
-    link, peer, _ = join(faults)
+    link, peer, _ = join(faults, scale=FAST)
     assert link.upload(upload) == []
     assert held_as_planned("imc", peer, upload)
     link.start()
@@ -202,8 +200,8 @@ def test_a_local_port_is_ours_or_refused(upload, opened):
 
 def test_the_back_seat_takes_whoever_connects(upload, opened):
     first = upload.steps[0].position
-    peer = ImcPeer(body_at(upload.itinerary.site, *first), SCALE)
-    link = open_link(f"imc:tcp:{peer.host}:{peer.back_seat}", upload.itinerary.site, LIMITS, SCALE)
+    peer = ImcPeer(body_at(upload.itinerary.site, *first), FAST)
+    link = open_link(f"imc:tcp:{peer.host}:{peer.back_seat}", upload.itinerary.site, LIMITS, FAST)
     opened += [link, peer]
     link.connect()
     link.upload(upload)

@@ -15,11 +15,10 @@ from auvplan.link import Limits, Refused
 mavsdk = pytest.importorskip("mavsdk", reason="needs MAVSDK: pip install mavsdk")
 pytest.importorskip("pymavlink", reason="needs pymavlink: pip install 'auvplan[link]'")
 
-from tests.link.held import held_as_planned  # noqa: E402
-from tests.link.joining import followed  # noqa: E402
-from tests.link.proxy import CLEAN, Faults, free_port  # noqa: E402
+from tests.link.conftest import FAST  # noqa: E402
+from tests.link.joining import CLEAN, Faults, followed, free_port, held_as_planned  # noqa: E402
 
-LIMITS = Limits(reply=0.3, attempts=20, uploads=8, connect=5.0, outdated=0.2)
+LIMITS = Limits(reply=0.15, attempts=20, uploads=8, connect=5.0, outdated=0.2)
 
 
 @pytest.fixture
@@ -29,7 +28,7 @@ def join(join_vehicle):
 
 @pytest.mark.parametrize("faults", [pytest.param(CLEAN, marks=pytest.mark.slow), Faults()])
 def test_items_and_fence_arrive_as_planned_and_are_executed(upload, join, faults):
-    link, peer, _ = join(faults)
+    link, peer, _ = join(faults, scale=FAST)
     assert link.upload(upload) == []
     assert held_as_planned("mavlink", peer, upload)
     assert [item.command for item in peer.fences[-1]] == [5002] * 7 + [5004]
