@@ -17,7 +17,7 @@ from auvplan.path.motion import Motion
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.sea import VortexSea
-from auvplan.simulation.simulator import TIME_STEP, transit
+from auvplan.simulation.simulator import TIME_STEP, Course, simulate
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
 from tests.executive.small import scenario
 
@@ -27,66 +27,62 @@ def uniform_field(u, v):
     return ap.LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, jnp.array([u, v, 0.0]))
 
 
-def batch(tree):
-    return jax.tree.map(lambda a: jnp.asarray(a)[None], tree)
+#: Steps of a simulation, which one program makes for all.
+STEPS = 20
+NONE = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
 
 
-def transit_one(field, track, steps, moving=True, obstacles=None, arc=0.0):
-    obstacles = obstacles or (jnp.zeros((1, 0, 3)), jnp.zeros((1, 0, 3)), jnp.zeros((1, 0)))
-    return transit(
-        jnp.asarray(track)[None], jnp.array([arc]), jnp.array([moving]), jnp.array([100.0]),
-        batch(field), obstacles, ap.Vehicle(), steps=steps,
-    )  # fmt: skip
+def transit_one(field, track, moving=True, obstacles=NONE, arc=0.0):
+    (out,) = simulate(
+        [Course(track, arc, moving, 100.0, jax.device_get(field), obstacles)], ap.Vehicle(), 20, STEPS
+    )
+    return out
 
 
-TRACK = np.linspace([0.0, 0.0, 10.0], [600.0, 0.0, 10.0], 20)
+def track_of(length):
+    return np.linspace([0.0, 0.0, 10.0], [length, 0.0, 10.0], 20)
 
 
 @pytest.mark.parametrize(("stream", "speed"), [((0, 0), 2.5), ((0.5, 0), 3.0), ((0, 1.5), 2.0)])
 def test_vehicle_holds_its_track_at_the_closed_form_speed(stream, speed):
-    out = transit_one(uniform_field(*stream), TRACK, 20)
-    expected = speed * TIME_STEP * np.arange(1, 21)
-    np.testing.assert_allclose(out.positions[0, :, 0], expected, rtol=1e-4)
-    np.testing.assert_allclose(out.positions[0, :, 1:], [[0.0, 10.0]] * 20, atol=1e-3)
-    np.testing.assert_allclose(out.water[0], [[*stream, 0.0]] * 20, atol=1e-5)
-    np.testing.assert_allclose(out.ground[0], [[speed, 0.0, 0.0]] * 20, atol=1e-4)
-    motion = Motion.through_water(out.ground[0], out.water[0])
+    out = transit_one(uniform_field(*stream), track_of(600.0))
+    after = TIME_STEP * np.arange(1, STEPS + 1)
+    np.testing.assert_allclose(out.positions[:, 0], speed * after, rtol=1e-4)
+    np.testing.assert_allclose(out.positions[:, 1:], [[0.0, 10.0]] * STEPS, atol=1e-3)
+    np.testing.assert_allclose(out.water, [[*stream, 0.0]] * STEPS, atol=1e-5)
+    np.testing.assert_allclose(out.ground, [[speed, 0.0, 0.0]] * STEPS, atol=1e-4)
+    motion = Motion.through_water(out.ground, out.water)
     np.testing.assert_allclose(motion.yaw, -np.arcsin(stream[1] / 2.5), atol=1e-4)
-    np.testing.assert_allclose(out.times[0], 100.0 + TIME_STEP * np.arange(1, 21))
+    np.testing.assert_allclose(out.times, 100.0 + after)
 
 
 def test_arrival_is_timed_within_the_step_and_time_then_stands_still():
-    out = transit_one(uniform_field(0.0, 0.0), TRACK, 100)
-    assert bool(out.arrived[0])
-    assert float(out.times[0, -1]) == pytest.approx(100.0 + 600.0 / 2.5, rel=1e-5)
-    np.testing.assert_allclose(out.positions[0, -1], TRACK[-1], atol=1e-3)
+    out = transit_one(uniform_field(0.0, 0.0), track_of(100.0))
+    assert out.arrived
+    assert out.times[-1] == pytest.approx(100.0 + 100.0 / 2.5, rel=1e-5)
+    np.testing.assert_allclose(out.positions[-1], [100.0, 0.0, 10.0], atol=1e-3)
 
 
-def test_a_vehicle_that_keeps_station_heads_into_the_current():
-    out = transit_one(uniform_field(0.0, 1.5), TRACK, 3, moving=False)
-    np.testing.assert_array_equal(out.ground[0], 0.0)
-    np.testing.assert_allclose(Motion.through_water(out.ground[0], out.water[0]).yaw, -np.pi / 2)
-
-
-def test_station_keeping_lets_time_pass():
-    out = transit_one(uniform_field(0.5, 0.5), TRACK, 10, moving=False, arc=30.0)
-    assert not bool(out.arrived[0])
-    np.testing.assert_allclose(out.positions[0], np.tile([30.0, 0.0, 10.0], (10, 1)), atol=1e-3)
-    assert float(out.times[0, -1]) == pytest.approx(130.0)
+def test_a_vehicle_that_keeps_station_heads_into_the_current_and_lets_time_pass():
+    out = transit_one(uniform_field(0.0, 1.5), track_of(600.0), moving=False, arc=30.0)
+    assert not out.arrived
+    np.testing.assert_array_equal(out.ground, 0.0)
+    np.testing.assert_allclose(Motion.through_water(out.ground, out.water).yaw, -np.pi / 2)
+    np.testing.assert_allclose(out.positions, np.tile([30.0, 0.0, 10.0], (STEPS, 1)), atol=1e-3)
+    assert out.times[-1] == pytest.approx(100.0 + STEPS * TIME_STEP)
 
 
 def test_obstacles_drift_as_their_kind_says():
-    position = jnp.zeros((1, 3, 3))
-    velocity = jnp.array([[[0.0, 0, 0], [0, 0, 0], [0.0, 0.2, 0]]])
-    drift = jnp.array([[0.0, 1.0, 1.0]])
-    out = transit_one(uniform_field(0.4, 0.0), TRACK, 10, obstacles=(position, velocity, drift))
-    np.testing.assert_allclose(out.obstacles[0, -1], [[0, 0, 0], [12.0, 0, 0], [12.0, 6.0, 0]], atol=1e-4)
-    np.testing.assert_allclose(out.moves[0], [[0, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0]], atol=1e-6)
+    velocity = np.array([[0.0, 0, 0], [0, 0, 0], [0.0, 0.2, 0]])
+    moving = np.zeros((3, 3)), velocity, np.array([0.0, 1.0, 1.0])
+    out = transit_one(uniform_field(0.4, 0.0), track_of(600.0), obstacles=moving)
+    np.testing.assert_allclose(out.obstacles[-1], [[0, 0, 0], [24.0, 0, 0], [24.0, 12.0, 0]], atol=1e-4)
+    np.testing.assert_allclose(out.moves, [[0, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0]], atol=1e-6)
 
 
 def test_a_current_that_wins_is_reported():
-    assert float(transit_one(uniform_field(-3.0, 0.0), TRACK, 2).shortfall[0]) > 0.0
-    assert float(transit_one(uniform_field(-1.0, 0.0), TRACK, 2).shortfall[0]) == 0.0
+    assert transit_one(uniform_field(-3.0, 0.0), track_of(600.0)).shortfall > 0.0
+    assert transit_one(uniform_field(-1.0, 0.0), track_of(600.0)).shortfall == 0.0
 
 
 def some_sea(interval=600.0, seed=0, error=0.05):

@@ -34,6 +34,7 @@ def test_links_conform(kind, upload, join_vehicle):
     link, peer, _ = join_vehicle(kind=kind, limits=LIMITS)
     link.connect = list  # it was connected to before
     assert failures(link, upload) == []
+    time.sleep(0.3)
     assert peer.body.depth < 1.0
 
 
