@@ -25,9 +25,8 @@ def escape_track(
     """Return the straight track of most clearance among sixteen headings, off coast, sea bed and box.
 
     Args:
-        context: where the vehicle is.
-        position: [3] m, and `now` s, when it is there.
-        now: s.
+        context: of the mission.
+        position, now: [3] m and s, where and when the vehicle is.
         seconds: how long the escape lasts.
         clearance: [n] m, of places [n, 3] m at [n] s to the nearest obstacle.
         stay: s that station is kept at its end.

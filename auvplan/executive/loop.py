@@ -276,10 +276,7 @@ def why_refused(mission: Mission, times: np.ndarray) -> str:
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, with the margin that its route was made with.
-
-    Args:
-        mission: on the leg.
-        times: [N, N] s that edges are expected to take.
+    Edges are expected to take `times`, [N, N] s.
     """
     leg, rules = mission.active_leg, mission.context.rules
     if why := unfit(mission):

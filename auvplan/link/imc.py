@@ -310,11 +310,7 @@ class ImcVehicle(ListeningLink):
             self._ended, self._faulty = "it has a fault", True
 
     def _check_goes_on(self) -> None:
-        """See that the mission was not ended from outside.
-
-        Raises:
-            Refused: it was.
-        """
+        """See that the mission was not ended from outside."""
         if self._ended:
             raise Refused(f"{self.name} has left the plan: {self._words or self._ended}")
 

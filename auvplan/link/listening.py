@@ -112,12 +112,9 @@ class ListeningLink(VehicleLink):
         look: Callable[[], None] = lambda: None,
         done: Callable[[], bool] = lambda: False,
     ) -> Any:
-        """Return the next fitting answer within the time of a reply; None without one.
+        """Return the next fitting answer within the time of a reply; None without one, or where it is done.
 
-        Args:
-            fits: whether an answer is one.
-            look: called all the time; may raise.
-            done: whether no answer is needed any more.
+        `look` is called all the time, and may raise.
         """
         end = time.monotonic() + self._limits.reply
         while (left := end - time.monotonic()) > 0.0:

@@ -337,11 +337,7 @@ class MavlinkVehicle(ListeningLink):
             heard.gave_up = f"it was set to mode {ardusub.mode_name(heard.mode)}{heard.warned}"
 
     def _check_ours(self) -> None:
-        """See that nobody has ended the mission.
-
-        Raises:
-            Refused: somebody has, or the vehicle itself.
-        """
+        """See that nobody has ended the mission, nor the vehicle itself."""
         if self._heard.gave_up:
             raise Refused(f"{self.name}: {self._heard.gave_up}: nothing is started again")
 

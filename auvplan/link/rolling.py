@@ -271,13 +271,10 @@ class RollingPlan:
         first: tuple[LegRecord, Mission] | None = None,
         late: bool = False,
     ) -> Prospect | None:
-        """Plan to the end; None where the destination is not reached, in time if not `late`.
+        """Plan to the end, after `count` legs of the plan that is followed and, where given, a first one.
 
-        Args:
-            state: after what is done.
-            count: legs of the plan that is followed that are done.
-            first: the leg after them, where that is planned, and the state before it.
-            late: whether the destination may be reached too late.
+        Returns:
+            None where the destination is not reached, in time if not `late`.
         """
         before = self.followed if count else Prospect([], [])
         legs, states = before.legs[:count], before.states[:count]

@@ -182,11 +182,7 @@ class SimulatedVehicle(VehicleLink):
         return self._faults.left(LinkOut, self.now) > 0.0
 
     def _hear(self) -> None:
-        """Hear what is asked.
-
-        Raises:
-            Lost: it does not.
-        """
+        """Hear what is asked, or not."""
         if self._is_silent:
             raise Lost("the vehicle does not answer")
 
