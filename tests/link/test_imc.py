@@ -26,6 +26,34 @@ def join(join_vehicle):
     return partial(join_vehicle, kind="imc", limits=LIMITS)
 
 
+@pytest.fixture
+def begun(join, upload):
+    """Makes a link to a vehicle that was started with the upload."""
+
+    def make(faults=CLEAN, stuck=False):
+        link, peer, _ = join(faults)
+        peer.body.stuck = stuck
+        link.upload(upload)
+        link.start()
+        return link, peer
+
+    return make
+
+
+@pytest.fixture
+def beside(opened):
+    """Makes a vehicle at the first place of a plan, and a link to it without a proxy."""
+
+    def make(plan, address="imc:{0.host}:{0.port}", scale=SCALE, stream=(0.0, 0.0), limits=LIMITS, **given):
+        site, (north, east, depth) = plan.itinerary.site, plan.steps[0].position
+        peer = ImcPeer(replace(body_at(site, north, east, depth), stream=stream), scale)
+        opened.append(peer)
+        opened.append(open_link(address.format(peer), site, limits, scale, **given))
+        return opened[-1], peer
+
+    return make
+
+
 def test_a_plan_file_is_the_message_that_imcpy_makes(upload):
     plan = as_message(plan_specification(upload.itinerary))
     again = imcpy.Packet.deserialize(imcpy.Packet.serialize(plan))
@@ -80,13 +108,10 @@ def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(opened):
+def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(beside):
     stream = (-0.2, 0.25, 0.0)
     plan = Upload(in_current(stream))
-    site, (north, east, depth) = plan.itinerary.site, plan.steps[0].position
-    peer = ImcPeer(replace(body_at(site, north, east, depth), stream=stream[:2]), SCALE)
-    link = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE)
-    opened += [peer, link]
+    link, _ = beside(plan, stream=stream[:2])
     link.connect()
     link.upload(plan)
     link.start()
@@ -97,12 +122,9 @@ def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_c
     assert link.now - begin == pytest.approx(planned, rel=0.02)
 
 
-def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(opened):
+def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(beside):
     plan = Upload(make_itinerary(over_ground=True))
-    site, (north, east, _) = plan.itinerary.site, plan.steps[0].position
-    peer = ImcPeer(body_at(site, north, east, 12.5), SCALE)
-    link = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE, over_ground=False)
-    opened += [peer, link]
+    link, peer = beside(plan, over_ground=False)
     link.connect()
     link.upload(plan)
     (held,) = peer.stored.values()
@@ -127,10 +149,8 @@ class Tell:
         self.peer._socket.sendto(imcpy.Packet.serialize(message), self.peer.clients[0])
 
 
-def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
-    link, peer, _ = join()
-    link.upload(upload)
-    link.start()
+def test_another_vehicle_and_damaged_packets_change_nothing(begun):
+    link, peer = begun()
     before, tell = link.report(1.0), Tell(peer, 0x77)
     for _ in range(10):
         elsewhere, other = imcpy.EstimatedState(), imcpy.PlanControl()
@@ -146,7 +166,7 @@ def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
 
 
 @pytest.mark.parametrize("latitude", [float("nan"), 4.0])
-def test_a_place_that_is_none_is_left_out(upload, join, latitude):
+def test_a_place_that_is_none_is_left_out(join, latitude):
     link, peer, _ = join()
     state = imcpy.EstimatedState()
     state.lat = latitude
@@ -155,11 +175,8 @@ def test_a_place_that_is_none_is_left_out(upload, join, latitude):
     assert link.report(0.0).position is not None
 
 
-def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
-    link, peer, _ = join()
-    peer.body.stuck = True
-    link.upload(upload)
-    link.start()
+def test_odd_names_of_manoeuvres_and_plans_are_no_progress(begun):
+    link, peer = begun(stuck=True)
     for plan, manoeuvre in ((peer.started[-1], "legs"), (peer.started[-1], "leg-1"), ("lawnmower", "end")):
         control = imcpy.PlanControlState()
         control.state, control.plan_id, control.man_id = control.StateEnum.EXECUTING, plan, manoeuvre
@@ -172,18 +189,15 @@ def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
     assert report.message == "another plan was started, lawnmower"
 
 
-def test_a_vehicle_answers_where_a_run_announced_itself_and_the_next_run_is_heard_too(upload, opened):
-    peer = ImcPeer(body_at(upload.itinerary.site, 0.0, 0.0, 5.0), 1.0)
-    opened.append(peer)
-    first, second = (open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS) for _ in "ab")
-    opened.append(second)
+def test_a_vehicle_answers_where_a_run_announced_itself_and_the_next_run_is_heard_too(upload, beside, opened):
+    first, peer = beside(upload, scale=1.0)
+    opened.remove(first)
     first.connect()
-    second.connect()
-    assert len(set(peer.clients)) == 2
-    first.close()
-    again = open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS)
-    opened.append(again)
-    again.connect()
+    for clients in (2, 2):
+        opened.append(open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS))
+        opened[-1].connect()
+        assert len(set(peer.clients)) == clients
+        first.close()
     assert len(peer.clients) == 2, "it is the same station, at the same port"
     assert all(0x4000 <= source < 0x6000 for source in peer._nodes), "a control station among IMC's addresses"
 
@@ -198,11 +212,8 @@ def test_a_local_port_is_ours_or_refused(upload, opened):
         open_link(address, upload.itinerary.site, LIMITS)
 
 
-def test_the_back_seat_takes_whoever_connects(upload, opened):
-    first = upload.steps[0].position
-    peer = ImcPeer(body_at(upload.itinerary.site, *first), FAST)
-    link = open_link(f"imc:tcp:{peer.host}:{peer.back_seat}", upload.itinerary.site, LIMITS, FAST)
-    opened += [link, peer]
+def test_the_back_seat_takes_whoever_connects(upload, beside):
+    link, peer = beside(upload, "imc:tcp:{0.host}:{0.back_seat}", FAST)
     link.connect()
     link.upload(upload)
     link.start()
@@ -212,11 +223,8 @@ def test_the_back_seat_takes_whoever_connects(upload, opened):
 
 @pytest.mark.parametrize("how", ["abort", "stop"])
 @pytest.mark.parametrize("faults", [CLEAN, Faults()])
-def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
-    link, peer, _ = join(faults)
-    peer.body.stuck = True
-    link.upload(upload)
-    link.start()
+def test_a_plan_that_anybody_ends_is_left_alone(upload, begun, how, faults):
+    link, peer = begun(faults, stuck=True)
     link.start(1)  # which leaves a failure as the last outcome, and is none
     time.sleep(0.3)
     assert link.report(0.0).state is State.EXECUTING
@@ -233,11 +241,8 @@ def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
 
 
 @pytest.mark.parametrize("stopped_before", [False, True])
-def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join, stopped_before):
-    link, peer, _ = join()
-    peer.body.stuck = True
-    link.upload(upload)
-    link.start()
+def test_a_fault_of_a_moment_is_reported_from_then_on(begun, stopped_before):
+    link, peer = begun(stuck=True)
     time.sleep(0.3)
     if stopped_before:
         peer.stop()
@@ -249,11 +254,8 @@ def test_a_fault_of_a_moment_is_reported_from_then_on(upload, join, stopped_befo
     assert (report.state, report.message) == (State.FAULT, "vehicle errors: Depth Sensor")
 
 
-def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload, join):
-    link, peer, _ = join()
-    peer.body.stuck = True
-    link.upload(upload)
-    link.start()
+def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(begun):
+    link, peer = begun(stuck=True)
     takes = peer._request
 
     def abort_before_it_starts(message):
@@ -271,10 +273,8 @@ def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload,
 
 
 @pytest.mark.parametrize("how", ["halt", "restart"])
-def test_a_vehicle_that_started_anew_is_idle_and_may_still_be_aborted(upload, join, how):
-    link, peer, _ = join()
-    link.upload(upload)
-    link.start()
+def test_a_vehicle_that_started_anew_is_idle_and_may_still_be_aborted(begun, how):
+    link, peer = begun()
     getattr(peer, how)()
     time.sleep(0.2)
     assert link.report(0.0).state is State.IDLE
@@ -284,30 +284,23 @@ def test_a_vehicle_that_started_anew_is_idle_and_may_still_be_aborted(upload, jo
     assert (report.state, report.message) == (State.STOPPED, peer._words)
 
 
-def test_an_outcome_of_the_run_before_is_none_of_this_one(upload, join):
-    link, peer, _ = join()
-    link.upload(upload)
-    link.start()
+def test_an_outcome_of_the_run_before_is_none_of_this_one(upload, begun, opened):
+    link, peer = begun()
     peer.abort()
     link.close()
-    site = upload.itinerary.site
-    again = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE)
-    try:
-        peer.through = None
-        again.connect()
-        again.upload(upload)
-        again.start()
-        again.report(50.0)
-        assert again.report(50.0).state in (State.EXECUTING, State.FINISHED)
-    finally:
-        again.close()
+    peer.through = None
+    opened.append(open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS, SCALE))
+    again = opened[-1]
+    again.connect()
+    again.upload(upload)
+    again.start()
+    again.report(50.0)
+    assert again.report(50.0).state in (State.EXECUTING, State.FINISHED)
 
 
-def test_a_vehicle_that_is_not_ready_is_waited_for(upload, opened):
-    peer = ImcPeer(body_at(upload.itinerary.site, 0.0, 0.0, 5.0), 1.0)
-    link = open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, Limits(connect=2.0))
-    opened += [link, peer]
-    peer._error, peer._words = time.monotonic() + 2.5, "vehicle errors: GPS"
-    with pytest.raises(Refused, match="was not ready for a plan within 2 s: vehicle errors: GPS"):
+def test_a_vehicle_that_is_not_ready_is_waited_for(upload, beside):
+    link, peer = beside(upload, scale=1.0, limits=Limits(connect=1.0))
+    peer._error, peer._words = time.monotonic() + 1.3, "vehicle errors: GPS"
+    with pytest.raises(Refused, match="was not ready for a plan within 1 s: vehicle errors: GPS"):
         link.connect()
     link.connect()
