@@ -1,6 +1,7 @@
 """Missions by the clock: expected times in a tide, waiting for windows, windows that are missed."""
 
 from dataclasses import replace
+from datetime import timedelta
 
 import pytest
 
@@ -13,7 +14,7 @@ from auvplan.io.geo import read_jobs
 from auvplan.io.results import to_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.view.sheet import sheet_of
-from tests.executive.tide import CHANNEL, channel, tidal_area
+from tests.executive.tide import CHANNEL, EPOCH, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -111,8 +112,15 @@ def test_departures_agree_with_plans_and_windows_stay_where_they_are_on_the_cloc
     settings, area = windowed()
     found = plan_departures(settings, [0.0, 600.0], key=seed_keys([0])[0], area=area)
     later = plan_scenario(settings, depart=600.0, area=area)
-    for run, depart, time in zip((plan, later), (0.0, 600.0), found.time, strict=True):
-        assert run.t_mission == pytest.approx(time)
+    for k, (run, depart) in enumerate(((plan, 0.0), (later, 600.0))):
+        assert run.t_mission == pytest.approx(found.time[k])
+        assert (run.tasks, run.total_priority, run.route) == (
+            found.tasks[k],
+            found.priority[k],
+            found.routes[k],
+        )
+        assert run.site.epoch == EPOCH + timedelta(seconds=depart)
+        assert run.legs[0].times[0] - run.legs[0].t_hold == pytest.approx(0.0, abs=1e-2)
         _, begins = leg_to(run, "buoy")
         assert begins + depart == pytest.approx(OPENS)
 
