@@ -48,9 +48,10 @@ def test_the_same_chart_as_from_geojson(tmp_path, name, crs):
     assert (one != two).mean() <= (0.0 if crs == "EPSG:4326" else 0.002)
 
 
-def test_names_of_closed_areas(tmp_path):
-    path = written(tmp_path / "closed.gpkg", [square(), square()], NAME=["anchorage", "cable"])
-    assert [zone.name for zone in read_zones(path, SITE)] == ["anchorage", "cable"]
+def test_names_and_hours_of_closed_areas(tmp_path):
+    columns = {"NAME": ["anchorage", "cable"], "from": [600.0, np.nan]}
+    zones = read_zones(written(tmp_path / "closed.gpkg", [square(), square()], **columns), SITE)
+    assert [(zone.name, zone.hours) for zone in zones] == [("anchorage", {"from": 600.0}), ("cable", {})]
 
 
 def test_what_is_refused(tmp_path):
