@@ -15,17 +15,7 @@ from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.grid import LocalGrid, local_grid
-from auvplan.io.geo.nodes import (
-    Find,
-    Nodes,
-    Source,
-    bilinear,
-    is_degrees,
-    listed,
-    placed,
-    refuse_beyond,
-    steps,
-)
+from auvplan.io.geo.nodes import Source, View, bilinear, is_degrees, listed, placed
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -107,14 +97,14 @@ def read_bathymetry(
         with _opened(path, source, variable, crs, notes) as array:
             what = f"{path}: {array.name or 'the band'}"
             array, nodes = placed(what, array, site, grid, crs)
-            find = nodes.seen_from(site, grid)
-            refuse_beyond(path, "data", site, find, grid, nodes, 0.5 + 1e-6)
+            view = View(nodes, site, grid)
+            view.refuse_beyond(path, "data", 0.5 + 1e-6)
             if pixel_size is None:
-                spacing = float(np.nanmin(np.hypot(*steps(find, grid).T)))
+                spacing = float(np.nanmin(np.hypot(*view.steps().T)))
                 size = float(np.clip(spacing / 2, SMALLEST_PIXEL, LARGEST_PIXEL))
                 longest = max(b - a for a, b in zip(grid.lower, grid.upper, strict=True))
                 grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
-            window = _window(path, find, grid, nodes)
+            window = _window(path, view, grid)
             values = _load(array, *window)
             if not np.isfinite(values).any():
                 raise GeoError(f"{what} has no values in the area")
@@ -122,7 +112,7 @@ def read_bathymetry(
         values = _without_sentinels(values * _factor(what, array, notes), notes)
         depth = np.empty(grid.shape, np.float32)
         for rows, north, east in grid.blocks():
-            row, column = find(north, east)
+            row, column = view.find(north, east)
             depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
     if unknown := int(np.isnan(depth).sum()):
         if unknown == depth.size:
@@ -231,11 +221,11 @@ def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> 
     return np.concatenate(parts, axis=1)
 
 
-def _window(path: str, find: Find, grid: LocalGrid, nodes: Nodes) -> tuple[int, int, int, int]:
+def _window(path: str, view: View, grid: LocalGrid) -> tuple[int, int, int, int]:
     """First and last row, first and last column, of the nodes that bear on a grid."""
     spans = []
     for _, north, east in grid.blocks():
-        row, column = find(north, east)
+        row, column = view.find(north, east)
         if not np.isnan(row).all():
             spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))
     if not spans:
@@ -243,9 +233,9 @@ def _window(path: str, find: Find, grid: LocalGrid, nodes: Nodes) -> tuple[int, 
     low, high = np.min(spans, axis=0), np.max(spans, axis=0)
     first, left = int(np.floor(low[0])), int(np.floor(low[2]))
     last, right = int(np.ceil(high[1])), int(np.ceil(high[3]))
-    rows, columns = nodes.shape
+    rows, columns = view.nodes.shape
     first, last = (min(max(k, 0), rows - 1) for k in (first, last))
-    if not nodes.cyclic:
+    if not view.nodes.cyclic:
         left, right = (min(max(k, 0), columns - 1) for k in (left, right))
     if (last - first + 1) * (right - left + 1) > MAX_PIXELS:
         raise GeoError(f"{path}: the area holds more than {MAX_PIXELS} values")

@@ -16,7 +16,7 @@ from auvplan.errors import blaming, warn
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.features import Features
 from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
-from auvplan.io.geo.nodes import Nodes, Source, nearest, placed, refuse_beyond, steps
+from auvplan.io.geo.nodes import Source, View, nearest, placed
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.io.geo.raster import read_raster
 from auvplan.io.geo.windows import Hours
@@ -84,17 +84,17 @@ def chart_and_notes(
         raster = read_raster(source, crs, numbers=classes is not None) if given else source
         plane = raster.isel(band=0, drop=True) if "band" in raster.dims else raster
         plane, nodes = placed(path, plane, site, grid, crs)
-        find = nodes.seen_from(site, grid)
+        view = View(nodes, site, grid)
         # Before the clustering, which takes longer than anything else.
-        refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
+        view.refuse_beyond(path, "picture", _SLACK)
         raster = raster.transpose(*plane.dims, ...)[:, : nodes.shape[1]]
         passability, notes, outside = _passability(path, raster, plane.coords.get("mask"), classes, colours)
         if outside is not None and outside.any():
-            _refuse_outside(path, _least(1.0 - outside, find, grid, nodes, 1.0) == 0.0, grid)
+            _refuse_outside(path, _least(1.0 - outside, view, grid, 1.0) == 0.0, grid)
         wide = grid.widened(beyond)
-        found = _least(passability, find, wide, nodes, 1.0)
+        found = _least(passability, view, wide, 1.0)
         if outside is not None:
-            found = np.where(_least(1.0 - outside, find, wide, nodes, 0.0) == 0.0, 1.0, found)
+            found = np.where(_least(1.0 - outside, view, wide, 0.0) == 0.0, 1.0, found)
         return wide.chart(found), notes
 
 
@@ -336,21 +336,19 @@ def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGri
     )
 
 
-def _least(
-    passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes, nothing: float
-) -> NDArray[np.float32]:
+def _least(passability: NDArray, view: View, grid: LocalGrid, nothing: float) -> NDArray[np.float32]:
     """[nx, ny]: the nearest pixel's, or the least over as many as a pixel of the chart covers.
 
     Where there is no pixel within `_SLACK` it is `nothing`.
     """
-    ratio = grid.pixel_size / np.hypot(*steps(find, grid).T)
+    nodes, ratio = view.nodes, grid.pixel_size / np.hypot(*view.steps().T)
     # A tenth of a pixel more or less, as between two projections, is no reason to look at its neighbours.
     window = tuple(2 * max(int(np.ceil((r - 1.0) / 2.0 - 0.1)), 0) + 1 for r in ratio)
     if max(window) > 1:
         passability = scipy.ndimage.minimum_filter(passability, size=window, mode="nearest")
     out = np.empty(grid.shape, np.float32)
     for rows, north, east in grid.blocks():
-        row, column = find(north, east)
+        row, column = view.find(north, east)
         there = (row > -1.0 - _SLACK) & (row < nodes.shape[0] + _SLACK)
         there &= nodes.cyclic | ((column > -1.0 - _SLACK) & (column < nodes.shape[1] + _SLACK))
         row, column = (np.where(there, axis, 0.0) for axis in (row, column))

@@ -53,21 +53,76 @@ class Nodes:
     middle: float | None = None
     cyclic: bool = False  # whether the first column follows upon the last one
 
-    def seen_from(self, site: Site, grid: LocalGrid) -> Find:
-        """Local north and east, m, to row and column, continuous over the grid."""
-        low, high = np.asarray(grid.lower), np.asarray(grid.upper)
-        centre = float(site.to_geographic(*((low + high) / 2))[0])
-        if self.middle is not None:
-            centre += 360.0 * np.round((self.middle - centre) / 360.0)
 
-        def find(north: Array, east: Array) -> tuple[Array, Array]:
-            longitude, latitude = site.to_geographic(north, east)
-            near = centre + (longitude - centre + 180.0) % 360.0 - 180.0
-            row, column = self.find(near, latitude)
-            finite = np.isfinite(row) & np.isfinite(column)
-            return np.where(finite, row, np.nan), np.where(finite, column, np.nan)
+class View:
+    """Where a local grid lies among nodes."""
 
-        return find
+    def __init__(self, nodes: Nodes, site: Site, grid: LocalGrid) -> None:
+        """Look at nodes from a site, at whose place local coordinates begin."""
+        self.nodes, self._site, self._grid = nodes, site, grid
+        self._corners = low, high = np.asarray(grid.lower), np.asarray(grid.upper)
+        self._centre = float(site.to_geographic(*((low + high) / 2))[0])
+        if nodes.middle is not None:
+            self._centre += 360.0 * np.round((nodes.middle - self._centre) / 360.0)
+
+    def find(self, north: Array, east: Array) -> tuple[Array, Array]:
+        """Local north and east, m, to row and column, continuous over the grid; NaN where there are none."""
+        longitude, latitude = self._site.to_geographic(north, east)
+        near = self._centre + (longitude - self._centre + 180.0) % 360.0 - 180.0
+        row, column = self.nodes.find(near, latitude)
+        finite = np.isfinite(row) & np.isfinite(column)
+        return np.where(finite, row, np.nan), np.where(finite, column, np.nan)
+
+    def steps(self) -> Array:
+        """[2, 2] m: displacement (north, east) of one row, and of one column, in the middle of the grid."""
+        low, high = self._corners
+        h = min(1.0, 0.01 * float(np.min(high - low)))
+        around = (low + high) / 2 + h * np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
+        at = np.stack(self.find(around[:, 0], around[:, 1]), axis=-1)
+        slopes = np.stack([at[0] - at[1], at[2] - at[3]], axis=-1) / (2 * h)
+        with np.errstate(all="ignore"):
+            if not np.isfinite(slopes).all() or abs(np.linalg.det(slopes)) < 1e-30:
+                return np.full((2, 2), np.nan)
+            return np.linalg.inv(slopes).T
+
+    def refuse_beyond(self, path: object, what: str, slack: float) -> None:
+        """Refuse a grid that reaches more than `slack` rows or columns beyond the outer nodes of a file.
+
+        Raises:
+            GeoError: one line that says by how much, on which side, and whether it would not with longitude
+                and latitude swapped.
+        """
+        if beyond := self._beyond(what, slack):
+            hint = swapped_hint(
+                self._site, lambda other: not View(self.nodes, other, self._grid)._beyond(what, slack)
+            )
+            raise GeoError(f"{path}: the area {beyond}{hint}")
+
+    def _beyond(self, what: str, slack: float) -> str:
+        """Return in words how far the grid reaches beyond the nodes; empty where it does not."""
+        row, column = self.find(*self._grid.outline())
+        steps, (rows, columns) = self.steps(), self.nodes.shape
+        if np.isnan(row).all() or (np.isnan(steps).any() and not np.isnan(row).any()):
+            return f"lies wholly beyond the {what}"
+        over: dict[str, float] = {}
+        for at, size, step, ends in (
+            (row, rows, steps[0], True),
+            (column, columns, steps[1], not self.nodes.cyclic),
+        ):
+            past = (-np.nanmin(at), np.nanmax(at) - (size - 1))
+            for by, sense in zip(past, (-1.0, 1.0), strict=True):
+                if by > slack and ends:
+                    north, east = (sense * step).tolist()
+                    along, names = (north, "south north") if abs(north) >= abs(east) else (east, "west east")
+                    over[names.split()[along > 0]] = float((by - 0.5) * np.hypot(*step))
+        if over:
+            sides = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
+            return f"reaches beyond the {what} by {sides}"
+        gone = np.isnan(row).reshape(4, OUTLINE).mean(axis=1)
+        tall, wide = self._corners[1] - self._corners[0]
+        lost = dict(zip(("west", "east", "south", "north"), gone * (tall, tall, wide, wide), strict=True))
+        sides = " and ".join(f"{m:.0f} m of its edge in the {side}" for side, m in lost.items() if m > 0)
+        return sides and f"reaches beyond the {what} with {sides}"
 
 
 def placed(
@@ -300,62 +355,6 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
         return found[..., 0], found[..., 1]
 
     return Nodes(find, longitude.shape)  # type: ignore[arg-type]
-
-
-def steps(find: Find, grid: LocalGrid) -> Array:
-    """[2, 2] m: displacement (north, east) of one row, and of one column, in the middle of the grid."""
-    middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
-    h = min(1.0, 0.01 * float(np.min(np.asarray(grid.upper) - np.asarray(grid.lower))))
-    around = middle + h * np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
-    at = np.stack(find(around[:, 0], around[:, 1]), axis=-1)
-    slopes = np.stack([at[0] - at[1], at[2] - at[3]], axis=-1) / (2 * h)
-    with np.errstate(all="ignore"):
-        if not np.isfinite(slopes).all() or abs(np.linalg.det(slopes)) < 1e-30:
-            return np.full((2, 2), np.nan)
-        return np.linalg.inv(slopes).T
-
-
-def refuse_beyond(
-    path: object, what: str, site: Site, find: Find, grid: LocalGrid, nodes: Nodes, slack: float
-) -> None:
-    """Refuse a grid that reaches more than `slack` rows or columns beyond the outer nodes of a file.
-
-    Raises:
-        GeoError: one line that says by how much, on which side, and whether it would not with longitude and
-            latitude swapped.
-    """
-    if beyond := _beyond(what, find, grid, nodes, slack):
-        hint = swapped_hint(
-            site, lambda other: not _beyond(what, nodes.seen_from(other, grid), grid, nodes, slack)
-        )
-        raise GeoError(f"{path}: the area {beyond}{hint}")
-
-
-def _beyond(what: str, find: Find, grid: LocalGrid, nodes: Nodes, slack: float) -> str:
-    """Return in words how far a grid reaches beyond nodes; empty where it does not."""
-    row, column = find(*grid.outline())
-    spacing = steps(find, grid)
-    if np.isnan(row).all() or (np.isnan(spacing).any() and not np.isnan(row).any()):
-        return f"lies wholly beyond the {what}"
-    over: dict[str, float] = {}
-    for at, size, step, cyclic in (
-        (row, nodes.shape[0], spacing[0], False),
-        (column, nodes.shape[1], spacing[1], nodes.cyclic),
-    ):
-        past = (-np.nanmin(at), np.nanmax(at) - (size - 1))
-        for by, sense in zip(past, (-1.0, 1.0), strict=True):
-            if by > slack and not cyclic:
-                north, east = (sense * step).tolist()
-                along, names = (north, "south north") if abs(north) >= abs(east) else (east, "west east")
-                over[names.split()[along > 0]] = float((by - 0.5) * np.hypot(*step))
-    if over:
-        sides = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
-        return f"reaches beyond the {what} by {sides}"
-    gone = np.isnan(row).reshape(4, OUTLINE).mean(axis=1)
-    tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
-    lost = dict(zip(("west", "east", "south", "north"), gone * (tall, tall, wide, wide), strict=True))
-    sides = " and ".join(f"{m:.0f} m of its edge in the {side}" for side, m in lost.items() if m > 0)
-    return sides and f"reaches beyond the {what} with {sides}"
 
 
 def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
