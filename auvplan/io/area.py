@@ -322,9 +322,10 @@ class AreaFiles:
         """What the chart's file has of the area and around it."""
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
-        key = settings, self._place, self._box, self.home, current
-        files = self._source("chart.file"), self._source("chart.uncertain")
-        return self._once(lambda: read_land(*key, *files), "land", *key)
+        picture = settings.image and in_folder(self.home, settings.image)
+        files = self._source("chart.file") or picture, self._source("chart.uncertain")
+        key = settings, self._place, self._box, current
+        return self._once(lambda: read_land(*key, *files), "land", self.home, *key)
 
     @_Part
     def chart(self) -> Chart | None:

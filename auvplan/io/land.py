@@ -52,7 +52,6 @@ def read_land(
     settings: ChartSettings,
     site: Site | None,
     box: Corners,
-    home: str,
     current: "CurrentFile | None",
     file: Any,
     uncertain: Any,
@@ -63,9 +62,9 @@ def read_land(
         settings: closed areas of a file of their own do not count.
         site: where local coordinates count from.
         box: corners of the area, m.
-        home: folder that relative paths start from.
         current: whose files show where water is, where they are the chart.
-        file, uncertain: paths of the chart's files, or what is read in their place; None without.
+        file, uncertain: paths of the chart's file or picture and of that of reefs, or what is read in their
+            place; None without.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -80,7 +79,7 @@ def read_land(
     place["beyond"] = beyond(box, size)
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
-            coast, chart, notes = _picture(settings, home)
+            coast, chart, notes = _picture(settings, file)
     elif settings.source == "enc":
         assert site is not None
         depth, radius = settings.safety_depth, settings.hazard_radius
@@ -111,14 +110,12 @@ def read_land(
     return Land(coast, chart, notes, cells)
 
 
-def _picture(settings: ChartSettings, home: str) -> tuple[Chart, Chart, tuple[str, ...]]:
+def _picture(settings: ChartSettings, path: str) -> tuple[Chart, Chart, tuple[str, ...]]:
     """Return all of a picture as a chart, its window, and what was assumed of it, a line each."""
     notes: tuple[str, ...] = ()
     if settings.source == "whitsunday":
         chart = whitsunday.whitsunday_chart()
     else:
-        assert settings.image is not None
-        path = in_folder(home, settings.image)
         found = settled(classify_file(path, colours=settings.colours.given), path)
         chart = Chart.from_classified(found, settings.pixel_size)
         notes = (*(f"{path}: {note}" for note in found.notes), *(f"{path} {line}" for line in found.warnings))
