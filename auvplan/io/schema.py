@@ -452,31 +452,29 @@ def graph_of(dataset: xr.Dataset, speed: float, waiting: bool) -> MissionGraph:
 def stated(run: MissionRun) -> dict[str, str]:
     """Return obstacles, closed areas, jobs and names as JSON, which knows no infinity: it is null there."""
 
-    def finite(values: dict[str, Any]) -> dict[str, Any]:
-        return {name: None if value == np.inf else value for name, value in values.items()}
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(part) for name, part in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(part) for part in value]
+        return None if isinstance(value, float) and math.isinf(value) else value
 
-    def spans(bounds: Iterable[tuple[float, float]]) -> list[list[float | None]]:
-        return [[end if math.isfinite(end) else None for end in span] for span in bounds]
-
-    jobs = run.jobs and {
-        kind: [asdict(job) | {"windows": spans(job.windows)} for job in getattr(run.jobs, kind)]
-        for kind in ("points", "lines")
-    }
     found = {
-        "known_obstacles": [finite(asdict(obstacle)) for obstacle in run.obstacles],
+        "known_obstacles": [asdict(obstacle) for obstacle in run.obstacles],
         "assumed": run.assumed,
         "closed_areas": [
             (zone.name, shapely.to_wkt(zone.polygon, rounding_precision=2)) for zone in run.zones
         ],
         "waypoint_names": run.names,
         "refusals": [leg.refused for leg in run.legs],
-        "jobs": jobs,
+        "jobs": run.jobs and {
+            kind: [asdict(job) for job in getattr(run.jobs, kind)] for kind in ("points", "lines")
+        },
         "closures": [
-            {"name": area.name, "area": area.outline, "closed": spans(area.spans)}
-            for area in run.stated_closures
+            {"name": area.name, "area": area.outline, "closed": area.spans} for area in run.stated_closures
         ],
-    }
-    return {name: json.dumps(value) for name, value in found.items()}
+    }  # fmt: skip
+    return {name: json.dumps(plain(value)) for name, value in found.items()}
 
 
 def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
