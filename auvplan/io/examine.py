@@ -1,6 +1,5 @@
 """Validation of a scenario: all that is found in its text, its fields and the files that it names."""
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from glob import glob
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning
+from auvplan.errors import AuvplanError, ScenarioError, warn
 from auvplan.ocean.closures import Zone
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
@@ -250,4 +249,4 @@ def _graph(files: "AreaFiles") -> None:
     stated = area.jobs is not None or graph.size == 2
     steep = slope_warnings(scenario, graph, names or ["start", "goal"]) if stated else []
     for line in [*line_warnings(scenario, area), *steep]:
-        warnings.warn(line, ScenarioWarning, stacklevel=1)
+        warn(line)
