@@ -1,6 +1,5 @@
 """The places of a source's points: which make up a place, with what weights, and what to read for them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -50,12 +49,6 @@ class Weights:
     def outside(self) -> NDArray[np.bool_]:
         """[M], whether a place is not covered."""
         return (self.beyond != 0.0).any(axis=1)
-
-    def matrix(self, points: int) -> csr_array:
-        """Return the weights as a sparse matrix [M, points]."""
-        places, corners = self.index.shape
-        rows = np.repeat(np.arange(places), corners)
-        return csr_array((self.weight.ravel(), (rows, self.index.ravel())), (places, points))
 
 
 @dataclass(frozen=True)
@@ -307,21 +300,16 @@ def weights_of(index: Index, weight: Array, beyond: Array) -> Weights:
     return Weights(index, clean / clean.sum(axis=1, keepdims=True), beyond)
 
 
-def mix(matrix: csr_array, *fields: Array) -> tuple[Array, ...]:
-    """Fields [F, P] at the places of a matrix [M, P], each [F, M].
+def mix(weights: csr_array | Array, *fields: Array) -> tuple[Array, ...]:
+    """Fields [F, P] at the places of a matrix [M, P], each [F, M]; or [M, C] at the corners of places, each [M].
 
     A point that lacks one of the fields lacks all. What is missing is left out; a place is missing where less
     than half of its weight is left.
     """
-    return _mixed(lambda values: (matrix @ values.T).T, fields)
 
+    def total(values: Array) -> Array:
+        return (weights @ values.T).T if isinstance(weights, csr_array) else (weights * values).sum(axis=1)
 
-def mix_gathered(weight: Array, *fields: Array) -> tuple[Array, ...]:
-    """`mix` of fields [M, C] that are already at hand at the corners of each place, each [M]."""
-    return _mixed(lambda values: (weight * values).sum(axis=1), fields)
-
-
-def _mixed(total: Callable[[Array], Array], fields: tuple[Array, ...]) -> tuple[Array, ...]:
     valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
     left = total(valid.astype(float))
     there = left >= ENOUGH

@@ -15,7 +15,7 @@ from xarray.core import indexing
 
 from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
-from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
+from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.model import Block, Model, Part, find_model
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
@@ -136,15 +136,7 @@ class OceanData:
             located = {"mesh": "mesh", "location": grid.dims[0]}
             found["mesh"] = (), np.int32(0), _ABOUT["mesh"]
         for name, (dims, values) in places.items():
-            kind = next(
-                kind for kind in ("longitude", "latitude", "face_nodes") if name.endswith((kind, kind[:3]))
-            )
-            if name == "face_nodes":
-                values = values.astype(np.int32)
-            elif name == kind and self.kind == "triangles":
-                if located.get("location") == "node":
-                    continue
-                name = f"{dims[0]}_{kind}"
+            kind = name if name in _ABOUT else "latitude" if "lat" in name else "longitude"
             found[name] = dims, values, _ABOUT[kind]
         given = set(self.names) | ({"zcor"} if self.levels is None else set())
         if model.up is not None and model.up.levels.count != model.east.levels.count:
@@ -242,7 +234,7 @@ class OceanData:
             return None
         weights = self.geometry.locate(longitude, latitude)
         window = self.geometry.window(weights.index)
-        (depth,) = mix_gathered(weights.weight, self.part(slice(0, 1), window).floor[0][window.index])
+        (depth,) = mix(weights.weight, self.part(slice(0, 1), window).floor[0][window.index])
         return np.where(weights.outside, np.nan, depth)
 
     def frames(self, first: float, last: float) -> slice:
@@ -301,11 +293,11 @@ def _gathered(block: Block, window: Window, weights: Weights, depth: Array, want
 
     floor = None if block.floor is None else of(block.floor)
     level = at_depth((of(block.east), of(block.north)), of(block.depths), deep, floor)
-    east, north = mix_gathered(weight, *(values.reshape(index.shape) for values in level))
+    east, north = mix(weight, *(values.reshape(index.shape) for values in level))
     up = np.full(len(wanted), np.nan)
     if block.up is not None:
         (rising,) = at_depth((of(block.up),), of(block.depths_up), deep, floor)
-        (up,) = mix_gathered(weight, rising.reshape(index.shape))
+        (up,) = mix(weight, rising.reshape(index.shape))
     return np.stack([east, north, np.where(np.isnan(east), np.nan, up)])
 
 

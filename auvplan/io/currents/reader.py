@@ -357,7 +357,9 @@ def _gridded(
         raise source.fail(
             f"{count} times and {window.points} points are {max(values, grid)} values, more than {MAX_VALUES}"
         )
-    matrix = Weights(window.index, weights.weight, weights.beyond).matrix(window.points)
+    places, corners = weights.index.shape
+    rows = np.repeat(np.arange(places), corners)
+    matrix = csr_array((weights.weight.ravel(), (rows, window.index.ravel())), (places, window.points))
     step = max(1, _CHUNK // each)
     parts = [
         _block_at(source.part(slice(k, min(k + step, frames.stop)), window).block, matrix, wanted)

@@ -91,10 +91,9 @@ def _components(file: File) -> int:
 
 
 def _times(file: File) -> Array:
-    """Return s since 1970 of a file's times."""
-    dims = tuple({str(dim) for variable in file.variables.values() for dim in variable.dims})
+    """Return s since 1970 of a file's times; none where it has none."""
     try:
-        name = find_time(file, dims)
+        name = find_time(file, tuple(file.sizes))
     except CurrentError:
         return np.zeros(0)
     return decode_times(file, name)[0]

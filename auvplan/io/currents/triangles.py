@@ -87,14 +87,16 @@ class Triangles:
     @property
     def coordinates(self) -> Coordinates:
         """The form's variables that define the places and, where they are known, the cells."""
-        found: Coordinates = {
-            "latitude": (self.dims, self.latitude),
-            "longitude": (self.dims, self.longitude),
-        }
-        if self.cells is not None:
-            found["face_nodes"] = ("face", "corner"), self.cells.corners
-            for name, values in (("node_lat", self.cells.latitude), ("node_lon", self.cells.longitude)):
-                found[name] = ("node",), values
+        (dim,), cells = self.dims, self.cells
+        found: Coordinates = {}
+        if cells is None or self.in_cells:
+            found = {
+                f"{dim}_latitude": (self.dims, self.latitude),
+                f"{dim}_longitude": (self.dims, self.longitude),
+            }
+        if cells is not None:
+            found["face_nodes"] = ("face", "corner"), cells.corners.astype(np.int32)
+            found |= {"node_lat": (("node",), cells.latitude), "node_lon": (("node",), cells.longitude)}
         return found
 
     @property
