@@ -301,7 +301,7 @@ def weights_of(index: Index, weight: Array, beyond: Array) -> Weights:
 
 
 def mix(weights: csr_array | Array, *fields: Array) -> tuple[Array, ...]:
-    """Fields [F, P] at the places of a matrix [M, P], each [F, M]; or those [M, C] at places' corners, each [M].
+    """Fields [F, P] at the places of a matrix [M, P], each [F, M]; or [M, C] at the corners of each, [M].
 
     A point that lacks one of the fields lacks all. What is missing is left out; a place is missing where less
     than half of its weight is left.
