@@ -1,172 +1,52 @@
-"""Files of models' real output: what is read is what xarray and NumPy alone find in them."""
+"""Files of models' real output: what is read is what netCDF4, xarray and NumPy alone find in them."""
 
-from datetime import UTC, datetime
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 import xarray as xr
-from pyproj import Proj
 
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
+from benchmarks.file_cases import CUTS, REAL
+from benchmarks.files import at_nodes, farthest
+from tests.conftest import SHARED
+
+KINDS = (
+    "roms", "curvilinear", "regular", "regular", "triangles", "roms", "curvilinear", "triangles", "regular",
+    "triangles", "roms", "triangles", "regular", "regular", "curvilinear", "roms",
+)  # fmt: skip
 
 
-def raw(path):
-    """A file's variables as xarray reads them, times as they stand."""
-    with xr.open_dataset(path, decode_times=False, engine=None) as data:
-        return data.load()
+CASES = {case.name: (case, kind) for case, kind in zip([*REAL, *CUTS], KINDS, strict=True)}
 
 
-def turned(east, north, angle):
-    """Components along axes turned from east by an angle, as east and north."""
-    both = (east + 1j * north) * np.exp(1j * angle)
-    return both.real, both.imag
-
-
-def faces(mask, u, v):
-    """Means over the wet faces of each cell [..., ny, nx]; u[i] lies between the points i and i + 1."""
-    wet, found = mask == 1, []
-    for part, axis in ((u, -1), (v, -2)):
-        inner = [slice(None)] * part.ndim
-        inner[axis] = slice(0, wet.shape[axis] - 1)
-        pair = np.moveaxis(wet, axis, -1)
-        both = np.moveaxis(pair[..., :-1] & pair[..., 1:], -1, axis)
-        side = np.where(both, part[tuple(inner)].astype(float), np.nan)
-        pad = [[(0, 0)] * (part.ndim + axis) + [ends] + [(0, 0)] * (-axis - 1) for ends in ((1, 0), (0, 1))]
-        sides = np.stack([np.pad(side, ends, constant_values=np.nan) for ends in pad])
-        with np.errstate(invalid="ignore"):
-            found.append(np.where(wet, np.nansum(sides, axis=0) / np.isfinite(sides).sum(axis=0), np.nan))
-    return found
-
-
-def s_levels(grid, data, zeta):
-    """Depth of the levels of ROMS below the surface [K, ny, nx], m."""
-    h, hc = grid["h"].values, float(data["hc"])
-    s, curve = (data[name].values[:, None, None] for name in ("s_rho", "Cs_r"))
-    if float(data.get("Vtransform", 2.0)) == 1.0:
-        return -(hc * s + (h - hc) * curve)
-    return -(hc * s + h * curve) / (hc + h) * (np.nan_to_num(zeta) + h)
-
-
-# Each function yields longitude, latitude and depth of points, the number of a time, and the current there.
-
-
-def roms(ocean, *parts):
-    for number, data in enumerate(parts):
-        zeta = data["zeta"].values
-        frame = len(zeta) // 2
-        u, v = (data[name].values[frame] for name in ("u", "v"))
-        parts_ = turned(*faces(data["mask_rho"].values, u, v), data["angle"].values)
-        depth = s_levels(data, data, zeta[frame])
-        for level in (-1, len(depth) // 2, 5):
-            yield data["lon_rho"], data["lat_rho"], depth[level], number + frame, [p[level] for p in parts_]
-
-
-def roms_with_its_grid(ocean, his, grid):
-    assert "mask_rho says land everywhere: left out" in ocean.notes
-    np.testing.assert_allclose(ocean.times, his["ocean_time"].values)
-    east, north = faces(np.ones(grid["h"].shape), his["u"].values[2], his["v"].values[2])
-    depth = s_levels(grid, his, 0.0)
-    for k in range(3):
-        yield grid["lon_rho"], grid["lat_rho"], depth[k], 2, (east[k], north[k])
-
-
-def regular(ocean, *parts):
-    """Files of each component, or one of both."""
-    data = xr.merge(parts, compat="override") if len(parts) > 1 else parts[0]
-    u = next(name for name in ("uo", "water_u", "u_eastward", "u") if name in data)
-    v = {"uo": "vo", "water_u": "water_v", "u_eastward": "v_northward", "u": "v"}[u]
-    dims = data[u].dims
-    places = [next(n for n in names if n in data) for names in (("lon", "longitude", "xu_ocean"),
-                                                                ("lat", "latitude", "yu_ocean"))]  # fmt: skip
-    lon, lat = (data[name] for name in places)
-    if lon.ndim == 1:
-        lat, lon = xr.broadcast(lat, lon)
-    angle = 0.0
-    if "polar_stereographic" in data:
-        # Seen from above the pole, x turns from east by as much as the meridian from the straight one.
-        straight = float(data["polar_stereographic"].attrs["straight_vertical_longitude_from_pole"])
-        angle = np.deg2rad(straight - lon.values)
-    level = next((dim for dim in dims if dim in ("depth", "st_ocean")), None)
-    for number in {0, len(ocean.times) - 1}:
-        for k, depth in enumerate(data[level].values if level else [0.0]):
-            parts_ = [data[n].isel({dims[0]: number} | ({level: k} if level else {})).values for n in (u, v)]
-            yield lon, lat, np.full(lon.shape, float(depth)), number, turned(*parts_, angle)
-
-
-def selfe(ocean, data):
-    heights = data["zval"].values[0].astype(float)
-    for level in range(heights.shape[0]):
-        parts = [data[name].values[0, level] for name in ("u", "v")]
-        yield data["lon"], data["lat"], heights.max(axis=0) - heights[level], 0, parts
-
-
-def fvcom(ocean, data):
-    yield data["lonc"], data["latc"], np.zeros(data.sizes["nele"]), 0, [data[n].values[0] for n in ("u", "v")]
-
-
-def convergence(zone, x, y):
-    longitude, latitude = zone(x, y, inverse=True)
-    angle = -np.deg2rad(zone.get_factors(longitude, latitude).meridian_convergence)
-    return longitude, latitude, angle
-
-
-def dflow(ocean, data):
-    longitude, latitude, angle = convergence(
-        Proj("EPSG:28992"), *(data[f"mesh2d_face_{axis}"].values for axis in "xy")
-    )
-    # The ellipsoid of the projection lies some 100 m off that of GPS.
-    np.testing.assert_allclose(ocean.longitude, longitude, atol=3e-3)
-    np.testing.assert_allclose(ocean.latitude, latitude, atol=3e-3)
-    parts = [data[f"mesh2d_uc{axis}"].values[7].astype(float) for axis in "xy"]
-    yield ocean.longitude, ocean.latitude, np.zeros(len(longitude)), 7, turned(*parts, angle)
-
-
-#: Files, what kind they are, their values, options, and the tolerance: places are compared in single
-#: precision of degrees; velocities are turned by angles of their own making.
-FILES = {
-    "norfjords": (["currents/norfjords160_roms_native_24h.nc"], "roms", roms, {}, 2e-6),
-    "norkyst": (["currents/norkyst_v3_800m_5h.nc"], "curvilinear", regular, {}, 2e-6),
-    "cmems": (["currents/cmems_glo12_uo_vo_northsea.nc"], "regular", regular, {}, 2e-6),
-    "rtofs": (["currents/rtofs_water_u_v_washington_64x3h.nc"], "regular", regular, {}, 2e-6),
-    "selfe": (["elsewhere/creofs_selfe_noaa.nc"], "triangles", selfe, {}, 2e-6),
-    "nordic": ([f"elsewhere/nordic_roms_native_day{day}.nc" for day in (1, 2)], "roms", roms, {}, 2e-6),
-    "arctic20": (["elsewhere/arctic20_polar_stereographic.nc"], "curvilinear", regular, {}, 1e-6),
-    "mom5": ([f"elsewhere/mom5_access_om2_{name}.nc" for name in "vu"], "regular", regular, {}, 2e-6),
-    "dflow": (["elsewhere/dflowfm_simplebox_projected.nc"], "triangles", dflow, {}, 5e-5),
-    "separate": ([f"elsewhere/roms_separate_{name}.nc" for name in ("his", "grid")], "roms",
-                 roms_with_its_grid, {"epoch": datetime(1970, 1, 1, tzinfo=UTC)}, 1e-4),
-    "fvcom": (["elsewhere/ngofs_fvcom_small.nc"], "triangles", fvcom, {}, 2e-6),
-}  # fmt: skip
-
-
-def compare(ocean, rows, atol):
-    """Compare east and north at 200 places of each row; on the land of the first there is no current."""
-    for count, (longitude, latitude, depth, number, expected) in enumerate(rows):
-        flat = [np.asarray(part, float).ravel() for part in (longitude, latitude, depth, *expected)]
-        wet = np.isfinite(flat).all(axis=0)
-        chosen = np.random.default_rng(0).choice(np.flatnonzero(wet), min(200, wet.sum()), replace=False)
-        lon, lat, z, east, north = (part[chosen] for part in flat)
-        found = ocean.at(lon, lat, z, float(ocean.times[number]))
-        np.testing.assert_allclose(found[:2], (east, north), atol=atol)
-        if count == 0 and ocean.kind != "triangles":
-            dry = np.isfinite(flat[2]) & ~np.isfinite(flat[3]) & ~np.isfinite(flat[4])
-            places = (part[np.flatnonzero(dry)[:20]] for part in flat[:3])
-            assert np.isnan(ocean.at(*places, float(ocean.times[number]))[0]).all()
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_the_current_is_that_of_the_file_at_its_own_points(shared, name):
-    names, kind, rows, options, atol = FILES[name]
-    paths = [shared / "data" / part for part in names]
-    if not paths[0].is_file():
-        pytest.skip(f"needs real data in {paths[0].parent}")
+@pytest.mark.parametrize("name", CASES)
+def test_the_current_is_that_of_the_file_at_its_own_points(shared, tmp_path, name):
+    """Without a current on land; D-Flow's axes are turned by true north of another ellipsoid."""
+    case, kind = CASES[name]
+    paths, options = case.prepare(tmp_path)
+    table = case.reading(paths)
+    first = np.zeros(table.east.shape, bool)
+    first[[0, len(table.times) // 2]] = True
+    table = replace(table, east=np.where(first, table.east, np.nan))
+    if "crs" in options:
+        with pytest.raises(CurrentError, match=r"does not name: say current\.crs, such as EPSG:32633"):
+            open_ocean(paths)
     with open_ocean(paths, **options) as ocean:
         assert ocean.kind == kind
-        assert len(ocean.times) >= len(paths) or name in ("mom5", "separate")
-        compare(ocean, rows(ocean, *map(raw, paths)), atol)
+        np.testing.assert_allclose(ocean.times, table.times, atol=1e-3)
+        assert farthest(ocean, at_nodes(table, np.random.default_rng(0))) < (
+            5e-5 if "D-Flow" in case.model else 1e-6
+        )
+        dry = first & np.isnan(table.east) & np.isnan(table.north) & np.isfinite(table.depth)
+        _, k, p = np.argwhere(dry & (kind != "triangles"))[:20].T
+        depth = np.broadcast_to(table.depth[:1], table.east[:1].shape)[0, k, p]
+        known = np.isfinite(table.longitude[p]) & np.isfinite(table.latitude[p])
+        found = ocean.at(table.longitude[p][known], table.latitude[p][known], depth[known], ocean.times[0])
+        assert np.isnan(found[0]).all()
 
 
 @pytest.mark.parametrize(
@@ -183,38 +63,12 @@ def test_files_that_need_another_or_a_setting(shared, names, words):
         open_ocean([shared / "data" / "elsewhere" / f"{name}.nc" for name in names])
 
 
-def test_schism_with_variables_in_files_of_their_own(shared, tmp_path):
-    """SCHISM's scribed output: mesh, levels and each component in a file of its own."""
-    paths = [shared / "data" / "elsewhere" / f"schism_{name}_1.nc" for name in ("out2d", "zCoordinates")]
-    data = raw(paths[1])
-    heights = data["zCoordinates"].drop_vars(["SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"])
-    values = []
-    for k, name in enumerate(("horizontalVelX", "horizontalVelY")):
-        part = (0.3 - 0.5 * k) * (1.0 + 0.01 * heights + 0.001 * np.arange(heights.shape[1])[None, :, None])
-        part = part.astype("float32").rename(name)
-        part.attrs = {"mesh": "SCHISM_hgrid", "location": "node"}
-        part.to_netcdf(tmp_path / f"{name}.nc", engine="h5netcdf")
-        paths.append(tmp_path / f"{name}.nc")
-        values.append(part.values.astype(float))
-    with pytest.raises(CurrentError, match=r"does not name: say current\.crs, such as EPSG:32633"):
-        open_ocean(paths)
-    corners = [data[f"SCHISM_hgrid_node_{axis}"].values for axis in "xy"]
-    longitude, _, angle = convergence(Proj("EPSG:26910"), *corners)
-    level = heights.values[3].astype(float)
-    with open_ocean(paths, crs=26910) as ocean:
-        np.testing.assert_allclose(ocean.longitude, longitude, atol=1e-5)
-        rows = (
-            (ocean.longitude, ocean.latitude, np.nanmax(level, axis=1) - level[:, k], 3,
-             turned(*(part[3, :, k] for part in values), angle))
-            for k in (22, 15)
-        )  # fmt: skip
-        compare(ocean, rows, 1e-5)
-
-
 def test_beyond_a_mesh_there_is_land(shared):
     """The corners of a box over an estuary lie outside its cells, with either answer to what lies outside."""
     path = shared / "data" / "elsewhere" / "creofs_selfe_noaa.nc"
-    data, site = raw(path), Site(-123.75, 46.2)
+    site = Site(-123.75, 46.2)
+    with xr.open_dataset(path, decode_times=False, engine=None) as data:
+        data.load()
     box = {"lower": (-9000.0, -16000.0, 0.0), "upper": (9000.0, 16000.0, 5.0), "spacing": 250.0}
     corners = data["ele"].values.astype(int).T - 1
     places = site.to_local(*(data[name].values.astype(float) for name in ("lon", "lat")))
@@ -233,18 +87,16 @@ def test_beyond_a_mesh_there_is_land(shared):
 
 #: Of four files: a site in each, half the side of a box that it covers, m, and a depth.
 BOXES = {
-    "norfjords": (Site(5.673, 59.031), 350.0, 30.0),
-    "norkyst": (Site(5.99, 55.947), 2000.0, 6.0),
-    "cmems": (Site(4.2, 53.5), 40e3, 6.0),
-    "rtofs": (Site(-125.6, 47.9), 30e3, 0.0),
+    "norfjords160_roms_native_24h": (Site(5.673, 59.031), 350.0, 30.0),
+    "norkyst_v3_800m_5h": (Site(5.99, 55.947), 2000.0, 6.0),
+    "cmems_glo12_uo_vo_northsea": (Site(4.2, 53.5), 40e3, 6.0),
+    "rtofs_water_u_v_washington_64x3h": (Site(-125.6, 47.9), 30e3, 0.0),
 }
 
 
 @pytest.fixture(scope="module", params=BOXES)
 def real(request):
-    from tests.conftest import SHARED
-
-    path = SHARED / "data" / FILES[request.param][0][0]
+    path = SHARED / "data" / "currents" / f"{request.param}.nc"
     if not path.is_file():
         pytest.skip(f"needs real data in {path}")
     site, half, depth = BOXES[request.param]
@@ -297,7 +149,7 @@ def test_the_field_is_the_files_current_between_the_nodes(real):
 
 def test_sound_currents_run_along_the_sound(shared):
     """Between the islet and the mainland the water can only go along; unrotated it would go across."""
-    path = shared / "data" / FILES["norfjords"][0][0]
+    path = shared / "data" / "currents" / f"{next(iter(BOXES))}.nc"
     with xr.open_dataset(path, engine="h5netcdf") as data:
         longitude, latitude, depth = (data[name].values for name in ("lon_rho", "lat_rho", "h"))
         angle = float(data["angle"].values[5, 12])
