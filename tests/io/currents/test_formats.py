@@ -23,9 +23,11 @@ from tests.io.currents.samples import (
     SIGMA,
     SITE,
     START,
+    TIMES,
     check,
     described,
     flow,
+    fvcom,
     named,
     on_nodes,
     over_a_bed,
@@ -455,10 +457,15 @@ def test_spellings_of_dates(tmp_path, units, values):
 
 
 def test_dates_in_an_array_of_characters(tmp_path):
+    """Of the name of a time, and FVCOM's to the microsecond."""
     data = regular(hours=[0.0, 1.0]).drop_vars("time")
     data["time_string"] = ("time", np.array([b"2020-01-01 00:00:00", b"2020-01-01 01:00:00"]))
-    with open_ocean(write(data, tmp_path / "a.nc3")) as ocean:
-        np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.0]))
+    stamps = [f"2020-01-01T0{hour}:00:00.250000" for hour in TIMES.astype(int)]
+    text = ("time", "DateStrLen"), np.array([list(stamp) for stamp in stamps], "S1")
+    mesh = fvcom().drop_vars(["Itime", "Itime2"]).assign(Times=text)
+    for given, hours, late in ((write(data, tmp_path / "a.nc3"), TIMES[:2], 0.0), (mesh, TIMES, 0.25)):
+        with open_ocean(given) as ocean:
+            np.testing.assert_allclose(ocean.times, START + 3600.0 * hours + late, atol=1e-6)
 
 
 def test_times_in_single_precision_are_noted():

@@ -15,8 +15,10 @@ from tests.io.currents.samples import (
     NORTH,
     SITE,
     START,
+    c_grid,
     fvcom,
     named,
+    nodes,
     other_levels,
     over_a_bed,
     refused,
@@ -63,6 +65,18 @@ def speed_and_direction():
     data = regular().rename(uo="s", vo="d")
     data["s"].attrs = {"units": "m s-1", "standard_name": "sea_water_speed"}
     data["d"].attrs = {"units": "degree", "standard_name": "sea_water_velocity_to_direction"}
+    return data
+
+
+def folded(name):
+    """A grid that lies over itself in its first columns."""
+    data = roms(angle=0.1)
+    data[name].values[:, :4] = np.flip(data[name].values[:, :4], -1 if name == "lon_rho" else 0)
+    return data
+
+
+def shuffled(data):
+    data["mesh_y"].values[:] = np.random.default_rng(0).permutation(data["mesh_y"].values)
     return data
 
 
@@ -156,6 +170,12 @@ REFUSED = {
     "no shares": (lambda: values("siglay", lambda v: v * 50)(fvcom()), "siglay are no shares of the depth"),
     "no latitudes": (lambda: values("lat", lambda v: v * np.nan)(fvcom()),
                      "lat has values that are not finite"),
+    **{f"folded {name}": (lambda name=name: folded(name), "the grid of lon_rho and lat_rho folds over itself")
+       for name in ("lon_rho", "lat_rho")},
+    "too few edges": (lambda: c_grid().isel(XG=slice(0, 5)), "5 edges along XG do not fit 9 middles"),
+    "cells that overlap": (lambda: shuffled(ugrid()), "the cells of the mesh lie over each other"),
+    "heights of the fill value": (lambda: nodes("schism").fillna({"zcor": 9.96921e36}),
+                                  "zcor reaches 9.96921e+36 m"),
     "no faces": (lambda: ugrid().drop_vars("mesh_faces"),
                  "the mesh topology mesh names mesh_faces, which is missing: name the model's grid"),
 }  # fmt: skip
