@@ -13,6 +13,9 @@ from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 
 _EARTH, _SPHERE = Geod(ellps="WGS84"), Geod(ellps="sphere")
+#: Units of what counts the other way, and standard names of what is no longitude or latitude.
+_TURNED = re.compile(r"degrees?_?(w|west|south)|degrees?_s", re.IGNORECASE)
+_PLANE = ("projection_", "grid_longitude", "grid_latitude")
 #: Attributes of a grid mapping that define it whole, beside those of CF.
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4_params", "proj4")
 _CODES = ("epsg", "epsg_code", "EPSG_code", "EPSG")
@@ -41,36 +44,31 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
         CurrentError: the coordinates are of a projection that neither the file nor `File.crs` names, or no
             degrees.
     """
+    both, units = " and ".join(places), [file.text(name, "units") for name in places]
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
-    if all(file.text(name, "units").lower().startswith("rad") for name in places):
+    if all(unit.lower().startswith("rad") for unit in units):
         return np.rad2deg(x), np.rad2deg(y), None
-    turned = re.compile(r"degrees?_?(w|west|south)|degrees?_s", re.IGNORECASE)
     x, y = (
-        -values if turned.fullmatch(file.text(name, "units")) else values
-        for name, values in zip(places, (x, y), strict=True)
+        -values if _TURNED.fullmatch(unit) else values for unit, values in zip(units, (x, y), strict=True)
     )
-    stated = (
-        file.standard_name(name).startswith(("projection_", "grid_longitude", "grid_latitude"))
-        for name in places
-    )
-    if not any(stated) and not any(length_factor(file.text(name, "units")) for name in places):
+    degrees = [unit.lower().startswith("deg") for unit in units]
+    stated = any(file.standard_name(name).startswith(_PLANE) for name in places)
+    if not stated and not any(map(length_factor, units)):
         finite = np.isfinite(x) & np.isfinite(y) if x.shape == y.shape else np.ones(1, bool)
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
         if not odd and finite.any():
             return x, y, None
-        if any(file.text(name, "units").lower().startswith("deg") for name in places):
-            raise file.fail(f"{places[0]} and {places[1]} are no degrees")
+        if any(degrees):
+            raise file.fail(f"{both} are no degrees")
     crs = find_crs(file, places)
     if crs is None:
         raise file.fail(
-            f"{places[0]} and {places[1]} are metres of a projection that the file does not "
-            "name: say current.crs, such as EPSG:32633"
+            f"{both} are metres of a projection that the file does not name: say current.crs, such as "
+            "EPSG:32633"
         )
     if not (crs.is_projected or crs.is_derived):
-        raise file.fail(f"{places[0]} and {places[1]} are metres, {crs.name} is no projection")
-    factors = (
-        1.0 if file.text(name, "units").lower().startswith("deg") else file.metres(name) for name in places
-    )
+        raise file.fail(f"{both} are metres, {crs.name} is no projection")
+    factors = (1.0 if flat else file.metres(name) for name, flat in zip(places, degrees, strict=True))
     unit = 1.0 if crs.is_geographic else _unit(crs)
     x, y = (values * factor / unit for values, factor in zip((x, y), factors, strict=True))
     if file.variables[places[0]].dims != file.variables[places[1]].dims:
@@ -79,7 +77,7 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
     longitude, latitude = np.asarray(longitude, float), np.asarray(latitude, float)
     known = np.isfinite(longitude) & np.isfinite(latitude)
     if not known[np.isfinite(x) & np.isfinite(y)].all():
-        raise file.fail(f"{places[0]} and {places[1]} do not lie within {crs.name}")
+        raise file.fail(f"{both} do not lie within {crs.name}")
     return longitude, latitude, crs
 
 
