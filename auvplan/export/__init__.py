@@ -17,7 +17,7 @@ from auvplan.export.speeds import speed_note
 from auvplan.export.tables import csv_text, trajectories
 from auvplan.export.thin import Thinned, thin
 from auvplan.records import MissionRun
-from auvplan.runtime.files import output_folder, write_atomically, write_dataset
+from auvplan.runtime.files import OutputError, output_folder, write_atomically, write_dataset
 from auvplan.site import Site
 
 if TYPE_CHECKING:
@@ -65,8 +65,10 @@ class Format:
             return write_atomically(path, lambda part: part.write_bytes(content))
         try:
             return write_dataset(content, path)
-        except (OSError, ValueError) as error:  # of HDF5 and xarray
-            raise ExportError(f"{path}: {' '.join(str(error).split())}") from None
+        except OutputError:
+            raise
+        except Exception as error:  # HDF5 and xarray raise errors of many kinds
+            raise ExportError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
 
 
 #: By name. Their files stand beside a saved run's and take the name of none of them.

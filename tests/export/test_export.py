@@ -36,9 +36,10 @@ def test_unknown_formats_and_unwritable_files_are_told_in_one_line(tmp_path: Pat
     with pytest.raises(ExportError, match="format 'shp' is not one of qgc, geojson"):
         export(make_itinerary(), tmp_path, ["gpx", "shp"])
     assert not list(tmp_path.iterdir())
-    (tmp_path / "itinerary.csv").mkdir()
-    with pytest.raises(OutputError, match=r"cannot write .*itinerary\.csv"):
-        export(make_itinerary(), tmp_path, ["csv"])
+    for name in ("csv", "netcdf"):
+        (tmp_path / FORMATS[name].file).mkdir()
+        with pytest.raises(OutputError, match=rf"^cannot write .*{FORMATS[name].file}"):
+            export(make_itinerary(), tmp_path, [name])
 
 
 @pytest.mark.parametrize("name", ["wreck\0", "half \ud800", "\x1b[2J \U0001f41f"])

@@ -184,14 +184,6 @@ def test_a_line_against_too_strong_a_current_is_not_taken():
     assert len(few.indices) > 2
 
 
-def test_vortices_of_a_run_serve_as_current():
-    env = Environment(make_vortices(), **BOX)  # type: ignore[arg-type]
-    path = arc(2.0, 64, 900.0)
-    few = thin(path, even_times(path), env, VEHICLE)
-    assert 2 <= len(few.indices) < 10
-    assert (np.diff(few.times) > 0).all()
-
-
 @settings(max_examples=15, deadline=None)
 @given(st.integers(2, 24), st.integers(0, 1000), st.floats(0.001, 0.2))
 def test_what_is_kept_is_part_of_the_path(samples: int, seed: int, tolerance: float):
