@@ -133,9 +133,10 @@ def nearest_fences(
     paths = shapely.MultiLineString([np.asarray(line)[:, 1::-1] for line in lines])
     away, chosen, room = [], set(), most
     for fence in fences:
-        circle = isinstance(fence, Circle)
-        shape = shapely.Point(fence.centre[::-1]) if circle else shapely.Polygon(fence.corners[:, ::-1])
-        away.append(float(shapely.distance(paths, shape)) - (fence.radius if circle else 0.0))
+        if isinstance(fence, Circle):
+            away.append(float(shapely.distance(paths, shapely.Point(fence.centre[::-1]))) - fence.radius)
+        else:
+            away.append(float(shapely.distance(paths, shapely.Polygon(fence.corners[:, ::-1]))))
     for k in np.argsort(away, kind="stable").tolist():
         if points(fences[k]) <= room:
             chosen.add(k)

@@ -20,29 +20,29 @@ def geojson_text(itinerary: Itinerary) -> bytes:
     site = itinerary.site
     features = []
 
-    def add(kind: str, geometry: dict[str, Any], **about: Any) -> None:
+    def add(kind: str, geometry: dict[str, Any], about: dict[str, Any]) -> None:
         features.append({"type": "Feature", "geometry": geometry, "properties": {"kind": kind} | about})
 
     for leg in itinerary.legs:
-        add(
-            "plan", _line(leg.positions, site), leg=leg.number, **{"from": leg.start_name}, to=leg.goal_name,
-            note=leg.note, hold_s=leg.hold, priority=leg.priority,
-            ground_speed_share=round(ground_share(leg, itinerary.speed), 3), **_times(leg.times, site),
-        )  # fmt: skip
+        add("plan", _line(leg.positions, site), {
+            "leg": leg.number, "from": leg.start_name, "to": leg.goal_name, "note": leg.note,
+            "hold_s": leg.hold, "priority": leg.priority,
+            "ground_speed_share": round(ground_share(leg, itinerary.speed), 3),
+        } | _times(leg.times, site))  # fmt: skip
     for sequence, row in enumerate(waypoints(itinerary), 1):
         place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
-        add(
-            "waypoint", {"type": "Point", "coordinates": place}, sequence=sequence, leg=row.leg,
-            name=row.name, depth_m=row.depth, hold_s=row.hold, priority=row.priority, task=row.task,
-            seconds=round(row.seconds, 3), time=moment(site, row.seconds),
-        )  # fmt: skip
+        add("waypoint", {"type": "Point", "coordinates": place}, {
+            "sequence": sequence, "leg": row.leg, "name": row.name, "depth_m": row.depth,
+            "hold_s": row.hold, "priority": row.priority, "task": row.task,
+            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds),
+        })  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
-        add("executed", _line(track.positions, site), leg=number, **_times(track.times, site))
+        add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
     for fence in itinerary.fences:
-        about = {}
+        about: dict[str, Any] = {}
         if isinstance(fence, Circle):
             about = ({"name": fence.name} if fence.name else {}) | {"radius_m": fence.radius}
-        add("exclusion", _area(fence.corners, site), **about)
+        add("exclusion", _area(fence.corners, site), about)
     collection = {
         "type": "FeatureCollection",
         "name": itinerary.name,

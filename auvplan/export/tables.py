@@ -64,7 +64,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     units = TIME_UNITS
     if (epoch := itinerary.site.epoch) is not None:
         units = f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
-    flags = {"flag_values": np.asarray([0, 1], np.int8)}
+    flags: dict[str, Any] = {"flag_values": np.asarray([0, 1], np.int8)}
     rows = np.asarray([len(track.times) for track in tracks], np.int32)
     kinds = np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.executed)])
     times = np.concatenate([track.times for track in tracks])

@@ -70,7 +70,7 @@ def plot_convergence(
 
 
 def draw_errors(
-    axes: Axes, at: style.Array, mean: style.Array, std: style.Array, most: int, label: str | None
+    axes: Axes, at: NDArray[np.integer], mean: style.Array, std: style.Array, most: int, label: str | None
 ) -> None:
     """Error bars at some of the iterations; none where the deviation is not finite."""
     bars = np.unique(np.linspace(at[0], at[-1], most).astype(int)) - at[0]

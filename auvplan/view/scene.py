@@ -200,7 +200,7 @@ def true_obstacles(leg: LegRecord) -> tuple[Array, Array]:
     return as_filed(leg.obstacle_positions)[:, shown], as_filed(leg.obstacle_radii)[shown]
 
 
-def track_at(leg: LegRecord, track: Array, times: ArrayLike) -> Array:
+def track_at(leg: LegRecord, track: Array, times: "Array | float") -> Array:
     """Return [..., 3] m, where a track [n, 3] m by a leg's records is at times [...] s."""
     return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=-1)
 

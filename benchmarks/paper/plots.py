@@ -131,13 +131,10 @@ def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> No
 
     def plane(plan: PlanRecord, depth: float, count: int) -> tuple[Array, ...]:
         """East and north in the axes' unit, and the current's components there, m/s, [count, count] each."""
-        edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
-        north, east = np.meshgrid(*edges, indexing="ij")
-        return (
-            east / pen.metres,
-            north / pen.metres,
-            *scene.current_on(plan.current, *edges, depth, plan.made_at),
-        )
+        x, y = (np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2))
+        north, east = np.meshgrid(x, y, indexing="ij")
+        u, v = scene.current_on(plan.current, x, y, depth, plan.made_at)
+        return east / pen.metres, north / pen.metres, u, v
 
     planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
     fastest = max(float(np.quantile([np.hypot(u, v) for *_, u, v in planes], 0.995)), 1e-3)
