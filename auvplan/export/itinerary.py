@@ -332,15 +332,13 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
                 continue
             between = f"leg {leg.number}, {k}"
+            name = leg.start_name if k == 0 else leg.goal_name if k == last else between
+            longitude, latitude = places[k, :2].tolist()
+            hold, priority = (leg.hold, leg.priority) if k == last else (0.0, 0.0)
+            yaw, pitch = float(np.degrees(motion.yaw[k])), float(np.degrees(motion.pitch[k]))
+            seconds = float(leg.times[leg.kept[k]])
             rows.append(Waypoint(
-                leg.number,
-                leg.start_name if k == 0 else leg.goal_name if k == last else between,
-                place,
-                *places[k, :2].tolist(),
-                float(leg.times[leg.kept[k]]),
-                *((leg.hold, leg.priority, True) if k == last else (0.0, 0.0, False)),
-                float(np.degrees(motion.yaw[k])),
-                float(np.degrees(motion.pitch[k])),
+                leg.number, name, place, longitude, latitude, seconds, hold, priority, k == last, yaw, pitch,
                 body[k],
             ))  # fmt: skip
     return rows
