@@ -49,7 +49,6 @@ def solve_exact(
     *,
     time_limit: float = 10.0,
     hint: Sequence[int] | NDArray[np.integer] | None = None,
-    workers: int = 1,
 ) -> ExactRoute:
     """Search for the route of most total priority until it is proved or the time limit is reached.
 
@@ -67,7 +66,6 @@ def solve_exact(
         time_available: T, s; the route takes strictly less.
         time_limit: s of search; a second search gets what is left, and a tenth of it at least.
         hint: waypoints of a known route, where the search begins; what does not fit is passed over.
-        workers: threads; with one the answer is the same each time unless the time limit ends the search.
 
     Raises:
         ImportError: OR-Tools is not installed.
@@ -77,8 +75,6 @@ def solve_exact(
     times, rho = checked(leg_times, priority, start, goal, time_available)
     if not time_limit > 0.0:
         raise ValueError(f"time_limit must be positive, got {time_limit} s")
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1, got {workers}")
     if start == goal and time_available > 0.0:
         return ExactRoute(np.array([start]), 0.0, 0.0, proved=True, infeasible=False)
     nothing = np.zeros(0, int)
@@ -102,7 +98,7 @@ def solve_exact(
         if hint is not None:
             paths.add_hint(hint)
         left = max(time_limit - (time.monotonic() - begin), 0.1 * time_limit)
-        status = paths.solve(left, workers)
+        status = paths.solve(left)
         if rounding is np.floor:
             if status == "INFEASIBLE":
                 return ExactRoute(nothing, 0.0, 0.0, proved=True, infeasible=True)
@@ -220,11 +216,11 @@ class PathModel:
         for waypoint, skip in self._left_out.items():
             self.model.add_hint(skip, waypoint not in visited)
 
-    def solve(self, time_limit: float, workers: int = 1) -> str:
+    def solve(self, time_limit: float) -> str:
         """Name of the solver's status after `time_limit` s: OPTIMAL, FEASIBLE, INFEASIBLE or another."""
         parameters = self.solver.parameters
         parameters.max_time_in_seconds = time_limit
-        parameters.num_workers = workers
+        parameters.num_workers = 1  # with one the answer is the same each time unless the time limit ends it
         parameters.random_seed = 0
         parameters.linearization_level = 2
         return self.solver.status_name(self.solver.solve(self.model))

@@ -76,11 +76,6 @@ class Classified:
         return ", ".join(f"{cluster.colour} {cluster.share:.1%}" for cluster in self.clusters)
 
 
-def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int = 0) -> NDArray[np.float32]:
-    """Passability of every pixel of a chart picture, [h, w]: `classify_picture` without its doubts."""
-    return classify_picture(rgb, None, clusters, seed).passability
-
-
 def classify_picture(
     rgb: NDArray[np.uint8],
     blank: NDArray[np.bool_] | None = None,

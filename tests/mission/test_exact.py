@@ -107,7 +107,6 @@ def test_ticks_err_on_the_known_side(seed: int) -> None:
     ("change", "message"),
     [
         ({"time_limit": 0.0}, "time_limit must be positive"),
-        ({"workers": 0}, "workers must be at least 1"),
         ({"goal": 4}, "goal must be an index"),
     ],
 )

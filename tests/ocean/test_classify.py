@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
+from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.naming import name_clusters
 from auvplan.ocean.palette import to_lab
 from auvplan.ocean.whitsunday import classes, render
 
 LAND, SHOAL, WATER = (120, 140, 80), (165, 205, 190), (40, 95, 160)
+
+
+def classify(rgb: np.ndarray, clusters: int = DEFAULT_CLUSTERS, seed: int = 0) -> np.ndarray:
+    """Passability of every pixel, [h, w]."""
+    return classify_picture(rgb, None, clusters, seed).passability
 
 
 def named(passability: np.ndarray) -> np.ndarray:
