@@ -148,6 +148,7 @@ def test_cf_conventions(written):
             assert "_FillValue" not in raw[name].attrs
         for name, variable in raw.variables.items():
             assert variable.attrs["long_name"], name
+            assert len(variable.attrs.get("units", "")) < 40, name
     # Any reader that knows CF gets dates of it.
     first = run.legs[0]
     place = SITE.to_geographic(first.positions[0, 0], first.positions[0, 1])
@@ -201,10 +202,11 @@ def test_windows_and_waiting_come_back(run, tmp_path):
     still = run.graph.leg_times(1.5) - run.graph.duration
     run.graph = run.graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes))
     run.legs[1].t_wait, run.legs[1].t_hold, run.legs[2].missed = 12.0, 3.0, True
-    run.routes[0].waits = [0.0, 12.0, 0.0]
+    run.routes[0].waits, run.followable = [0.0, 12.0, 0.0], np.full((size, size), 0.25)
     back = restore_run(save_run(run, tmp_path))
     np.testing.assert_array_equal(back.graph.timetable.opens, opens)
     np.testing.assert_array_equal(back.graph.timetable.closes, closes)
+    np.testing.assert_array_equal(back.followable, run.followable)
     for leg, was in zip(back.legs, run.legs, strict=True):
         assert (leg.t_wait, leg.t_hold, leg.missed) == (was.t_wait, was.t_hold, was.missed)
     assert back.routes[0].waits == run.routes[0].waits
