@@ -28,29 +28,20 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: Identifiers of control stations among IMC's addresses, beyond those that Neptus takes from its own address.
-_STATIONS = 0x5000, 0xFFF
+#: Identifiers of control stations among IMC's addresses, beyond those that Neptus takes from its own address;
+#: who is meant before the vehicle is known.
+_STATIONS, _ANYONE = (0x5000, 0xFFF), 0xFFFF
 
-#: Ports that announcements are listened for on.
-_ANNOUNCED = range(30100, 30105)
-
-#: Ports of our own, the first that is free.
+#: Ports that announcements are listened for on, and s between two of them; ports of our own, the first that
+#: is free.
+_ANNOUNCED, _ANNOUNCE = range(30100, 30105), 5.0
 _LOCAL = range(6011, 6021)
-
-#: s between two announcements.
-_ANNOUNCE = 5.0
-
-#: Name of the plan to stay.
-_HOLD = "hold"
-
-#: How a plan ended that failed; who or what ended it is said elsewhere.
-_STOPPED = "it was stopped"
-
-#: Who is meant before the vehicle is known.
-_ANYONE = 0xFFFF
 
 #: Bytes of the largest datagram.
 _LARGEST = 65_507
+
+#: Name of the plan to stay, and how a plan ended that failed; who or what ended it is said elsewhere.
+_HOLD, _STOPPED = "hold", "it was stopped"
 
 
 def as_message(element: Element) -> Any:

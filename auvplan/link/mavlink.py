@@ -29,8 +29,9 @@ _log = logging.getLogger(__name__)
 #: Ground station by system and component.
 _OURS = 255, 190
 
-#: s that other vehicles on the link are looked for.
-_OTHERS = 1.5
+#: s that other vehicles on the link are looked for, within which a message may come behind others that were
+#: sent after it, and without a message in which the vehicle may have been taken from us.
+_OTHERS, _BEHIND, _GAP = 1.5, 1.0, 3.0
 
 #: Mission types: waypoints and fences.
 MISSION, FENCE = 0, 1
@@ -45,6 +46,18 @@ _ARM, _SET_MODE, _START, _PAUSE, _LAND, _SPEED = 400, 176, 300, 193, 21, 178
 #: MAV_FRAME_GLOBAL, of fences, and MAV_FRAME_MISSION, of items without a place.
 _GLOBAL, _NO_PLACE = 0, 2
 
+#: MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4, MAV_TYPE_SUBMARINE and MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
+_ARDUPILOT, _PX4, _SUBMARINE, _CUSTOM = 3, 12, 12, 1
+
+#: MAV_STATE_CRITICAL, _EMERGENCY, _POWEROFF and _FLIGHT_TERMINATION; MAV_SEVERITY_WARNING.
+_FAULTS, _WARNING = (5, 6, 7, 8), 4
+
+#: States by MISSION_CURRENT.mission_state, and by ArduSub's mode where it says none.
+_STATES = {3: State.EXECUTING, 4: State.HOLDING, 5: State.FINISHED}
+_MODES = {
+    ardusub.AUTO: State.EXECUTING, ardusub.POSHOLD: State.HOLDING, ardusub.SURFACE: State.SURFACING,
+}  # fmt: skip
+
 #: Names of MAV_MISSION_RESULT and MAV_RESULT, by number.
 _ACKS = (
     "accepted", "error", "unsupported frame", "unsupported", "no space", "invalid", "invalid param 1",
@@ -58,41 +71,18 @@ _RESULTS = (
 #: MAV_MISSION_OPERATION_CANCELLED; another try may mend that, an error or an invalid sequence.
 _CANCELLED, _AGAIN = 15, (1, 13, 15)
 
-#: Replies' times that are waited after the last item.
-_LAST = 3
-
 #: Messages that answer an offer of items, a request for them, a command, and a question for a parameter.
 _OFFERED = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
-_READ = ("MISSION_COUNT", "MISSION_ITEM_INT")
-_COMMANDED = ("COMMAND_ACK",)
-_VALUES = ("PARAM_VALUE",)
+_READ, _COMMANDED, _VALUES = ("MISSION_COUNT", "MISSION_ITEM_INT"), ("COMMAND_ACK",), ("PARAM_VALUE",)
+
+#: Replies' times that are waited after the last item.
+_LAST = 3
 
 #: m by which heights may be off that are held as they were sent.
 _SAME = 1e-3
 
-#: MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4 and MAV_TYPE_SUBMARINE.
-_ARDUPILOT, _PX4, _SUBMARINE = 3, 12, 12
-
-#: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
-_CUSTOM = 1
-
-#: States by MISSION_CURRENT.mission_state, and by ArduSub's mode where it says none.
-_STATES = {3: State.EXECUTING, 4: State.HOLDING, 5: State.FINISHED}
-_MODES = {
-    ardusub.AUTO: State.EXECUTING, ardusub.POSHOLD: State.HOLDING, ardusub.SURFACE: State.SURFACING,
-}  # fmt: skip
-
-#: MAV_STATE_CRITICAL, _EMERGENCY, _POWEROFF and _FLIGHT_TERMINATION.
-_FAULTS = (5, 6, 7, 8)
-
-#: MAV_SEVERITY_WARNING.
-_WARNING = 4
-
-#: s within which a message may come behind others that were sent after it.
-_BEHIND = 1.0
-
-#: s of wall-clock time without a message in which it may have been taken from us.
-_GAP = 3.0
+#: Items of the steps of an upload, and m/s over ground at which they are gone to.
+_Lines = tuple[list[int], list[float]]
 
 
 @dataclass(frozen=True)
@@ -244,10 +234,8 @@ class MavlinkVehicle(ListeningLink):
         self._systems: set[int] = set()
         self._items: list[Item] = []
         self._fence: list[Item] = []
-        self._numbers: list[int] = []  # items of the steps
-        self._speeds: list[float] = []  # m/s over ground, at which they are gone to
-        # Both, of an upload that is not started.
-        self._fresh: tuple[list[int], list[float]] | None = None
+        self._lines: _Lines = [], []
+        self._fresh: _Lines | None = None  # those of an upload that is not started
         self._done, self._settled = 0, -math.inf
         self._ours = frozenset[int]()  # modes that the vehicle may be in because it was asked to be
         self._link_loss, self._failsafes = link_loss, dict[str, float]()
@@ -327,7 +315,7 @@ class MavlinkVehicle(ListeningLink):
         was_armed, heard.armed = heard.armed, bool(message.base_mode & 128)
         heard.autopilot, heard.kind, heard.mode = message.autopilot, message.type, message.custom_mode
         heard.fault = message.system_status in _FAULTS
-        if not self._ours or heard.gave_up or self._done >= len(self._numbers):
+        if not self._ours or heard.gave_up or self._done >= len(self._lines[0]):
             return
         if heard.fault:
             heard.gave_up, heard.failed = f"it reports a failsafe{heard.warned}", True
@@ -350,7 +338,7 @@ class MavlinkVehicle(ListeningLink):
         heard = self._heard
         ours = not heard.gave_up and heard.beat >= heard.again
         if ours and self._fresh is None and time.monotonic() >= self._settled:
-            self._done = max(self._done, bisect_right(self._numbers, item))
+            self._done = max(self._done, bisect_right(self._lines[0], item))
 
     def connect(self) -> list[str]:
         """Wait for the vehicle's heartbeat and position, and see that no other one is there.
@@ -370,13 +358,13 @@ class MavlinkVehicle(ListeningLink):
                 raise Refused(f"{self.name} is not ArduSub: what it does without a link is set on itself")
             return []
         for name in ardusub.FAILSAFES:
-            if (value := self._parameter(name)) is not None:
-                self._failsafes[name] = value
+            self._parameter(name)
         notes = []
         if self._link_loss and self._state() is not State.EXECUTING:
             for name, wanted in ardusub.LINK_LOSS[self._link_loss].items():
                 if self._failsafes.get(name) != wanted:
-                    self._set_parameter(name, wanted)
+                    if not self._parameter(name, wanted):
+                        raise Refused(f"{self.name} does not take {name} {wanted:g}")
                     notes.append(f"{name} is set to {wanted:g}, and stays so")
         notes.append(f"if the link is lost, {self.left_alone or 'it goes on'}")
         return notes + ardusub.warnings(self._failsafes)
@@ -386,25 +374,23 @@ class MavlinkVehicle(ListeningLink):
         """Return what the vehicle does when the link is lost; empty where it goes on with its plan."""
         return ardusub.left_alone(self._failsafes) if self._ardusub else ""
 
-    def _parameter(self, name: str) -> float | None:
-        """Return a parameter; None where the vehicle does not say."""
-        self._expect(_VALUES)
-        found = self._asked_for(
-            lambda mav: mav.param_request_read_send(*self._target, name.encode(), -1),
-            lambda m: m.param_id == name,
-        )
-        return None if found is None else float(found.param_value)
+    def _parameter(self, name: str, value: float | None = None) -> bool:
+        """Read one of the failsafes, or set it; return whether the vehicle says what it is then.
 
-    def _set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter; ArduPilot takes any as a number of single precision (MAV_PARAM_TYPE_REAL32)."""
+        ArduPilot takes any as a number of single precision (MAV_PARAM_TYPE_REAL32).
+        """
         self._expect(_VALUES)
-        found = self._asked_for(
-            lambda mav: mav.param_set_send(*self._target, name.encode(), value, 9),
-            lambda m: m.param_id == name and m.param_value == value,
-        )
-        if found is None:
-            raise Refused(f"{self.name} does not take {name} {value:g}")
-        self._failsafes[name] = value
+
+        def ask(mav: Any) -> None:
+            if value is None:
+                mav.param_request_read_send(*self._target, name.encode(), -1)
+            else:
+                mav.param_set_send(*self._target, name.encode(), value, 9)
+
+        found = self._asked_for(ask, lambda m: m.param_id == name and value in (None, m.param_value))
+        if found is not None:
+            self._failsafes[name] = float(found.param_value)
+        return found is not None
 
     @property
     def _ardupilot(self) -> bool:
@@ -423,7 +409,6 @@ class MavlinkVehicle(ListeningLink):
         items, fence = mission_items(plan, self._ardupilot), fence_items(plan)
         home = 1 if self._ardupilot else 0
         numbers = [k for k, item in enumerate(items) if item.command == _WAYPOINT][home:]
-        speeds = item_speeds(plan.itinerary)
         if self._ardupilot and (self._heard.mode == ardusub.AUTO or self._started):
             # It goes on by the number of its item, which is another one in the new plan.
             self._insist(self.hold)
@@ -433,13 +418,11 @@ class MavlinkVehicle(ListeningLink):
                 self._fence = fence
             except Refused as error:
                 notes.append(f"{error}: the vehicle goes without a fence")
-        self._place(items, MISSION, "plan", (numbers, speeds))
+        self._place(items, MISSION, "plan", (numbers, item_speeds(plan.itinerary)))
         self._items, self._settled = items, time.monotonic() + self._limits.outdated
         return notes
 
-    def _place(
-        self, items: list[Item], kind: int, what: str, fresh: tuple[list[int], list[float]] | None = None
-    ) -> None:
+    def _place(self, items: list[Item], kind: int, what: str, fresh: _Lines | None = None) -> None:
         """Upload items until they are read back as they are; once all are sent, `fresh` is not started."""
         problem = Lost(f"{self.name}: does not say what it holds of the {what}")
         try:
@@ -467,9 +450,7 @@ class MavlinkVehicle(ListeningLink):
             self._expect(())
         raise problem
 
-    def _offer(
-        self, items: list[Item], kind: int, what: str, fresh: tuple[list[int], list[float]] | None
-    ) -> None:
+    def _offer(self, items: list[Item], kind: int, what: str, fresh: _Lines | None) -> None:
         """Answer the vehicle's requests for items until it acknowledges."""
         self._expect(_OFFERED)
         sent: set[int] = set()
@@ -498,17 +479,13 @@ class MavlinkVehicle(ListeningLink):
                 if len(sent) == len(items) and fresh:
                     self._fresh = fresh  # items that are done may be this plan's from now on: none is counted
                 # Sent once a request: an item that comes unasked restarts the vehicle's own timeout.
-                self._send_item(items[message.seq], message.seq, kind)
+                item, head = items[message.seq], (message.seq, items[message.seq].frame)
+                # ArduPilot refuses NaN in most places, and has 0 for it in the others.
+                params = [0.0 if self._ardupilot and math.isnan(part) else part for part in item.params]
+                rest = item.command, 0, 1, *params, item.x, item.y, item.z, kind
+                self._send(lambda mav, whole=(*head, *rest): mav.mission_item_int_send(*self._target, *whole))
         asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"
         raise Lost(f"{self.name}: the {what} broke off: {asked}")
-
-    def _send_item(self, item: Item, number: int, kind: int) -> None:
-        # ArduPilot refuses NaN in most places, and has 0 for it in the others.
-        params = [0.0 if self._ardupilot and math.isnan(part) else part for part in item.params]
-        head = number, item.frame, item.command, 0, 1
-        self._send(
-            lambda mav: mav.mission_item_int_send(*self._target, *head, *params, item.x, item.y, item.z, kind)
-        )
 
     def _download(self, kind: int) -> list[Item] | None:
         """Return the items that the vehicle holds; None where it does not say."""
@@ -629,7 +606,10 @@ class MavlinkVehicle(ListeningLink):
             )
         except LinkError:
             if own and not self._started:
-                self._disarm()
+                try:
+                    self._command(_ARM, 0, done=lambda: not heard.armed)
+                except LinkError as error:
+                    _log.info("not disarmed: %s", error)
             raise
         while True:  # it may begin the next line, with a speed of its own, meanwhile
             self._command(_SPEED, 1, speeds[step], -1)
@@ -644,23 +624,15 @@ class MavlinkVehicle(ListeningLink):
         if self._heard.fault:
             raise Refused(f"{self.name} reports a failsafe{self._heard.warned}: it is not started")
 
-    def _disarm(self) -> None:
-        """Disarm, where that can be done."""
-        try:
-            self._command(_ARM, 0, done=lambda: not self._heard.armed)
-        except LinkError as error:
-            _log.info("not disarmed: %s", error)
-
     def start(self, step: int = 0) -> None:
         """Arm, and execute from a step on, unless somebody has ended the mission."""
         self._check_ours()
-        numbers, speeds = self._fresh or (self._numbers, self._speeds)
+        lines = self._fresh or self._lines
         if self._ardupilot:
-            self._start_ardusub(numbers, speeds, step)
+            self._start_ardusub(*lines, step)
         else:
-            step = self._start_other(numbers, step)
-        self._numbers, self._speeds, self._done = numbers, speeds, step
-        self._fresh = None
+            step = self._start_other(lines[0], step)
+        self._lines, self._done, self._fresh = lines, step, None
         self._begin_time()
 
     def _start_other(self, numbers: list[int], step: int) -> int:
