@@ -49,6 +49,11 @@ def setting(default: Any, description: str) -> Any:
     return Field(default=default, description=description)
 
 
+def optional(description: str) -> Any:
+    """Return a field that may be absent, and is None then."""
+    return setting(None, description)
+
+
 class Section(BaseModel):
     """Base of all sections: unknown keys are faults, values do not change."""
 
@@ -99,12 +104,12 @@ class SiteSettings(Section):
     longitude: Annotated[float, Field(ge=-180, le=360)] = Field(description="degrees east")
     latitude: Annotated[float, Field(gt=-89, lt=89)] = Field(description="degrees north")
     origin: tuple[Finite, Finite] = setting((0.0, 0.0), "m, local north, east of this place")
-    departure: datetime | None = setting(
-        None, "UTC unless it says so; if absent the first time of the current's files"
+    departure: datetime | None = optional(
+        "UTC unless it says so; if absent the first time of the current's files"
     )
 
-    timezone: str | None = setting(
-        None, "name of the local time zone, such as Australia/Brisbane, for the mission sheet"
+    timezone: str | None = optional(
+        "name of the local time zone, such as Australia/Brisbane, for the mission sheet"
     )
 
     @field_validator("timezone")
@@ -197,14 +202,12 @@ class ChartSettings(SourcedSection):
         "file; 'polygons': land as GeoJSON; 'enc': S-57 cells; 'current': where the current's file has no "
         "water; 'none': open water",
     )
-    image: str | None = setting(None, "path, relative to the scenario file, of 'image'")
-    file: str | None = setting(
-        None, "path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells"
+    image: str | None = optional("path, relative to the scenario file, of 'image'")
+    file: str | None = optional(
+        "path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells"
     )
-    crs: str | None = setting(None, "reference system of a raster that names none, such as EPSG:32755")
-    uncertain: str | None = setting(
-        None, "path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
-    )
+    crs: str | None = optional("reference system of a raster that names none, such as EPSG:32755")
+    uncertain: str | None = optional("path of GeoJSON polygons of uncertain area, such as reefs ('polygons')")
     fringe: NotNegative = setting(0.0, "m of uncertain area along the coast ('polygons')")
     safety_depth: NotNegative = setting(
         5.0, "m below the chart's datum; water that may be shallower is closed ('enc')"
@@ -217,20 +220,18 @@ class ChartSettings(SourcedSection):
         "what a picture's colours stand for ('image', 'raster'); found by rules if absent, which "
         "know blue water and refuse what they are not sure of",
     )
-    no_go: str | None = setting(
-        None,
+    no_go: str | None = optional(
         "path of GeoJSON polygons that are closed; those with the properties from and to, or "
-        "windows, at these hours",
+        "windows, at these hours"
     )
-    no_go_windows: str | None = setting(
-        None,
+    no_go_windows: str | None = optional(
         "when polygons of no_go that have no hours are closed, 'from/to, from/to' as "
-        "windows of jobs; always if absent",
+        "windows of jobs; always if absent"
     )
     pixel_size: Positive = setting(10.0, "m")
     accuracy: NotNegative = setting(0.0, "m, of the coast; distances to it are stated no finer. 0: not known")
-    window: tuple[int, int, int, int] | None = setting(
-        None, "first row (north), first column (east), rows, columns to cut out, pixels"
+    window: tuple[int, int, int, int] | None = optional(
+        "first row (north), first column (east), rows, columns to cut out, pixels"
     )
 
     @model_validator(mode="after")
@@ -253,17 +254,16 @@ class BathymetrySettings(SourcedSection):
         "'current': as the current's file has it; 'chart': the least depths of the depth areas "
         "of S-57 cells (chart.source 'enc')",
     )
-    file: str | None = setting(None, "path of a NetCDF file, a GeoTIFF or another raster")
-    crs: str | None = setting(None, "reference system of a raster that names none, such as EPSG:32755")
-    variable: str | None = setting(None, "of the NetCDF file; found by its name if absent")
-    positive: Literal["up", "down"] | None = setting(
-        None, "direction in which values grow, where the file does not state it"
+    file: str | None = optional("path of a NetCDF file, a GeoTIFF or another raster")
+    crs: str | None = optional("reference system of a raster that names none, such as EPSG:32755")
+    variable: str | None = optional("of the NetCDF file; found by its name if absent")
+    positive: Literal["up", "down"] | None = optional(
+        "direction in which values grow, where the file does not state it"
     )
-    pixel_size: Positive | None = setting(None, "m; half of the source's spacing if absent")
-    water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = setting(
-        None,
+    pixel_size: Positive | None = optional("m; half of the source's spacing if absent")
+    water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = optional(
         "m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
-        "files, where they have it and it is below the datum, else 0",
+        "files, where they have it and it is below the datum, else 0"
     )
 
 
@@ -294,22 +294,20 @@ class VehicleSettings(Section):
     surge_max: Positive = setting(5.0, "m/s, of the ground speed along the track")
     sway_max: Positive = setting(1.5, "m/s, of the current across the track")
     turn_rate_max: Positive = setting(0.1, "rad/s")
-    pitch_max: PitchLimit | None = setting(
-        None,
-        "rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), paper 'none'",
+    pitch_max: PitchLimit | None = optional(
+        "rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), paper 'none'"
     )
-    climb_rate_max: Positive | None = setting(
-        None, "m/s, of the vertical speed over ground upwards; no limit if absent"
+    climb_rate_max: Positive | None = optional(
+        "m/s, of the vertical speed over ground upwards; no limit if absent"
     )
-    dive_rate_max: Positive | None = setting(
-        None, "m/s, of the vertical speed over ground downwards; no limit if absent"
+    dive_rate_max: Positive | None = optional(
+        "m/s, of the vertical speed over ground downwards; no limit if absent"
     )
     depth_min: NotNegative = setting(0.0, "m")
-    depth_max: Positive | None = setting(None, "m; the area's if absent")
-    transit_depth: NotNegative | TransitAltitude | None = setting(
-        None,
+    depth_max: Positive | None = optional("m; the area's if absent")
+    transit_depth: NotNegative | TransitAltitude | None = optional(
         "m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
-        "the depths at which they are quickest",
+        "the depths at which they are quickest"
     )
 
 
@@ -331,23 +329,19 @@ class CurrentSettings(SourcedSection):
         "vortices",
         "'vortices': random Lamb vortices; 'file': an ocean model's files; 'harmonic': tidal constituents",
     )
-    files: str | tuple[str, ...] | None = setting(
-        None, "path, pattern or paths of the forecast, relative to the scenario file ('file')"
+    files: str | tuple[str, ...] | None = optional(
+        "path, pattern or paths of the forecast, relative to the scenario file ('file')"
     )
-    constituents: str | None = setting(None, "path of a YAML file of tidal constituents ('harmonic')")
-    truth: str | tuple[str, ...] | None = setting(
-        None, "the same of the true current; the forecast if absent ('file')"
+    constituents: str | None = optional("path of a YAML file of tidal constituents ('harmonic')")
+    truth: str | tuple[str, ...] | None = optional(
+        "the same of the true current; the forecast if absent ('file')"
     )
     outside: Literal["refuse", "clamp"] = setting(
         "refuse", "what is done where the files do not reach: 'clamp' holds the nearest"
     )
-    spacing: Positive | None = setting(None, "m of the local grid; the files' if absent")
-    crs: int | str | None = setting(
-        None, "projection of the files' coordinates, such as 32633, if they name none"
-    )
-    epoch: datetime | None = setting(
-        None, "UTC, the moment that the files' times count from, if they name none"
-    )
+    spacing: Positive | None = optional("m of the local grid; the files' if absent")
+    crs: int | str | None = optional("projection of the files' coordinates, such as 32633, if they name none")
+    epoch: datetime | None = optional("UTC, the moment that the files' times count from, if they name none")
     vortices: Annotated[int, Field(ge=0, le=64, description="in each layer")] = 12
     layers: Annotated[int, Field(ge=1, le=10, description="of vortices, spread over the area's depths")] = 3
     radius: PositiveRange = setting((500.0, 1500.0), "m")
@@ -383,9 +377,8 @@ class CurrentSettings(SourcedSection):
 class ObstacleSettings(Section):
     """Obstacles that are known before the mission: plans keep clear of them and vehicle files fence them."""
 
-    file: str | None = setting(
-        None,
-        "path of GeoJSON points with radius, and depth_min, depth_max, course and speed where they have them",
+    file: str | None = optional(
+        "path of GeoJSON points with radius, and depth_min, depth_max, course and speed where they have them"
     )
 
 
@@ -441,16 +434,15 @@ class SensorSettings(Section):
 class MissionSettings(Section):
     """The task graph: random waypoints in the water, each linked to its nearest, or jobs from a file."""
 
-    jobs: str | None = setting(
-        None,
+    jobs: str | None = optional(
         "path of jobs: GeoJSON, CSV, GPX, KML or QGroundControl's .plan; waypoints, priority, "
-        "duration count for none then",
+        "duration count for none then"
     )
     waypoints: Annotated[
         int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg, no task")
     ] = 40
-    neighbours: Annotated[int, Field(ge=1, le=100)] | None = setting(
-        None, "nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all"
+    neighbours: Annotated[int, Field(ge=1, le=100)] | None = optional(
+        "nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all"
     )
     priority: PriorityRange = setting((1, 5), "least and greatest")
     duration: NotNegativeRange = setting((30.0, 300.0), "s")
@@ -473,8 +465,8 @@ class MissionSettings(Section):
     waypoint_clearance: NotNegative = setting(
         150.0, "m, least distance to the coast of waypoints that are drawn"
     )
-    start: Point | None = setting(None, "m north, east, depth; drawn if absent")
-    goal: Point | None = setting(None, "m north, east, depth; drawn if absent")
+    start: Point | None = optional("m north, east, depth; drawn if absent")
+    goal: Point | None = optional("m north, east, depth; drawn if absent")
 
     @model_validator(mode="after")
     def _ends_given(self) -> "MissionSettings":
@@ -528,7 +520,7 @@ def by_preset(name: str, description: str) -> Any:
         repr(v) if isinstance(v, str) else str(v).lower() if isinstance(v, bool) else f"{v:g}" for v in pair
     )
     default, paper = shown
-    return setting(None, f"{description}; default {default}, paper {paper}")
+    return optional(f"{description}; default {default}, paper {paper}")
 
 
 class PlanningSettings(Section):
@@ -554,13 +546,12 @@ class PlanningSettings(Section):
     phi: tuple[NotNegative, NotNegative] = setting(
         (1.0, 100.0), "Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
     )
-    control_points: Annotated[int, Field(ge=2, le=60)] | None = setting(
-        None, "free control points of a path; if absent 8 to 32 by effort, paper 4"
+    control_points: Annotated[int, Field(ge=2, le=60)] | None = optional(
+        "free control points of a path; if absent 8 to 32 by effort, paper 4"
     )
-    path_width: Positive | None = setting(
-        None,
+    path_width: Positive | None = optional(
         "share of a leg's length by which control points may lie off its straight line; if "
-        "absent 0.75, paper 0.35",
+        "absent 0.75, paper 0.35"
     )
     travel_times: Preset[Literal["sea", "distance", "learnt"]] = by_preset(
         "travel_times",
@@ -608,10 +599,9 @@ class PlanningSettings(Section):
         "share by which a mission is taken to last longer than expected when its tasks "
         "are chosen, for what no plan can know; what it leaves is used on the way ('deviation')",
     )
-    return_margin: Preset[NotNegative] = setting(
-        None,
+    return_margin: Preset[NotNegative] = optional(
         "share by which the way back is taken to last longer than expected; default 0.2 with travel times "
-        "of the sea, 0.4 by distance; paper 0",
+        "of the sea, 0.4 by distance; paper 0"
     )
     guard_return: Preset[bool] = by_preset(
         "guard_return", "whether a leg is refused whose path would leave too little time for the way back"
@@ -631,10 +621,9 @@ class PlanningSettings(Section):
     )
     gain: Positive = setting(120.0, "s left over that make a new route worth planning ('deviation')")
     charge_compute: bool = setting(False, "charge planning time to the mission clock (Eq. 16)")
-    budget: Positive | None = setting(
-        None,
+    budget: Positive | None = optional(
         "s of wall-clock time that a planning call may take, compilation left out; the best plan "
-        "so far is followed then, so that a seed gives other missions on other machines; no limit if absent",
+        "so far is followed then, so that a seed gives other missions on other machines; no limit if absent"
     )
     lower_bounds: bool = setting(
         False,
