@@ -155,9 +155,9 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     return target
 
 
-def write_json(path: str | Path, data: Any, **options: Any) -> Path:
-    """Write plain data as JSON, indented by two; options as of `json.dumps`. Errors as `write_atomically`."""
-    text = json.dumps(data, **{"indent": 2} | options) + "\n"
+def write_json(path: str | Path, data: Any) -> Path:
+    """Write plain data as JSON, indented by two; see `write_atomically`."""
+    text = json.dumps(data, indent=2) + "\n"
     return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 

@@ -208,8 +208,9 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
         fewer = name == "count" and isinstance(there, int) and there < value
         # The order of sweeps numbers the cases.
         if not fewer and json.dumps(there) != json.dumps(value):
-            both = isinstance(value, dict) and isinstance(there, dict)
-            inner = [key for key in value if there.get(key) != value[key]] if both else []
+            inner: list[str] = []
+            if isinstance(value, dict) and isinstance(there, dict):
+                inner = [key for key in value if there.get(key) != value[key]]
             field = ".".join([name, *inner[:1]])
             raise StudyError(f"{path}: {field} differs from the study asked for; run it in another folder")
     return int(kept["count"])
