@@ -165,8 +165,8 @@ def rehearse(
     if as_json:
         shared.print_json(found)
     elif not quiet:
-        count = counted(found["missions"], "simulated mission")
-        shared.print_facts(f"{settings.name}: the plan in {count}", _facts(found))
+        simulated = counted(found["missions"], "simulated mission")
+        shared.print_facts(f"{settings.name}: the plan in {simulated}", _facts(found))
         allowance = settings.planning.allowance
         if found["all_planned_tasks"] < 0.8 * found["missions"]:
             shared.say(
