@@ -251,7 +251,6 @@ const COLOURS = {
   water: ["#eef5fb", "#101b26"],
   grid: ["#dde5ec", "#24313d"],
   coast: ["#c9b98f", "#5a5038"],
-  uncertain: ["#eae1c6", "#37342a"],
   track: ["#111820", "#f2f5f7"],
   plan: ["#0072b2", "#56b4e9"],
   earlier: ["#d55e00", "#f08a3c"],

@@ -470,11 +470,6 @@
     if (!state.due) requestAnimationFrame(move);
     state.due = true;
   }
-  report.show = (time) => {
-    show(time);
-    move();
-  };
-
   function move() {
     state.due = false;
     state.map.repaint();

@@ -522,7 +522,6 @@
 
   /** The mission that is shown at first: the first that failed, or the first of all. */
   follow(() => choose(Math.max(now().success.indexOf(false), 0), false));
-  report.choose = choose;
 
   report.provenance(study.provenance);
 })();
