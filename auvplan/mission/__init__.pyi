@@ -6,6 +6,7 @@ from .feasibility import RouteCheck as RouteCheck
 from .feasibility import check_route as check_route
 from .graph import MissionGraph as MissionGraph
 from .graph import random_graph as random_graph
+from .graph import task_graph as task_graph
 from .graph import time_to_go as time_to_go
 from .planner import plan_mission as plan_mission
 from .planner import plan_missions as plan_missions
@@ -13,7 +14,6 @@ from .planner import replan_mission as replan_mission
 from .route import MissionRoute as MissionRoute
 from .route import MissionRoutes as MissionRoutes
 from .route import MissionStatus as MissionStatus
-from .tasks import task_graph as task_graph
 from .timetable import Timetable as Timetable
 from .travel_times import TravelTimeConfig as TravelTimeConfig
 

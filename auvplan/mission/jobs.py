@@ -10,8 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from auvplan.mission.graph import MissionGraph, join_parts
-from auvplan.mission.tasks import task_graph
+from auvplan.mission.graph import MissionGraph, join_parts, task_graph
 from auvplan.mission.timetable import ALWAYS, NONE
 
 #: Up to this many waypoints every pair is joined by default; of more, each with this many nearest ones.

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 import auvplan as ap
 from auvplan.ocean import CurrentUpdate, FunctionCurrent, evolve
 from auvplan.ocean.currents import as_current, is_steady
-from auvplan.ocean.exponential import exponential
-from auvplan.ocean.vortices import strength_for_peak_speed
+from auvplan.ocean.vortices import exponential, strength_for_peak_speed
 
 
 def naive(field, x, y, z):
