@@ -11,6 +11,7 @@ from defusedxml.ElementTree import fromstring
 from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
+from auvplan.io.currents.projection import as_crs
 from auvplan.io.geo.error import GeoError, read_text, reading
 from auvplan.io.geo.nodes import agreed_crs, same_crs
 from auvplan.ocean.picture import opened, read_pixels
@@ -45,13 +46,14 @@ def read_raster(path: str | Path, crs: Any = None, *, numbers: bool = False) -> 
     """
     path = Path(path)
     with reading(path):
+        given = None if crs is None else as_crs(crs, GeoError)
         with opened(path, GeoError) as file:
             transform, own = _place(path, file)
             if transform is None:
                 missing = f"{path.stem}.wld or {path.name}w is missing"
                 why = "warp it to a grid first" if file.gcps[0] else missing
                 raise GeoError(f"{path}: is not georeferenced, by its own tags or by a world file: {why}")
-            system = agreed_crs(path, own, crs)
+            system = agreed_crs(path, own, given)
             if system is None:
                 raise GeoError(f"{path}: has no coordinate reference system: set crs, such as EPSG:32755")
             values, shown = read_pixels(path, file, GeoError, numbers=numbers)
