@@ -177,6 +177,7 @@ FAULTS = {
     "planning that nobody counts": (delayed, "begins at"),
     "an edge twice": (lambda: make_run((0, 1, 0, 3)), "taken before"),
     "an edge that is none": (lambda: make_run((0, 2)), "no such edge"),
+    "a waypoint that is none": (edited("legs.1.goal", lambda goal: 9), "no such edge"),
     "a leg left out": (edited("legs", lambda legs: legs[:1] + legs[2:]),
                        "begins at waypoint 3, the vehicle is at 1"),
     "a waypoint twice": (round_trip, "waypoint 1 is visited twice"),
