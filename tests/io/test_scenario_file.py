@@ -89,6 +89,7 @@ TEXTS = [
     *((f"{ORIGIN}mission: {{start: {{longitude: {number}, latitude: 0}}}}\n",
        [("mission.start", 2, "numbers")]) for number in ("1" + "0" * 400, ".inf", "east", "[1]")),
     ("mission: {start: {longitude: 1, latitude: 2}}", [("mission.start", 1, "needs the section site")]),
+    ("site: {longitude: 1}\nmission: {start: {longitude: 1, latitude: 0}}", [("site.latitude", 1, "")]),
     (ORIGIN + "area: {lower: {longitude: 0, latitude: 0}, upper: [1, 1, 1]}\n", [("area.lower", 2, "both")]),
     (SECTIONS, [("vehicle.speed", 1, ""), ("chart.source", 2, "needs the section site"),
                 ("current.source", 3, ""), ("bathymetry.positive", 4, ""),
@@ -141,6 +142,14 @@ def test_one_line_with_the_line_number_and_how_many_more(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         load_scenario(path)
     assert str(caught.value).endswith(f"(and 2 more: auvplan validate {path} lists all)")
+
+
+def test_what_is_sound_is_left():
+    document = read_yaml("site: {longitude: 1}\nvehicle: {speed: 2, surge_max: -1}\nmision: {}\n")
+    left, faults, taken = check_fields(document, Scenario)
+    assert (left.vehicle.speed, len(faults)) == (2.0, 3)
+    assert taken == {("site", "latitude"), ("vehicle", "surge_max"), ("mision",)}
+    assert check_fields(read_yaml("site: {longitude: 1}"), Scenario)[0] is not None
 
 
 def test_plain_data_has_no_lines_and_no_advice_and_is_left_as_it_is():
