@@ -84,9 +84,7 @@ def test_what_is_written_is_the_same_current(tmp_path, name):
 
 REAL = [
     ["currents/norfjords160_roms_native_24h.nc"],
-    ["currents/norkyst_v3_800m_5h.nc"],
     ["elsewhere/creofs_selfe_noaa.nc"],
-    ["elsewhere/arctic20_polar_stereographic.nc"],
     ["elsewhere/dflowfm_simplebox_projected.nc"],
     ["elsewhere/mom5_access_om2_u.nc", "elsewhere/mom5_access_om2_v.nc"],
 ]
