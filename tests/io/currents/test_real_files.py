@@ -131,7 +131,7 @@ def found_depth(found, depth):
 
 
 def test_the_field_is_the_files_current_between_the_nodes(real):
-    """The planner's field and the file itself, both rotated independently, at random places and early times."""
+    """The planner's field and the file itself, rotated independently, at random places and early times."""
     _, site, found = real
     rng = np.random.default_rng(2)
     field, half = found.field, -found.origin[0]
