@@ -26,6 +26,7 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import score
+from auvplan.path.problem import Problem as Leg
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
 from benchmarks.harness import clock, launch, screen, show, timed, track
@@ -87,18 +88,23 @@ class Problem:
     vehicle: Vehicle
     config: ap.PathConfig
 
+    @property
+    def leg(self) -> Leg:
+        """The leg as the package's kernels take it."""
+        return Leg(self.start, self.goal, jnp.zeros(()), self.env, self.vehicle)
+
     def cost(self, paths: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Cost [P] s and violation [P] of habitats [P, 3 n] m, by the kernel of the package."""
-        return score(paths, self.start, self.goal, jnp.zeros(()), self.env, self.vehicle, self.config)
+        return score(paths, self.leg, self.config)
 
     def bounds(self) -> tuple[jax.Array, jax.Array]:
         """Least and largest habitat, [3 n] m each."""
-        return habitats.bounds(self.start, self.goal, self.env, self.config)
+        return habitats.bounds(self.leg, self.config)
 
     def paths(self, count: int, seed: int = 0) -> jax.Array:
         """[count, 3 n] m, smooth detours of all sizes."""
         key = jax.random.key(seed)
-        return habitats.initial(key, count, self.start, self.goal, *self.bounds(), self.config)
+        return habitats.initial(key, count, self.leg, *self.bounds(), self.config)
 
     def numbers(self) -> dict[str, Any]:
         """The problem as plain numbers and contiguous single-precision arrays, named as in score.c."""

@@ -33,7 +33,8 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan, PathPlans, habitats, plan_paths
-from auvplan.path.cost import evaluate, tracks
+from auvplan.path.cost import followed_by
+from auvplan.path.problem import Problem
 from auvplan.path.sensitivity import Conditions
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import compiled
@@ -279,7 +280,7 @@ def straight_plan(
         vehicle: speed and limits.
         config: of the path planner; its search is not run.
     """
-    found = jax.device_get(_straight(start, goal, depart, env, vehicle, config=config))
+    found = jax.device_get(_straight(Problem(start, goal, depart, env, vehicle), config=config))
     return unsearched(
         Conditions(env, vehicle, config),
         control_points=np.stack([start, goal]),
@@ -291,12 +292,10 @@ def straight_plan(
 
 
 @partial(compiled, static_argnames=("config",))
-def _straight(
-    start: jax.Array, goal: jax.Array, depart: float, env: Environment, vehicle: Vehicle, config: PathConfig
-) -> dict[str, jax.Array]:
+def _straight(problem: Problem, config: PathConfig) -> dict[str, jax.Array]:
     """Fields of a plan of the straight line."""
-    line = tracks(habitats.straight_line(start, goal, config)[None], start, goal, env, vehicle, config)
-    trajectory = evaluate(line, jnp.asarray(depart), env, vehicle, config)
+    line = habitats.straight_line(*problem.ends, config)[None]
+    _, trajectory = followed_by(line, problem, config)
     return {
         "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),
         "times": trajectory.times[:, 0],

@@ -26,6 +26,7 @@ from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
 from auvplan.path.kinematics import TINY
+from auvplan.path.problem import Problem
 from auvplan.path.profile import compared, depths_within_reach, is_searched_in_depth, profiles
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
@@ -336,7 +337,7 @@ def _follow(tracks: Any, clear: Any, departs: Any, world: _World) -> tuple[jax.A
             z = jnp.minimum(z, habitats.deepest(env, x, y, jnp.broadcast_to(2.0 * length, x.shape)))
         line = followed(Track.through(x, y, z), env, vehicle)
         if world.deep:
-            line = _at_depths(line, track[0], track[-1], depart, env, vehicle, config)
+            line = _at_depths(line, Problem(track[0], track[-1], depart, env, vehicle), config)
         trajectory = evaluate(line, depart, env, vehicle, config)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed"))
@@ -345,19 +346,11 @@ def _follow(tracks: Any, clear: Any, departs: Any, world: _World) -> tuple[jax.A
     return world.over_edges(one, tracks, clear, departs)
 
 
-def _at_depths(
-    track: Track,
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> Track:
+def _at_depths(track: Track, problem: Problem, config: PathConfig) -> Track:
     """Return a track, [S, 1], and the same one at the depths at which it is quickest, [S, 2] together."""
     x, y, z = track.places
     at = np.linspace(0, len(x) - 1, _STATIONS + 1).round().astype(int)
-    found = profiles(x[at].T, y[at].T, start, goal, depart, env, vehicle, config, _LEVELS)[0]
+    found = profiles(x[at].T, y[at].T, problem, config, _LEVELS)[0]
     depth = jnp.interp(np.arange(len(x)), at, found)[:, None]
     return Track.through(jnp.tile(x, 2), jnp.tile(y, 2), jnp.concatenate([z, depth], axis=1))
 
@@ -385,21 +378,21 @@ def _estimate(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
         env = world.environment(current, world.sea.chart)
-        problem, cost = (start, goal, depart, env, vehicle), partial(score, config=config)
-        lower, upper = habitats.bounds(start, goal, env, config)
+        problem, cost = Problem(start, goal, depart, env, vehicle), partial(score, config=config)
+        lower, upper = habitats.bounds(problem, config)
         if detours:
             # The same fan for every edge: the key only shapes it.
-            fan = habitats.initial(jax.random.key(0), detours + 1, start, goal, lower, upper, config, env)
-            tried = fan[jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]]
+            fan = habitats.initial(jax.random.key(0), detours + 1, problem, lower, upper, config)
+            tried = fan[jnp.argsort(cost(fan, problem)[0])[:_POLISHED]]
         else:
             line = habitats.straight_line(start, goal, config)[None]
-            tried = habitats.raise_above_seabed(line, start, goal, env, config)
+            tried = habitats.raise_above_seabed(line, problem, config)
         if steps:
-            tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
+            tried, costs, _ = refine(cost, tried, lower, upper, steps, (problem,), _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
-        track = tracks(tried[:1], start, goal, env, vehicle, config)
+        track = tracks(tried[:1], problem, config)
         if world.deep:
-            track = _at_depths(track, start, goal, depart, env, vehicle, config)
+            track = _at_depths(track, problem, config)
         trajectory = evaluate(track, depart, env, vehicle, config)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = reduce(jnp.add, (plane for name, plane in excess.items() if name not in VERTICAL_LIMITS))

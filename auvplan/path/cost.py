@@ -17,7 +17,6 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.kinematics import (
-    TINY,
     Axes,
     elapsed,
     mean_met,
@@ -31,6 +30,7 @@ from auvplan.path.kinematics import (
     turn_rate,
     vertical_speeds,
 )
+from auvplan.path.problem import Problem
 from auvplan.path.profile import in_transit
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
@@ -155,16 +155,9 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
     return Track(places, (product(between, sides_x), product(between, sides_y), product(between, sides_z)))
 
 
-def tracks(
-    habitats: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> Track:
+def tracks(habitats: jax.Array, problem: Problem, config: PathConfig) -> Track:
     """Return `curves` as a vehicle follows them: at its transit depth or altitude where it has one."""
-    return followed(curves(habitats, start, goal, config), env, vehicle)
+    return followed(curves(habitats, *problem.ends, config), problem.env, problem.vehicle)
 
 
 def followed(track: Track, env: Environment, vehicle: Vehicle) -> Track:
@@ -250,6 +243,12 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
     return jnp.maximum(env.seabed.clearance + margin - altitude, 0.0) / ALTITUDE_SCALE
 
 
+def followed_by(habitats: jax.Array, problem: Problem, config: PathConfig) -> tuple[Track, Trajectory]:
+    """Return the tracks of a population and how they are followed."""
+    track = tracks(habitats, problem, config)
+    return track, evaluate(track, problem.depart, problem.env, problem.vehicle, config)
+
+
 def timed_at_places(
     track: Track,
     depart: jax.Array,
@@ -313,23 +312,12 @@ def violations(trajectory: Trajectory) -> jax.Array:
     return jnp.stack([plane.mean(axis=0) for plane in trajectory.excess])
 
 
-def score(
-    habitats: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> tuple[jax.Array, jax.Array]:
+def score(habitats: jax.Array, problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array]:
     """Cost of a population of paths: travel time plus price plus weighted violations (Eq. 12).
 
     Args:
         habitats: [P, 3 n] m, see `curves`.
-        start, goal: [3] m.
-        depart: s since the epoch.
-        env: the world, obstacles resolved.
-        vehicle: speed and limits.
+        problem: the leg.
         config: static settings.
 
     Returns:
@@ -340,11 +328,10 @@ def score(
         the turn rate. Its weights gamma have no values there; here they count in straight-line times, on the
         mean excess over the path. Uncertain area has a price per second, which the paper does not name.
     """
-    straight = straight_time(start, goal, vehicle)
+    straight = problem.straight_time
 
     def few(habitats: jax.Array) -> tuple[jax.Array, jax.Array]:
-        track = tracks(habitats, start, goal, env, vehicle, config)
-        return cost_of(evaluate(track, depart, env, vehicle, config), straight, config)
+        return cost_of(followed_by(habitats, problem, config)[1], straight, config)
 
     paths = habitats.shape[0]
     if paths <= _TOGETHER or jax.default_backend() != "cpu":
@@ -356,14 +343,7 @@ def score(
 
 
 def soft_objective(
-    habitats: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-    softness: jax.typing.ArrayLike = SOFTNESS,
+    habitats: jax.Array, problem: Problem, config: PathConfig, softness: jax.typing.ArrayLike = SOFTNESS
 ) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
     """Return what a polish descends on, and the cost that judges its steps.
 
@@ -376,14 +356,12 @@ def soft_objective(
     Returns:
         ``(objective [P] s, (cost [P] s, violation [P]))``.
     """
-    track = tracks(habitats, start, goal, env, vehicle, config)
-    trajectory = evaluate(track, depart, env, vehicle, config)
-    straight = straight_time(start, goal, vehicle)
+    (track, trajectory), straight = followed_by(habitats, problem, config), problem.straight_time
     wider = dict(zip(VIOLATIONS, trajectory.excess, strict=True)) | {
         "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
         "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
-        "seabed": _too_low(trajectory.altitude, env, GUIDE_ALTITUDE),
-        **_steep_nearby(trajectory, track, vehicle, config),
+        "seabed": _too_low(trajectory.altitude, problem.env, GUIDE_ALTITUDE),
+        **_steep_nearby(trajectory, track, problem.vehicle, config),
     }
     soft = softness * straight * _penalty(tuple(wider.values()), config)
     return trajectory.travel_time + trajectory.price + soft, cost_of(trajectory, straight, config)
@@ -422,8 +400,3 @@ def _penalty(excess: tuple[jax.Array, ...], config: PathConfig) -> jax.Array:
     weights = [getattr(config.penalties, name) for name in VIOLATIONS]
     weighted = [weight * plane for weight, plane in zip(weights, excess, strict=True)]
     return reduce(jnp.add, weighted).mean(axis=0)
-
-
-def straight_time(start: jax.Array, goal: jax.Array, vehicle: Vehicle) -> jax.Array:
-    """s, straight from start to goal in still water."""
-    return jnp.sqrt(((goal - start) ** 2).sum() + TINY) / vehicle.speed

@@ -9,7 +9,7 @@ import numpy as np
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_at, basis_matrix, fit_matrix, greville_abscissae
 from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
-from auvplan.vehicle import Vehicle
+from auvplan.path.problem import Problem
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
 _MODES = 4
@@ -28,9 +28,7 @@ def straight_line(start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.
     return (start[:, None] + (goal - start)[:, None] * share).reshape(-1)
 
 
-def bounds(
-    start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig
-) -> tuple[jax.Array, jax.Array]:
+def bounds(problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array]:
     """Inclusive bounds of the free control points (beta of section 3.2), [3 n] m each.
 
     Every control point may leave its place on the straight line by a share of the distance, within the box of
@@ -40,6 +38,7 @@ def bounds(
     Differences from the paper:
         It gives no values for the bounds L and U; the shares are chosen here (`PathConfig.width`).
     """
+    (start, goal), env = problem.ends, problem.env
     distance = jnp.sqrt(((goal - start) ** 2).sum() + 1e-8)
     half = distance * jnp.asarray([config.width, config.width, config.depth_width], start.dtype)
     line = straight_line(start, goal, config).reshape(3, -1)
@@ -61,23 +60,16 @@ def widened(
 
 
 def initial(
-    key: jax.Array,
-    count: int,
-    start: jax.Array,
-    goal: jax.Array,
-    lower: jax.Array,
-    upper: jax.Array,
-    config: PathConfig,
-    env: Environment | None = None,
+    key: jax.Array, count: int, problem: Problem, lower: jax.Array, upper: jax.Array, config: PathConfig
 ) -> jax.Array:
-    """Return a first population of `count` habitats, [count, 3 n] m.
+    """Return a first population of `count` habitats within bounds, [count, 3 n] m.
 
     "uniform" draws every control point within its bounds; "smooth" is the straight line and detours of a few
     bends, of all sizes up to the bounds and to both sides. Where the world has a sea bed they rise over its
     banks.
     """
     free = config.control_points
-    line = straight_line(start, goal, config)
+    line = straight_line(*problem.ends, config)
     if config.start_shape == "uniform":
         population = jax.random.uniform(key, (count, 3 * free), lower.dtype, lower, upper)
     else:
@@ -90,24 +82,21 @@ def initial(
         size = jax.random.uniform(size_key, (count, 1, 1), lower.dtype)
         offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
         population = (line + offset.reshape(count, 3 * free)).at[0].set(line)
-    population = jnp.clip(population, lower, upper)
-    return population if env is None else raise_above_seabed(population, start, goal, env, config)
+    return raise_above_seabed(jnp.clip(population, lower, upper), problem, config)
 
 
-def raise_above_seabed(
-    habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig
-) -> jax.Array:
+def raise_above_seabed(habitats: jax.Array, problem: Problem, config: PathConfig) -> jax.Array:
     """Habitats [P, 3 n] m raised as far as their curves need it to keep the clearance above the sea bed.
 
     A control point rises by the most that is missing at any sample that it has weight at. Weights sum to one,
     so every sample rises by at least what it misses, and paths that follow the bed closely keep doing so.
     """
+    env = problem.env
     if env.seabed is None:
         return habitats
     basis = basis_matrix(config.samples, config.control_points + 2, config.degree)
     planes = jnp.stack(jnp.split(habitats, 3, axis=1))
-    ends = (jnp.broadcast_to(end[:, None, None], (3, len(habitats), 1)) for end in (start, goal))
-    first, last = ends
+    first, last = (jnp.broadcast_to(end[:, None, None], (3, len(habitats), 1)) for end in problem.ends)
     polygon = jnp.concatenate([first, planes, last], axis=2)
     x, y, z = polygon @ jnp.asarray(basis.T, habitats.dtype)
     gap = jnp.sqrt(jnp.diff(x, axis=1) ** 2 + jnp.diff(y, axis=1) ** 2 + 1e-8)
@@ -149,15 +138,7 @@ def fitted(
     return planes
 
 
-def spirals(
-    count: int,
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    vehicle: Vehicle,
-    env: Environment,
-    config: PathConfig,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
+def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return paths that wind from start to goal where the straight line is too steep.
 
     The first two are bows to either side, the others turn about that line, more often where the box is
@@ -165,15 +146,13 @@ def spirals(
 
     Args:
         count: of paths.
-        start, goal: [3] m.
-        depart: s since the epoch.
-        vehicle: with a limit on its pitch.
-        env: the world.
+        problem: the leg, of a vehicle with a limit on its pitch.
         config: static settings.
 
     Returns:
         ``(habitats [count, 3 n] m, times [count] s in still water, needed [])``.
     """
+    (start, goal), env, vehicle = problem.ends, problem.env, problem.vehicle
     assert vehicle.pitch_max is not None
     way = goal - start
     level, rise = jnp.sqrt((way[:2] ** 2).sum() + 1e-8), jnp.abs(way[2])
@@ -181,7 +160,7 @@ def spirals(
     share = jnp.linspace(0.0, 1.0, _LOOKED_AT)
     lasts = jnp.sqrt(level**2 + rise**2) / vehicle.speed
     x, y, z = (start[axis] + share * way[axis] for axis in range(3))
-    u, v, _ = env.current(x, y, z, depart + share * lasts)
+    u, v, _ = env.current(x, y, z, problem.depart + share * lasts)
     with_current = jnp.maximum((u * way[0] + v * way[1]).mean() / level, 0.0)
     speed = vehicle.speed * jnp.cos(vehicle.pitch_max) + with_current
     wanted = _LENGTHENED * rise / (vehicle.speed * jnp.sin(vehicle.pitch_max)) * speed

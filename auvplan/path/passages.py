@@ -26,6 +26,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, fitted, raise_above_seabed, spirals, straight_line
 from auvplan.path.kinematics import Axes
+from auvplan.path.problem import Problem
 from auvplan.path.profile import (
     STATIONS,
     depths_within_reach,
@@ -115,23 +116,12 @@ class _Traced:
 
 
 def trace_passages(
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    count: int,
-    config: PathConfig,
-    deep: bool = False,
+    problem: Problem, count: int, config: PathConfig, deep: bool = False
 ) -> tuple[jax.Array, ...]:
     """Trace the best paths through `count` passages, as habitats.
 
     Args:
-        start, goal: [3] m.
-        depart: s since the epoch.
-        env: the world, obstacles resolved. A bank of the sea bed is crossed where the top of the box leaves
-            room above it.
-        vehicle: speed and limits.
+        problem: the leg. A bank of the sea bed is crossed where the top of the box leaves room above it.
         count: of paths.
         config: static settings; `field_cells` sets the grid.
         deep: whether paths take the depths at which they are quickest (`profiles`), not the straight line's.
@@ -143,6 +133,7 @@ def trace_passages(
         is the size of the cells where no path between them keeps clear of coast and obstacles, zero where one
         does; `known` the time of the quickest path if it breaks no limit, else infinite.
     """
+    (start, goal), env, vehicle = problem.ends, problem.env, problem.vehicle
     ends = jnp.stack([start, goal])
     distance = jnp.sqrt(((goal - start) ** 2).sum())
     inner = ends[:, :2].min(axis=0), ends[:, :2].max(axis=0)
@@ -152,11 +143,11 @@ def trace_passages(
     ]
     low, high = _proportioned(jnp.maximum(around[0], box[0]), jnp.minimum(around[1], box[1]))
     cells = config.field_cells
-    build = partial(_Grid.of, ends=ends, depart=depart, env=env, vehicle=vehicle, config=config)
+    build = partial(_Grid.of, problem=problem, config=config)
 
     count_coarse = max(round(_COARSE * cells), 8)
     if deep:
-        coarse, ahead, total, depth = _layered(low, high, count_coarse, build, ends, depart, env, vehicle)
+        coarse, ahead, total, depth = _layered(low, high, count_coarse, build, problem)
     else:
         coarse, depth = build(low, high, count_coarse, _straight_times), None
         ahead, back = coarse.fields()
@@ -184,7 +175,7 @@ def trace_passages(
         both, spacing = jax.lax.map(finely, jnp.stack([depth, straight]))
         spacing = spacing[0]
         own, level = (jax.tree.map(lambda plane, k=k: plane[k], both) for k in (0, 1))
-        depths = profiles(*_evenly(own.x, own.y), start, goal, depart, env, vehicle, config)
+        depths = profiles(*_evenly(own.x, own.y), problem, config)
         parts = [(own, depths), (jax.tree.map(lambda plane: plane[: count // 2], level), None)]
     closed = jnp.where(reduce(jnp.logical_and, ((p.broken == 2.0).all() for p, _ in parts)), spacing, 0.0)
     # What moves between depths take is not in the times of those at depths of their own.
@@ -198,9 +189,9 @@ def trace_passages(
     times, habitats = jnp.concatenate([p.times for p, _ in parts]), []
     for settings in (config, config.fine()):
         rows = jnp.concatenate([_fitted(p, depths, start, goal, settings) for p, depths in parts])
-        rows = raise_above_seabed(rows, start, goal, env, settings)
+        rows = raise_above_seabed(rows, problem, settings)
         if vehicle.pitch_max is not None and (others := min(_WINDING, count // 2)):
-            winding, lasts, needed = spirals(others, start, goal, depart, vehicle, env, settings)
+            winding, lasts, needed = spirals(others, problem, settings)
             rows = rows.at[-others:].set(jnp.where(needed, winding, rows[-others:]))
             times = times.at[-others:].set(jnp.where(needed, lasts, times[-others:]))
         habitats.append(rows)
@@ -214,33 +205,22 @@ def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array
     return low - 0.5 * more, high + 0.5 * more
 
 
-def _straight_times(
-    x: jax.Array, y: jax.Array, ends: jax.Array, depart: jax.Array, vehicle: Vehicle
-) -> tuple[jax.Array, jax.Array]:
+def _apart(x: jax.Array, y: jax.Array, problem: Problem) -> list[jax.Array]:
+    """Return level distances, m, from the start and to the goal."""
+    return [jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in problem.ends]
+
+
+def _straight_times(x: jax.Array, y: jax.Array, problem: Problem) -> tuple[jax.Array, jax.Array]:
     """Time of arrival at each place, s, and depth there, m, as on straight lines."""
-    from_start, to_goal = (jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in ends)
+    (start, goal), (from_start, to_goal) = problem.ends, _apart(x, y, problem)
     share = from_start / jnp.maximum(from_start + to_goal, 1e-20)
-    return depart + from_start / vehicle.speed, ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
-
-
-def _transit(
-    lattice: Sequence[jax.Array], gap: jax.Array, ends: jax.Array, env: Environment, vehicle: Vehicle
-) -> jax.Array:
-    """Depth, m, at each place of a vehicle in transit that dives and climbs along straight lines."""
-    x, y = lattice
-    from_start, to_goal = (jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in ends)
-    slope, depth = transit_slope(vehicle), transit_depths(x, y, jnp.full_like(x, gap), env, vehicle)
-    for away, end in ((from_start, ends[0]), (to_goal, ends[1])):
-        depth = jnp.clip(depth, end[2] - slope * away, end[2] + slope * away)
-    return depth
+    return problem.depart + from_start / problem.vehicle.speed, start[2] + share * (goal[2] - start[2])
 
 
 def _known_times(
     x: jax.Array,
     y: jax.Array,
-    ends: jax.Array,
-    depart: jax.Array,
-    vehicle: Vehicle,
+    problem: Problem,
     coarse: "_Grid",
     ahead: jax.Array,
     total: jax.Array,
@@ -250,12 +230,12 @@ def _known_times(
     taken = coarse.looked_up(ahead, x, y)
     if depth is None:
         share = taken / jnp.maximum(coarse.looked_up(total, x, y), 1e-20)
-        z = ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
+        z = problem.start[2] + share * (problem.goal[2] - problem.start[2])
     else:
         z = coarse.looked_up(depth, x, y)
-    usual = _straight_times(x, y, ends, depart, vehicle)
+    usual = _straight_times(x, y, problem)
     known = jnp.isfinite(taken)
-    return jnp.where(known, depart + taken, usual[0]), jnp.where(known, z, usual[1])
+    return jnp.where(known, problem.depart + taken, usual[0]), jnp.where(known, z, usual[1])
 
 
 @dataclass(frozen=True)
@@ -291,19 +271,21 @@ class _Grid:
         high: jax.Array,
         cells: int,
         arrivals: Callable[..., tuple[jax.Array, jax.Array]],
-        ends: jax.Array,
-        depart: jax.Array,
-        env: Environment,
-        vehicle: Vehicle,
+        problem: Problem,
         config: PathConfig,
     ) -> "_Grid":
         """Return the grid of [cells, cells] between two corners; `arrivals` as `_straight_times`."""
+        ends, env, vehicle = problem.ends, problem.env, problem.vehicle
         spacing = (high - low) / cells
         probes = (jnp.arange(_PROBES * cells) + 0.5) / _PROBES
         lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
-        when, z = arrivals(*lattice, ends, depart, vehicle)
-        if vehicle.has_transit:
-            z = _transit(lattice, 2.0 * spacing.max(), ends, env, vehicle)
+        when, z = arrivals(*lattice, problem)
+        if vehicle.has_transit:  # it dives and climbs along straight lines
+            gap = jnp.full_like(lattice[0], 2.0 * spacing.max())
+            slope = transit_slope(vehicle)
+            z = transit_depths(lattice[0], lattice[1], gap, env, vehicle)
+            for away, end in zip(_apart(lattice[0], lattice[1], problem), ends, strict=True):
+                z = jnp.clip(z, end[2] - slope * away, end[2] + slope * away)
         places = lattice[0], lattice[1], z
         room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
         chosen = _clearest(room, _ROOM * spacing.min())
@@ -467,15 +449,13 @@ def _layered(
     high: jax.Array,
     cells: int,
     build: Callable[..., "_Grid"],
-    ends: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
+    problem: Problem,
 ) -> tuple["_Grid", jax.Array, jax.Array, jax.Array]:
     """Return a grid, and of the best ways over it at `_LAYERS` depths what they take, [N, N].
 
     That is the time from the start, s, the time of the best way through each cell, s, and its depth there, m.
     """
+    ends, env, vehicle = jnp.stack(problem.ends), problem.env, problem.vehicle
     share = jnp.linspace(0.0, 1.0, 5)
     x, y = jnp.meshgrid(*(low[axis] + (high[axis] - low[axis]) * share for axis in (0, 1)))
     line = ends[0] + share[:, None] * (ends[1] - ends[0])
@@ -483,14 +463,12 @@ def _layered(
     top, bottom = depths_within_reach(ends, env)
     if env.seabed is not None:
         bottom = jnp.minimum(bottom, deepest(env, x, y, jnp.zeros_like(x)).max())
-    when = _straight_times(x, y, ends, depart, vehicle)[0]
+    when = _straight_times(x, y, problem)[0]
     bottom = jnp.maximum(bottom, ends[:, 2].max())
     depth = levels((x, y, when), top, bottom, _LAYERS, env.current)
 
     def at(depth: jax.Array) -> tuple[jax.Array, tuple]:
-        grid = build(
-            low, high, cells, lambda *rest: (_straight_times(*rest)[0], jnp.full_like(rest[0], depth))
-        )
+        grid = build(low, high, cells, lambda *at: (_straight_times(*at)[0], jnp.full_like(at[0], depth)))
         return grid.times, (grid.spacing, grid.source, grid.sink)
 
     times, (spacing, source, sink) = jax.lax.map(at, depth)

@@ -1,5 +1,6 @@
 """Two points to a timed, checked trajectory, any number of legs by the same programs (section 3.2)."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -128,7 +129,6 @@ def plan_paths(
         TypeError: as `plan_path`; or the call is differentiated.
     """
     check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
-    config, key = config or PathConfig(), as_key(key)
     watch = None if budget is None else Budget(budget, len(np.atleast_2d(starts)))
     check_given(env, vehicle)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
@@ -137,9 +137,8 @@ def plan_paths(
             "starts and goals must be [B, 3] m, north, east and depth, "
             f"got shapes {start.shape} and {goal.shape}"
         )
-    check_ends(start, goal, env, vehicle or Vehicle())
-    legs = start.shape[0]
-    keys = jax.random.split(key, legs) if key.ndim == 0 else key
+    legs, conditions = start.shape[0], Conditions.of(env, vehicle, config, world_per_leg)
+    config = conditions.config
     if population is not None:
         shape = (legs, config.bbo.population, 3 * config.control_points)
         if np.shape(population) != shape:
@@ -147,14 +146,43 @@ def plan_paths(
                 f"population must be [B, P, 3 n], {shape} here, got shape {np.shape(population)}"
             )
     departs = np.broadcast_to(np.asarray(depart, float), (legs,))
-    world, shared = split(env, world_per_leg)
-    conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
-    problem = {"shared": shared, "vehicle": conditions.vehicle}
-    posed = Legs(start, goal, departs, world)
-    program = partial(in_samples, search_legs, **problem, config=config, budget=watch)
-    found = batch_map(program, keys, posed, population)
-    found, finer = plan_finely(found, keys, posed, **problem, config=config, budget=watch)
-    if not world_per_leg:
+    search = partial(in_samples, search_legs)
+    return search_and_polish(search, population, (start, goal), departs, key, conditions, watch)
+
+
+def search_and_polish(
+    search: Callable[..., dict[str, Any]],
+    population: Any,
+    ends: tuple[NDArray[np.floating], NDArray[np.floating]],
+    depart: NDArray[np.floating],
+    key: jax.Array,
+    conditions: Conditions,
+    budget: Budget | None,
+) -> PathPlans:
+    """Plan B legs by a search, and polish what it leaves wanting.
+
+    Args:
+        search: such as `search_legs`.
+        population: what it begins with, by leg.
+        ends: starts and goals, [B, 3] m.
+        depart: [B] s since the epoch.
+        key: one PRNG key, or B keys.
+        conditions: what paths are planned for.
+        budget: for all of it.
+
+    Raises:
+        ValueError: as `plan_paths`.
+    """
+    env, vehicle, per_leg = conditions.env, conditions.vehicle, conditions.leg is not None
+    check_ends(*ends, env, vehicle)
+    key = as_key(key)
+    keys = jax.random.split(key, len(depart)) if key.ndim == 0 else key
+    own, shared = split(env, per_leg)
+    legs = Legs(*ends, depart, own)
+    problem = {"shared": shared, "vehicle": vehicle, "config": conditions.config, "budget": budget}
+    found = batch_map(partial(search, **problem), keys, legs, population)
+    found, finer = plan_finely(found, keys, legs, **problem)
+    if not per_leg:
         check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
 

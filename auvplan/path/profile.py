@@ -19,6 +19,7 @@ from auvplan.path.clearance import obstacle_clearance
 from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
 from auvplan.path.habitats import deepest
 from auvplan.path.kinematics import TINY, vertical_speeds
+from auvplan.path.problem import Problem
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves from station to station on each path of a search, and depths to choose from at each.
@@ -199,27 +200,17 @@ def in_transit(
 
 
 def profiles(
-    x: jax.Array,
-    y: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-    count: int = LEVELS,
+    x: jax.Array, y: jax.Array, problem: Problem, config: PathConfig, count: int = LEVELS
 ) -> jax.Array:
     """Find the depths at which P paths given from above are quickest, [P, K + 1] m.
 
     Args:
         x, y: [P, K + 1] m, their stations.
-        start, goal: [3] m.
-        depart: s since the epoch.
-        env: the world, obstacles resolved.
-        vehicle: speed and limits.
+        problem: the leg.
         config: static settings.
         count: of depths to choose from; start's and goal's are two of them.
     """
+    (start, goal), depart, env, vehicle = problem.ends, problem.depart, problem.env, problem.vehicle
     dx, dy = jnp.diff(x, axis=1), jnp.diff(y, axis=1)
     step = jnp.sqrt(dx * dx + dy * dy + TINY)
     limit = jnp.full_like(x, env.upper[2])
@@ -275,7 +266,8 @@ def _moves(
         time: [P, L] s, of arrival at the station.
         station: x, y, dx, dy, level length [P] m of the moves from it, and greatest depth [P] m around it
             and around the next, as far as halfway between them.
-        env, vehicle, config: as for `profiles`.
+        env, vehicle: of the leg.
+        config: static settings.
     """
     x, y, dx, dy, step, limit, next_limit = (part[:, None] for part in station)
     half = time + 0.5 * step / vehicle.speed

@@ -15,16 +15,14 @@ from jax.typing import ArrayLike
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import as_point, check_ends, check_given, check_water
+from auvplan.path.ends import as_point, check_given
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.planner import plan_finely
+from auvplan.path.planner import search_and_polish
 from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions
-from auvplan.path.stages import Legs, search_legs, split, world_of
+from auvplan.path.stages import Batch, Legs, search_legs
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.prng import as_key
-from auvplan.runtime.rows import batch_map, over_rows
 from auvplan.vehicle import Vehicle
 
 
@@ -95,25 +93,14 @@ def replan_paths(
         budget: s of wall-clock time for all legs together.
     """
     watch = None if budget is None else Budget(budget, len(plans))
-    config, key = config or PathConfig(), as_key(key)
     check_given(env, vehicle)
     position = np.asarray(positions, float)
-    goals = np.stack([plan.control_points[-1] for plan in plans])
-    check_ends(position, goals, env, vehicle or Vehicle())
-    keys = jax.random.split(key, len(plans)) if key.ndim == 0 else key
-    starts = np.stack([plan.control_points[0] for plan in plans])
+    goals, starts = (np.stack([plan.control_points[end] for plan in plans]) for end in (-1, 0))
+    conditions = Conditions.of(env, vehicle, config, world_per_leg)
     reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]
-    populations = np.stack([plan.population for plan in plans])
-    world, shared = split(env, world_per_leg)
-    conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
-    problem = {"shared": shared, "vehicle": conditions.vehicle}
-    posed = Legs(position, goals, np.asarray(now, float), world)
-    program = partial(_search_on, **problem, config=config, budget=watch)
-    found = batch_map(program, keys, populations, starts, np.asarray(reached), posed)
-    found, finer = plan_finely(found, keys, posed, **problem, config=config, budget=watch)
-    if not world_per_leg:
-        check_water(found["water"], found["positions"], found["times"])
-    return PathPlans(**found, conditions=conditions, finer=finer)
+    kept = np.stack([plan.population for plan in plans]), starts, np.asarray(reached)
+    departs = np.asarray(now, float)
+    return search_and_polish(_search_on, kept, (position, goals), departs, key, conditions, watch)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:
@@ -124,47 +111,45 @@ def progress(plan: PathPlan, position: np.ndarray) -> float:
 
 def _search_on(
     keys: jax.Array,
-    populations: jax.Array,
-    starts: jax.Array,
-    reached: jax.Array,
     legs: Legs,
+    kept: tuple[jax.Array, ...],
     shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
     budget: Budget | None = None,
 ) -> dict[str, Any]:
-    """The fields of `PathPlans` by name, searched for from populations kept of paths from other starts."""
+    """As `search_legs`, from populations of paths from other starts and how far these have been followed."""
+    batch = Batch.of(legs, shared, vehicle, config)
     keeping = config.only("start_shape", "width", "depth_width")
     fresh = round(config.fresh_share * config.bbo.population)
-    kept, keys = _kept(keys, populations, starts, reached, legs, shared, config=keeping, fresh=fresh)
+    population, keys = _kept(batch, keys, *kept, config=keeping, fresh=fresh)
     settings = {"shared": shared, "vehicle": vehicle, "config": config, "window": True, "budget": budget}
-    return in_samples(search_legs, keys, legs, kept, **settings)
+    return in_samples(search_legs, keys, legs, population, **settings)
 
 
 @partial(compiled, static_argnames=("config", "fresh"), wide=True, quick=True)
 def _kept(
+    batch: Batch,
     keys: jax.Array,
     populations: jax.Array,
     starts: jax.Array,
     reached: jax.Array,
-    legs: Legs,
-    shared: Environment,
     config: PathConfig,
     fresh: int,
 ) -> tuple[jax.Array, jax.Array]:
     """Populations [B, P, 3 n] m carried over to where the vehicles are, and keys to search with."""
 
     def one(
-        key: jax.Array, population: jax.Array, start: jax.Array, reached: jax.Array, leg: Legs
+        leg: Legs, key: jax.Array, population: jax.Array, start: jax.Array, reached: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
         fresh_key, search_key = jax.random.split(key)
         kept = habitats.transfer(population, start, leg.goal, reached, leg.start, config)
         if fresh:
             # The worst of the kept ones make room for new detours: an obstacle may have closed the passage.
-            world = world_of(leg.own, shared)
-            lower, upper = habitats.bounds(leg.start, leg.goal, world, config)
-            new = habitats.initial(fresh_key, fresh, leg.start, leg.goal, lower, upper, config, world)
+            problem = batch.problem(leg)
+            lower, upper = habitats.bounds(problem, config)
+            new = habitats.initial(fresh_key, fresh, problem, lower, upper, config)
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
         return kept, search_key
 
-    return over_rows(one)(keys, populations, starts, reached, legs)
+    return batch.over_legs(one, keys, populations, starts, reached)

@@ -17,8 +17,8 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given
+from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
-from auvplan.path.scaling import WAY, factor_of
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
@@ -37,6 +37,13 @@ class Conditions:
     vehicle: Vehicle
     config: PathConfig
     leg: int | None = None
+
+    @classmethod
+    def of(
+        cls, env: Environment, vehicle: Vehicle | None, config: PathConfig | None, world_per_leg: bool
+    ) -> "Conditions":
+        """Return those of a batch, with defaults where there is no vehicle or setting."""
+        return cls(env, vehicle or Vehicle(), config or PathConfig(), 0 if world_per_leg else None)
 
     def world(self) -> Environment:
         """Return the leg's own world."""
@@ -257,15 +264,16 @@ def _followed(
     Limits count from a little before they bind on: a polish settles just inside.
     """
     start, goal, env, vehicle, depart = given
-    room, above_bed = (_REACH * margin / factor_of(start, goal) for margin in (GUIDE_MARGIN, GUIDE_ALTITUDE))
+    factor = factor_of(start, goal)
+    room, above_bed = (_REACH * margin / factor for margin in (GUIDE_MARGIN, GUIDE_ALTITUDE))
     env = replace(env, obstacles=env.obstacles.resolved(env.current))
     if env.seabed is not None:
         env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + above_bed))
     strict = vehicle.stricter(_NEARLY, "surge_max", "sway_max", "turn_rate_max", *VERTICAL_LIMITS.values())
     margins = {name: getattr(config, name) + room for name in ("coast_margin", "obstacle_margin")}
-    track = tracks(habitat[None], start, goal, env, vehicle, config)
+    track = tracks(habitat[None], Problem(start, goal, depart, env, vehicle), config)
     trajectory = evaluate(track, depart, env, strict, config.replace(**margins))
-    points, touch = habitat.reshape(3, -1), 1e-4 * WAY / factor_of(start, goal)
+    points, touch = habitat.reshape(3, -1), 1e-4 * WAY / factor
     beyond = jnp.stack([env.lower[:, None] - points, points - env.upper[:, None]])
     sides = jnp.maximum(beyond + touch, 0.0).ravel()
     return trajectory.travel_time[0], jnp.stack(trajectory.excess)[:, :, 0], sides, trajectory.price[0]

@@ -4,6 +4,7 @@ Each program depends on no more settings and shapes than it uses. So a first pla
 the way share all of them, and the costly part of each, the kernel with its gradient, is compiled once.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -30,15 +31,14 @@ from auvplan.path.cost import (
     judged_within,
     score,
     soft_objective,
-    straight_time,
     timed_at_places,
     tracks,
     violations,
 )
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
+from auvplan.path.problem import WAY, Problem, factor_of, scaled
 from auvplan.path.profile import compared, is_searched_in_depth, timed
-from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.runtime import prng
 from auvplan.runtime.budget import UNLIMITED, Budget, Share, Unlimited, share_of
 from auvplan.runtime.compiled import compiled
@@ -46,11 +46,11 @@ from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import over_rows
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
-#: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
-Problem = tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle]
-
 #: Current (or None, where all of it is shared) and obstacles; None where the legs share both.
 World = tuple[Current | None, Obstacles] | None
+
+#: Settings that are numbers to the programs.
+_MARGINS = "coast_margin", "obstacle_margin", "uncertain_price"
 
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
@@ -121,20 +121,86 @@ class Legs:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Common:
-    """What the legs of a batch share, apart from what programs are compiled for.
+class Batch:
+    """B legs and what they share, apart from what programs are compiled for: what all programs take.
 
     Attributes:
+        legs: B legs.
         env: the part of the world that is the same for all legs.
         vehicle: speed and limits.
         coast_margin, obstacle_margin, uncertain_price: as in `PathConfig`.
     """
 
+    legs: Legs
     env: Environment
     vehicle: Vehicle
     coast_margin: Any
     obstacle_margin: Any
     uncertain_price: Any
+
+    @classmethod
+    def of(cls, legs: Legs, env: Environment, vehicle: Vehicle, config: PathConfig) -> "Batch":
+        """Return a batch with the margins and the price of some settings."""
+        return cls(legs, env, vehicle, *(getattr(config, name) for name in _MARGINS))
+
+    @property
+    def current(self) -> Current:
+        """The current of one leg, as far as its kind goes."""
+        own = self.legs.own
+        return self.env.current if own is None else combine(self.env.current, row_kinds(own[0]))
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether paths may find other currents at other depths."""
+        return is_searched_in_depth(self.env, self.vehicle, self.current)
+
+    @property
+    def factors(self) -> np.ndarray:
+        """[B, 1], by which lengths and times of each leg are scaled in the search."""
+        legs = self.legs
+        return np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
+
+    def step_sizes(self, first: float, config: PathConfig) -> np.ndarray | np.float32:
+        """First step of a descent as shares of the bounds, [3 n] where depth is searched, else []."""
+        if not self.is_deep:
+            return np.float32(first)
+        return np.repeat(np.asarray([first, first, _DEEPER * first], np.float32), config.control_points)
+
+    def over_legs(self, one: Callable[..., Any], *rows: Any) -> Any:
+        """Call a function of a leg, and of its row of the other arguments, for all legs; for traced code."""
+        return over_rows(one)(self.legs, *rows)
+
+    def problem(self, leg: Legs) -> Problem:
+        """Return one leg."""
+        return Problem(leg.start, leg.goal, leg.depart, world_of(leg.own, self.env), self.vehicle)
+
+    def posed(self, leg: Legs, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
+        """Return one leg as the search sees it, its settings, and by what factor both are scaled."""
+        margins = {name: getattr(self, name) for name in _MARGINS}
+        return scaled(self.problem(leg), config.replace(**margins))
+
+    def compared(self, leg: Legs, pace: jax.Array | None, config: PathConfig) -> tuple[Problem, PathConfig]:
+        """Return one leg as `posed`, in the world that paths are compared in."""
+        problem, config, _ = self.posed(leg, config)
+        if pace is not None:
+            env = replace(problem.env, current=PacedCurrent(problem.env.current, pace))
+            problem = replace(problem, env=env)
+        return problem, config
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Bounds:
+    """Where habitats of B legs may lie, and how fast paths are followed while they are compared.
+
+    Attributes:
+        lower, upper: [B, 3 n] m.
+        pace: [B, S - 1] m/s over ground, see `_pace`, or None.
+    """
+
+    lower: Any
+    upper: Any
+    pace: Any
 
 
 def search_legs(
@@ -167,46 +233,52 @@ def search_legs(
         fields find a passage open, makes a long detour, or is slower than one that they know; `unsettled`
         where the last polish still improved it.
     """
-    world, judging = (_world(legs, env, vehicle, config) for env in (searched or shared, shared))
-    places, config = timed(config, _met(judging)[1]).quadrature, compared(config, *_met(world))
+    batch, judging = (Batch.of(legs, env, vehicle, config) for env in (searched or shared, shared))
+    places, config = timed(config, judging.current).quadrature, compared(config, batch.env, batch.current)
     effort = config.window() if window else config
-    share, work = share_of(budget), partial(_named, world, config)
+    # What the time of a piece of work depends on.
+    share, of = share_of(budget), (config, jax.tree.structure(batch), len(legs.start))
+
+    def work(name: str) -> tuple:
+        return name, *of
+
     share.keep_for(work("finish"), work("begin"), work("evolve"))
     found = None
     if config.passages and share.allows(work("trace")):
         cells = config.only("field_cells")
-        trace = partial(_trace, **world, config=cells, count=config.passages, deep=_is_deep(world))
+        trace = partial(_trace, batch, config=cells, count=config.passages, deep=batch.is_deep)
         passages, _, *known = share.spend(work("trace"), trace)
         found = passages, *known
     elif config.passages:
-        found = _no_passages(legs, config)
+        found = _no_passages(batch, config)
     fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
-    begin = partial(_begin, keys, population, found, **world, config=fresh, size=size, count=effort.passages)
-    begun = share.spend(work("begin"), begin)
-    population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
-
-    descended = partial(_descended, share, work("descend"), bounds=bounds, world=world, config=config)
+    begin = partial(_begin, batch, keys, population, found, config=fresh, size=size, count=effort.passages)
+    first_rows, bounds = share.spend(work("begin"), begin)
+    population = np.asarray(first_rows)
+    descended = partial(_descended, batch, bounds, config, share=share, work=work("descend"))
     if (count := effort.passages) and effort.passage_steps:
         # All passages at first, then the better half of them: a few steps show which ones lead nowhere.
         first, step_size = effort.passage_steps // 3, config.refine_step_size
-        rows = _ranked(*descended(population[:, -count:], None, first, step_size))[0]
+        rows = _ranked(*descended(population[:, -count:], first, step_size))[0]
         half = -(-count // 2)
-        better = descended(rows[:, :half], None, effort.passage_steps - first, step_size)[0]
+        better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
         population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
         if window:
             # The rest of the path in hand, bent round what has come.
-            bent = descended(population[:, :1], None, config.passage_steps, step_size)[0]
+            bent = descended(population[:, :1], config.passage_steps, step_size)[0]
             population = np.concatenate([bent, population[:, 1:]], axis=1)
 
-    state, history = _evolved(share, work("evolve"), keys, population, bounds, world, config, effort)
+    most = effort.bbo.iterations
+    state, history = _evolved(batch, keys, population, bounds, config, most, share, work("evolve"))
     before, polished = np.asarray(history.best)[:, -1], None
     if effort.refine_steps:
-        elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
-        polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
-    finish = partial(_finish, state, polished, None if found is None else found[2:], **judging)
+        planes = (state.population, state.cost, state.violation)
+        rows, *scores = (np.asarray(plane)[:, : config.refine_count] for plane in planes)
+        polished = descended(rows, effort.refine_steps, config.refine_step_size / 3.0, scores=scores)
+    finish = partial(_finish, judging, state, polished, None if found is None else found[2:])
     plans, last = share.spend(work("finish"), partial(finish, config=config.only(), places=places))
     plans, last = jax.device_get((plans, last))
-    settled = config.settled * (_SETTLED_IN_DEPTH if _is_deep(world) else 1.0)
+    settled = config.settled * (_SETTLED_IN_DEPTH if batch.is_deep else 1.0)
     # Segments that hide some of the current that they cross are too long.
     unsettled = plans.pop("hidden") > settled * plans["travel_time"]
     if polished is not None:
@@ -223,34 +295,27 @@ def sketch_legs(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathC
     Args:
         legs, shared, vehicle, config: as for `search_legs`.
     """
-    world = _world(legs, shared, vehicle, config)
-    config, keys = compared(config, *_met(world)), jax.random.split(jax.random.key(0), len(legs.start))
+    batch = Batch.of(legs, shared, vehicle, config)
+    keys = jax.random.split(jax.random.key(0), len(legs.start))
+    config = compared(config, batch.env, batch.current)
     cells, fresh = config.only("field_cells"), config.only("start_shape", "width", "depth_width")
-    count = max(config.passages, 2)
-    rows, _, times, *_ = _trace(**world, config=cells, count=count, deep=_is_deep(world))
+    count, deep = max(config.passages, 2), batch.is_deep
+    rows, _, times, *_ = _trace(batch, config=cells, count=count, deep=deep)
     # Each kind of passages begins with its best.
-    best = [0, count - count // 2 if _is_deep(world) else 1]
+    best = [0, count - count // 2 if deep else 1]
     found = tuple(np.asarray(plane)[:, best] for plane in (rows, times))
-    begun = _begin(keys, None, found, **world, config=fresh, size=2, count=2)
+    rows, bounds = _begin(batch, keys, None, found, config=fresh, size=2, count=2)
     effort = config.passage_steps + config.refine_steps, config.refine_step_size
-    bounds = begun["lower"], begun["upper"], begun["pace"]
-    rows = _descended(UNLIMITED, (), begun["population"], None, *effort, bounds, world, config)[0]
-    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])
-    free = (rows / factors[:, None, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
+    rows = _descended(batch, bounds, config, np.asarray(rows), *effort)[0]
+    free = (rows / batch.factors[:, :, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
     ends = [np.broadcast_to(end[:, None, None], (*free.shape[:2], 1, 3)) for end in (legs.start, legs.goal)]
     polygons = np.concatenate([ends[0], free, ends[1]], axis=2)
     return basis_matrix(config.samples, polygons.shape[2], config.degree) @ polygons
 
 
-def _named(world: dict[str, Any], config: PathConfig, name: str) -> tuple:
-    """Return what the time of a piece of work depends on."""
-    return name, config, jax.tree.structure(world), len(world["legs"].start)
-
-
-def _no_passages(legs: Legs, config: PathConfig) -> tuple[np.ndarray, ...]:
+def _no_passages(batch: Batch, config: PathConfig) -> tuple[np.ndarray, ...]:
     """Return what `_trace` returns where there is no passage, as far as the search uses it."""
-    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
-    start, goal = (np.asarray(end) * factors for end in (legs.start, legs.goal))
+    start, goal = (np.asarray(end) * batch.factors for end in (batch.legs.start, batch.legs.goal))
     part = np.linspace(0.0, 1.0, config.control_points + 2)[1:-1]
     line = (start[:, :, None] + (goal - start)[:, :, None] * part).reshape(len(start), 1, -1)
     shape = len(start), config.passages
@@ -259,28 +324,24 @@ def _no_passages(legs: Legs, config: PathConfig) -> tuple[np.ndarray, ...]:
     return lines, np.full(shape, np.inf, np.float32), none, none + np.inf
 
 
-def _planes(state: search.State) -> tuple[jax.Array, jax.Array, jax.Array]:
-    return state.population, state.cost, state.violation
-
-
 def _evolved(
-    share: Share | Unlimited,
-    work: tuple,
+    batch: Batch,
     keys: jax.Array,
     population: np.ndarray,
-    bounds: tuple,
-    world: dict[str, Any],
+    bounds: Bounds,
     config: PathConfig,
-    effort: PathConfig,
+    most: int,
+    share: Share | Unlimited,
+    work: tuple,
 ) -> tuple[search.State, search.History]:
-    """States and histories of as many iterations as the time allows; none is enough for a score."""
-    most, done, parts, settings = effort.bbo.iterations, 0, [], config.only("bbo")
+    """States and histories of as many of `most` iterations as the time allows; none is enough for a score."""
+    done, parts, settings = 0, [], config.only("bbo")
     while done < most or not parts:
         chunk = share.units(work, most - done)
         if not chunk and parts:
             break
         chunk_keys = keys if not done else prng.folded_rows(keys, done)
-        evolve = partial(_evolve, chunk_keys, population, *bounds, np.int32(chunk), **world, config=settings)
+        evolve = partial(_evolve, batch, chunk_keys, population, bounds, np.int32(chunk), config=settings)
         state, history = share.spend(work, evolve, chunk + 1)
         population, done = state.population, done + chunk
         parts.append(search.rows(history, slice(1 if parts else 0, chunk + 1)))
@@ -290,16 +351,17 @@ def _evolved(
 
 
 def _descended(
-    share: Share | Unlimited,
-    work: tuple,
+    batch: Batch,
+    bounds: Bounds,
+    config: PathConfig,
     rows: np.ndarray,
-    scores: list[np.ndarray] | None,
     steps: int,
     step_size: float,
-    bounds: tuple,
-    world: dict[str, Any],
-    config: PathConfig,
+    *,
     softness: float = SOFTNESS,
+    scores: list[np.ndarray] | None = None,
+    share: Share | Unlimited = UNLIMITED,
+    work: tuple = (),
 ) -> tuple[np.ndarray, ...]:
     """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time.
 
@@ -319,8 +381,8 @@ def _descended(
             real = part.shape[1]
             padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
             size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
-            numbers = np.int32(chunk), _step_sizes(size, world, config), np.float32(softness)
-            descend = partial(_descend, padded, *bounds, *numbers, **world, config=config.only())
+            numbers = np.int32(chunk), batch.step_sizes(size, config), np.float32(softness)
+            descend = partial(_descend, batch, padded, bounds, *numbers, config=config.only())
             better = share.spend(work, descend, chunk + 1)
             for plane, new in zip(out, better, strict=True):
                 plane[:, group] = np.asarray(new)[:, :real]
@@ -354,18 +416,15 @@ def polish_finely(
         As `search_legs` but for the history; populations hold the best path alone.
     """
     searched = searched or shared
-    world, judging = (_world(legs, env, vehicle, config) for env in (searched, shared))
-    places, config = timed(config, _met(judging)[1]).quadrature, compared(config, *_met(world))
-    fine = config.fine()
-    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
+    batch, judging = (Batch.of(legs, env, vehicle, config) for env in (searched, shared))
+    places, config = timed(config, judging.current).quadrature, compared(config, batch.env, batch.current)
+    fine, deep, factors = config.fine(), batch.is_deep, batch.factors
     ends = legs.start * factors, legs.goal * factors
     rows, outcome = (known * factors)[:, None].astype(np.float32), None
-    polished = partial(_polished, keys, world=world)
+    polished = partial(_polished, keys, batch)
     if again:
         dense = config.only("finer").replace(field_cells=config.dense_cells)
-        passages, few, _, *outcome = _trace(
-            **world, config=dense, count=config.passages, deep=_is_deep(world)
-        )
+        passages, few, _, *outcome = _trace(batch, config=dense, count=config.passages, deep=deep)
         rows = np.concatenate([rows, passages], axis=1)
         settings = config.replace(refine_steps=config.passage_steps)
         rows = _ranked(*polished(rows, settings, together=rows.shape[1]))[0][:, :1]
@@ -376,13 +435,13 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        found = _finish(state, None, outcome, **judging, config=fine.only(), places=places)
+        found = _finish(judging, state, None, outcome, config=fine.only(), places=places)
         plans = jax.device_get(found[0])
         del plans["hidden"]
         return plans
 
     ranked = _ranked(*polished(rows, fine))
-    if _is_deep(world) and vehicle.vertical_limits:
+    if deep and vehicle.vertical_limits:
         softness, less, times = _STEEP
         steps, size = times * fine.refine_steps, less * fine.refine_step_size
         gentle = fine.replace(refine_steps=steps, refine_step_size=size)
@@ -396,8 +455,8 @@ def polish_finely(
         if not wanted.any():
             continue
         stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
-        strict = _world(legs, searched, stricter, config)
-        ranked = _ranked(*polished(rows if restart else last, fine, world=strict, softness=softness))
+        strict = Batch.of(legs, searched, stricter, config)
+        ranked = _ranked(*_polished(keys, strict, rows if restart else last, fine, softness))
         last, more, tried = ranked[0], judged(*ranked), tried + wanted
         excess, known = (plans["violations"].sum(axis=1) for plans in (more, best))
         better = wanted & ((excess < known) | ((excess == known) & (more["cost"] < best["cost"])))
@@ -412,29 +471,11 @@ def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
     return chosen.reshape(-1, *(1,) * (plane.ndim - 1))
 
 
-def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> dict[str, Any]:
-    """Arguments that all programs take."""
-    numbers = config.coast_margin, config.obstacle_margin, config.uncertain_price
-    return {"legs": legs, "common": Common(shared, vehicle, *numbers)}
-
-
-def _met(world: dict[str, Any]) -> tuple[Environment, Current]:
-    """Return the world of all legs, and the current of one as far as its kind goes."""
-    env, own = world["common"].env, world["legs"].own
-    return env, env.current if own is None else combine(env.current, row_kinds(own[0]))
-
-
-def _is_deep(world: dict[str, Any]) -> bool:
-    """Return whether paths may find other currents at other depths."""
-    env, current = _met(world)
-    return is_searched_in_depth(env, world["common"].vehicle, current)
-
-
 def _polished(
     keys: jax.Array,
+    batch: Batch,
     rows: np.ndarray,
     config: PathConfig,
-    world: dict[str, Any],
     softness: float = SOFTNESS,
     together: int = 1,
 ) -> tuple[np.ndarray, ...]:
@@ -443,24 +484,10 @@ def _polished(
     for begin in range(0, rows.shape[1], together):
         part = rows[:, begin : begin + together]
         found = part, np.zeros(part.shape[:2], part.dtype)
-        begun = _begin(keys, None, found, **world, config=fresh, size=together, count=together)
-        bounds, steps = (begun["lower"], begun["upper"], begun["pace"]), config.refine_steps
-        part = np.asarray(begun["population"])
-        parts.append(
-            _descended(
-                UNLIMITED, (), part, None, steps, config.refine_step_size, bounds, world, config, softness
-            )
-        )
+        part, bounds = _begin(batch, keys, None, found, config=fresh, size=together, count=together)
+        effort = config.refine_steps, config.refine_step_size
+        parts.append(_descended(batch, bounds, config, np.asarray(part), *effort, softness=softness))
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
-
-
-def _step_sizes(step_size: float, world: dict[str, Any], config: PathConfig) -> np.ndarray | np.float32:
-    """Return the first step of a descent as shares of the bounds, [3 n] where depth is searched, else []."""
-    if not _is_deep(world):
-        return np.float32(step_size)
-    return np.repeat(
-        np.asarray([step_size, step_size, _DEEPER * step_size], np.float32), config.control_points
-    )
 
 
 def _ranked(rows: np.ndarray, costs: np.ndarray, violations: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -470,62 +497,46 @@ def _ranked(rows: np.ndarray, costs: np.ndarray, violations: np.ndarray) -> tupl
     return rows, *(np.take_along_axis(plane, order, axis=1) for plane in (costs, violations))
 
 
-def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
-    """One leg as the search sees it, its settings, and by what factor both are scaled."""
-    factor = factor_of(leg.start, leg.goal)
-    config = config.replace(
-        coast_margin=common.coast_margin,
-        obstacle_margin=common.obstacle_margin,
-        uncertain_price=common.uncertain_price,
-    )
-    env, vehicle, config = scaled(world_of(leg.own, common.env), common.vehicle, config, factor)
-    return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
-
-
 @partial(compiled, static_argnames=("config", "count", "deep"), wide=True, quick=True)
-def _trace(legs: Legs, common: Common, config: PathConfig, count: int, deep: bool) -> tuple[jax.Array, ...]:
+def _trace(batch: Batch, config: PathConfig, count: int, deep: bool) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
     def one(leg: Legs) -> tuple[jax.Array, ...]:
-        problem, own, _ = _posed(leg, common, config)
-        return trace_passages(*problem, count=count, config=own, deep=deep)
+        problem, own, _ = batch.posed(leg, config)
+        return trace_passages(problem, count, own, deep)
 
-    return over_rows(one)(legs)
+    return batch.over_legs(one)
 
 
 @partial(compiled, static_argnames=("config", "size", "count"), wide=True, quick=True)
 def _begin(
+    batch: Batch,
     keys: jax.Array,
     populations: jax.Array | None,
     found: tuple[jax.Array, ...] | None,
-    legs: Legs,
-    common: Common,
     config: PathConfig,
     size: int,
     count: int,
-) -> dict[str, jax.Array | None]:
-    """Populations [B, size, 3 n] that hold the best `count` of the paths found, bounds and paces."""
+) -> tuple[jax.Array, Bounds]:
+    """Populations [B, size, 3 n] that hold the best `count` of the paths found, and their bounds."""
 
     def one(
-        key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None, leg: Legs
-    ) -> dict[str, jax.Array | None]:
-        problem, own, factor = _posed(leg, common, config)
-        start, goal, _, env, _ = problem
-        lower, upper = habitats.bounds(start, goal, env, own)
+        leg: Legs, key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None
+    ) -> tuple[jax.Array, Bounds]:
+        problem, own, factor = batch.posed(leg, config)
+        lower, upper = habitats.bounds(problem, own)
         if population is None:
-            population = habitats.initial(_keys(key)[0], size, start, goal, lower, upper, own, env)
+            population = habitats.initial(_keys(key)[0], size, problem, lower, upper, own)
         else:
             population = population * factor
         if found is not None:
             passages, exist = found[0][:count], jnp.isfinite(found[1][:count])
-            lower, upper = habitats.widened(lower, upper, passages, env)
+            lower, upper = habitats.widened(lower, upper, passages, problem.env)
             through = jnp.where(exist[:, None], passages, population[-count:])
             population = population.at[-count:].set(through)
-        population = jnp.clip(population, lower, upper)
-        pace = _pace(problem, own)
-        return {"population": population, "lower": lower, "upper": upper, "pace": pace}
+        return jnp.clip(population, lower, upper), Bounds(lower, upper, _pace(problem, own))
 
-    return over_rows(one)(keys, populations, found, legs)
+    return batch.over_legs(one, keys, populations, found)
 
 
 def _keys(key: jax.Array) -> jax.Array:
@@ -539,126 +550,94 @@ def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
     A gradual current is met at the pace of the straight line, which spares the search the timing of segments
     one after the other; the path that it finds is timed so. None in all other currents.
     """
-    start, goal, depart, env, vehicle = problem
-    if not is_quasi_steady(env.current):
+    if not is_quasi_steady(problem.env.current):
         return None
-    line = tracks(habitats.straight_line(start, goal, config)[None], start, goal, env, vehicle, config)
-    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
-    trajectory = evaluate(line, depart, bare, vehicle, config)
+    line = tracks(habitats.straight_line(*problem.ends, config)[None], problem, config)
+    bare = replace(problem.env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
+    trajectory = evaluate(line, problem.depart, bare, problem.vehicle, config)
     gap = norm(*line.way)[:, 0]
-    return jnp.maximum(gap / jnp.diff(trajectory.times[:, 0]), _SLOWEST * vehicle.speed)
-
-
-def _compared(
-    leg: Legs, pace: jax.Array | None, common: Common, config: PathConfig
-) -> tuple[Problem, PathConfig]:
-    """One leg as `_posed`, in the world that paths are compared in."""
-    (start, goal, depart, env, vehicle), config, _ = _posed(leg, common, config)
-    if pace is not None:
-        env = replace(env, current=PacedCurrent(env.current, pace))
-    return (start, goal, depart, env, vehicle), config
+    return jnp.maximum(gap / jnp.diff(trajectory.times[:, 0]), _SLOWEST * problem.vehicle.speed)
 
 
 @partial(compiled, static_argnames=("config",), wide=True)
 def _descend(
+    batch: Batch,
     rows: jax.Array,
-    lowers: jax.Array,
-    uppers: jax.Array,
-    paces: jax.Array | None,
+    bounds: Bounds,
     steps: jax.Array,
     step_size: jax.Array,
     softness: jax.Array,
-    legs: Legs,
-    common: Common,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R]."""
 
-    def one(
-        rows: jax.Array, lower: jax.Array, upper: jax.Array, pace: jax.Array | None, leg: Legs
-    ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        problem, own = _compared(leg, pace, common, config)
-        return descend(
-            partial(soft_objective, config=own, softness=softness),
-            rows,
-            lower,
-            upper,
-            steps,
-            problem,
-            step_size,
-        )
+    def one(leg: Legs, rows: jax.Array, bounds: Bounds) -> tuple[jax.Array, jax.Array, jax.Array]:
+        problem, own = batch.compared(leg, bounds.pace, config)
+        guide = partial(soft_objective, config=own, softness=softness)
+        return descend(guide, rows, bounds.lower, bounds.upper, steps, (problem,), step_size)
 
-    return over_rows(one)(rows, lowers, uppers, paces, legs)
+    return batch.over_legs(one, rows, bounds)
 
 
 @partial(compiled, static_argnames=("config",), wide=True)
 def _evolve(
+    batch: Batch,
     keys: jax.Array,
     populations: jax.Array,
-    lowers: jax.Array,
-    uppers: jax.Array,
-    paces: jax.Array | None,
+    bounds: Bounds,
     iterations: jax.Array,
-    legs: Legs,
-    common: Common,
     config: PathConfig,
 ) -> tuple[search.State, search.History]:
     """Last populations and histories; rows of a history after the iterations that were run are not set."""
 
     def one(
-        key: jax.Array,
-        population: jax.Array,
-        lower: jax.Array,
-        upper: jax.Array,
-        pace: jax.Array | None,
-        leg: Legs,
+        leg: Legs, key: jax.Array, population: jax.Array, bounds: Bounds
     ) -> tuple[search.State, search.History]:
-        problem, own = _compared(leg, pace, common, config)
-        cost = partial(score, config=own)
+        problem, own = batch.compared(leg, bounds.pace, config)
+        cost, limits = partial(score, config=own), (bounds.lower, bounds.upper)
         result = search.run(
-            _keys(key)[1], cost, population, lower, upper, config.bbo, problem, iterations=iterations
+            _keys(key)[1], cost, population, *limits, config.bbo, (problem,), iterations=iterations
         )
         return result.state, _in_seconds(result.history, leg)
 
-    return over_rows(one)(keys, populations, lowers, uppers, paces, legs)
+    return batch.over_legs(one, keys, populations, bounds)
 
 
 @partial(compiled, static_argnames=("config", "places"), wide=True, quick=True)
 def _finish(
+    batch: Batch,
     states: search.State,
     polished: list[jax.Array] | None,
     known: tuple[jax.Array, jax.Array] | None,
-    legs: Legs,
-    common: Common,
     config: PathConfig,
     places: int | None,
 ) -> tuple[dict[str, jax.Array], search.History]:
     """Return the best paths, as fields of `PathPlans` but for the history, and its last rows.
 
     Args:
+        batch: the legs, in the world that paths are judged in.
         states: populations after the search.
         polished: the best of them after a descent, with costs and violations [B, R].
         known: `closed` and `known` of `trace_passages`.
-        legs, common, config: as for the other stages.
+        config: static settings.
         places: on each segment at which the current is met, as `timed_at_places` takes it.
     """
 
     def one(
+        leg: Legs,
         state: search.State,
         polished: list[jax.Array] | None,
         known: tuple[jax.Array, jax.Array] | None,
-        leg: Legs,
     ) -> tuple[dict[str, jax.Array], search.History]:
-        (start, goal, depart, env, vehicle), own, factor = _posed(leg, common, config)
+        problem, own, factor = batch.posed(leg, config)
+        env, vehicle = problem.env, problem.vehicle
         if polished is not None:
             # The polished elite is ranked into the population.
             parts = zip((state.population, state.cost, state.violation), polished, strict=True)
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
-        best = state.population[:1]
-        track = tracks(best, start, goal, env, vehicle, own)
-        posed = track, depart, env, vehicle, own
-        trajectory, hidden = timed_at_places(*posed, places)
-        cost, _ = cost_of(trajectory, straight_time(start, goal, vehicle), own)
+        track = tracks(state.population[:1], problem, own)
+        trajectory, hidden = timed_at_places(track, problem.depart, env, vehicle, own, places)
+        cost, _ = cost_of(trajectory, problem.straight_time, own)
         trajectory = judged_within(trajectory, env, vehicle, own)
         plan = _in_own_units(trajectory, cost[0], state, leg, factor) | {"hidden": hidden[0] / factor}
         if known is None:
@@ -671,7 +650,7 @@ def _finish(
             plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
         return plan, _in_seconds(search.statistics(state), leg)
 
-    return over_rows(one)(states, polished, known, legs)
+    return batch.over_legs(one, states, polished, known)
 
 
 def _in_seconds(history: search.History, leg: Legs) -> search.History:

@@ -1,7 +1,6 @@
 """Path cost (Eqs 10-12) against a naive NumPy twin, closed forms and finite differences."""
 
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import jax
@@ -270,7 +269,7 @@ def test_gradients_match_finite_differences(reading, quadrature):
     def cost(habitat, speed, depart, strength):
         moved = replace(env, current=env.current.scaled(strength))
         seen = replace(moved, obstacles=env.obstacles.resolved(moved.current))
-        return kernel.score(habitat[None], START, GOAL, depart, seen, ap.Vehicle(speed=speed), config)[0][0]
+        return score(habitat[None], START, GOAL, depart, seen, ap.Vehicle(speed=speed), config)[0][0]
 
     cost, at = jax.jit(cost), (habitat, 2.5, 30.0, 1.0)
     slopes = jax.jit(jax.grad(cost, argnums=(0, 1, 2, 3)))(*at)
@@ -438,7 +437,7 @@ def test_costs_of_cusps_keep_their_digits():
     for bits, real in ((32, np.float32), (64, np.float64)):
         with jax.enable_x64(bits == 64):
             given = jax.tree.map(lambda leaf, real=real: _as_real(leaf, real), with_cusps)
-            costs[bits] = np.asarray(jax.jit(partial(kernel.score, config=CONFIG))(*given)[0], float)
+            costs[bits] = np.asarray(score(*given, CONFIG)[0], float)
     np.testing.assert_allclose(costs[32], costs[64], rtol=1e-5)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path.cost import score
 from auvplan.runtime.compiled import compilations
+from tests.path.kernels import score
 
 LIGHT = ap.PathConfig.quick().replace(finer=1, passages=0)
 BOX = {"lower": (-500.0, -1500.0, 0.0), "upper": (2500.0, 1500.0, 0.0)}

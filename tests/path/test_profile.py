@@ -13,7 +13,8 @@ from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.currents import SumCurrent, varies_in_space, varies_with_depth
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path.profile import levels, profiles
-from auvplan.path.stages import Legs, _step_sizes, _world, split
+from auvplan.path.stages import Batch, Legs, split
+from tests.path.kernels import leg
 
 WAY, SPEED = 4000.0, 1.5
 UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
@@ -40,14 +41,14 @@ def sea(current=two_layers, obstacles=None, bottom=100.0):
 
 
 timed_levels = jax.jit(levels, static_argnums=3)
-quickest = jax.jit(profiles, static_argnums=(7, 8))
+quickest = jax.jit(profiles, static_argnums=(3, 4))
 
 
 def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stations=64, count=24):
     x = np.linspace(0.0, WAY, stations + 1)[None]
     ends = np.array([0.0, 0.0, start_depth]), np.array([WAY, 0.0, goal_depth])
-    args = (x, 0.0 * x, *ends, 0.0, env, vehicle or UNLIMITED, ap.PathConfig(), count)
-    return np.asarray(quickest(*args))[0]
+    problem = leg(*ends, env, 0.0, vehicle or UNLIMITED)
+    return np.asarray(quickest(x, 0.0 * x, problem, ap.PathConfig(), count))[0]
 
 
 @pytest.mark.parametrize(
@@ -335,7 +336,7 @@ def test_descents_take_greater_steps_in_depth_where_depth_is_searched(env, deepe
     config = ap.PathConfig(control_points=5)
     legs = Legs(np.zeros((1, 3)), np.array([[WAY, 0.0, 0.0]]), np.zeros(1), None)
     _, shared = split(env, world_per_leg=False)
-    sizes = _step_sizes(0.01, _world(legs, shared, UNLIMITED, config), config)
+    sizes = Batch.of(legs, shared, UNLIMITED, config).step_sizes(0.01, config)
     north, east, down = np.broadcast_to(sizes, 15).reshape(3, 5)
     np.testing.assert_array_equal([north, east], np.float32(0.01))
     assert ((down > 0.02) == deeper).all()

@@ -10,11 +10,10 @@ import pytest
 import auvplan as ap
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, habitats
-from auvplan.path import cost as kernel
 from auvplan.path.clearance import bed_altitude
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.runtime.compiled import compilations
-from tests.path.kernels import curves, evaluate, population, through
+from tests.path.kernels import curves, evaluate, leg, population, score, through
 
 CONFIG = ap.PathConfig(
     bbo=ap.bbo.BBOConfig(
@@ -148,7 +147,7 @@ def test_gradients_match_finite_differences():
 
     @jax.jit
     def cost(habitat):
-        return kernel.score(habitat[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]
+        return score(habitat[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]
 
     slopes = jax.jit(jax.grad(cost))(habitat)
     assert np.abs(slopes[20:]).max() > 1.0  # the ridge bears on the depths
@@ -176,9 +175,9 @@ def test_first_habitats_rise_over_the_ridge():
 
     @jax.jit
     def first(start, goal):
-        straight = habitats.straight_line(start, goal, CONFIG)
-        bounds = habitats.bounds(start, goal, env, CONFIG)
-        return straight, habitats.raise_above_seabed(straight[None], start, goal, env, CONFIG), *bounds
+        straight, problem = habitats.straight_line(start, goal, CONFIG), leg(start, goal, env)
+        line = habitats.raise_above_seabed(straight[None], problem, CONFIG)
+        return straight, line, *habitats.bounds(problem, CONFIG)
 
     straight, line, lower, upper = map(np.asarray, first(jnp.asarray(START), jnp.asarray(GOAL)))
     np.testing.assert_array_equal(lower[20:], 0.0)
@@ -195,7 +194,7 @@ def test_a_path_that_follows_the_bed_is_not_raised():
     x, y, _ = habitats.straight_line(start, goal, config).reshape(3, -1)
     above, below = ([*x, *y, *(env.seabed.depth_at(x, y) - altitude)] for altitude in (30.0, 0.0))
     rows = jnp.asarray([above, below])
-    follows, rises = habitats.raise_above_seabed(rows, start, goal, env, config)
+    follows, rises = habitats.raise_above_seabed(rows, leg(start, goal, env), config)
     np.testing.assert_array_equal(follows, rows[0])
     places = np.stack(curves(rises[None], start, goal, config).places, axis=-1)
     assert env.seabed.altitude(places).min() >= CLEARANCE
