@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.path import passages
-from tests.path.kernels import curves
+from tests.path.kernels import curves, leg
 
 CONFIG = ap.PathConfig(field_cells=48, control_points=16, samples=64)
 START, GOAL = jnp.array([0.0, 0.0, 10.0]), jnp.array([2000.0, 0.0, 10.0])
@@ -24,7 +24,12 @@ def sea(water=WATER, obstacles=NOWHERE, current=None, origin=LOWER[:2], **box):
     return ap.Environment(current, chart, obstacles, **{"lower": LOWER, "upper": UPPER} | box)
 
 
-traced = jax.jit(passages.trace_passages, static_argnums=(5, 6))
+trace_passages = jax.jit(passages.trace_passages, static_argnums=(1, 2))
+
+
+def traced(start, goal, env, count=4):
+    """Passages from start to goal, as `trace_passages` returns them."""
+    return trace_passages(leg(start, goal, env), count, CONFIG)
 
 
 def grid_with(times):
@@ -86,7 +91,7 @@ def test_chains_lead_back_along_shortest_ways():
 def test_passages_on_both_sides_of_an_obstacle():
     rock = ap.Obstacles.static([[1000.0, 50.0, 10.0]], [300.0])
     env = sea(obstacles=rock)
-    found, _, times, closed, known = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, times, closed, known = traced(START, GOAL, env)
     assert (np.diff(times[np.isfinite(times)]) >= 0.0).all()
     x, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     beside = np.asarray(y)[np.arange(4), np.abs(np.asarray(x) - 1000.0).argmin(axis=1)]
@@ -102,7 +107,7 @@ def test_the_way_follows_the_current():
     env = ap.Environment(
         lambda x, y, z, t: (1.5 * jnp.exp(-(((y - 400.0) / 150.0) ** 2)), 0.0, 0.0), None, None, LOWER, UPPER
     )
-    found, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 1, CONFIG)
+    found, *_ = traced(START, GOAL, env, 1)
     _, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     assert float(y.max()) > 250.0
 
@@ -119,7 +124,7 @@ def walled(*gaps, obstacles=NOWHERE):
 def test_passages_with_more_control_points_are_the_same_ways():
     rock = ap.Obstacles.static([[1000.0, 0.0, 10.0]], [300.0])
     env = sea(obstacles=rock)
-    usual, fine, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    usual, fine, *_ = traced(START, GOAL, env)
     assert fine.shape == (4, CONFIG.finer * 3 * CONFIG.control_points)
     for k in range(2):
         few, many = (
@@ -133,7 +138,7 @@ def test_passages_with_more_control_points_are_the_same_ways():
 def test_a_gap_narrower_than_a_cell_is_found():
     env = walled(slice(243, 249))  # 60 m between 830 and 890 m east; the cells are larger
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
-    found, _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, _, closed, known = traced(*ends, env)
     assert float(closed) == 0.0
     assert float(known) == pytest.approx(2.0 * np.hypot(1000.0, 850.0) / 2.5, rel=0.03)
     x, y, _ = (np.asarray(axis)[:, 0] for axis in curves(found, *ends, CONFIG).places)
@@ -143,7 +148,7 @@ def test_a_gap_narrower_than_a_cell_is_found():
 def test_a_wall_without_a_gap_is_closed():
     env = walled()
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
-    _, _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    _, _, _, closed, known = traced(*ends, env)
     assert 0.0 < float(closed) < 200.0
     assert np.isinf(float(known))
 
@@ -153,7 +158,7 @@ def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
     water[145:155, 40:260] = False  # 2.2 km across a way of 1 km
     env = sea(water, origin=(0.0, 0.0), lower=(0, 0, 0), upper=(3000, 3000, 0))
     ends = jnp.array([1000.0, 1400.0, 0.0]), jnp.array([2000.0, 1400.0, 0.0])
-    found, _, times, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, times, closed, known = traced(*ends, env)
     assert float(closed) == 0.0
     # Round the nearer end, 1010 m aside; the other passage leads round the farther one, 1210 m aside.
     for time, aside in zip(times[:2], (1010.0, 1210.0), strict=True):
@@ -172,7 +177,7 @@ def test_a_passage_that_is_closed_by_the_time_of_arrival_is_not_taken():
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
     sides = []
     for world in (free, met):
-        found, *_ = traced(*ends, 0.0, world, ap.Vehicle(), 4, CONFIG)
+        found, *_ = traced(*ends, world)
         x, y, _ = (np.asarray(axis)[:, 0] for axis in curves(found, *ends, CONFIG).places)
         sides.append(np.interp(1000.0, x, y))
     assert sides[0] > 0.0 > sides[1]
