@@ -93,8 +93,8 @@ def test_other_numbers_of_vortices_and_obstacles_compile_nothing(planned):
 def test_the_old_path_is_bent_round_what_lies_on_it(planned, monkeypatch, aside):
     """Where no passage is found, the rest of the old path is polished out of an obstacle that came."""
 
-    def none(legs, common, config, count, deep):
-        passages, *rest = stages._no_passages(legs, planned[0].conditions.config)
+    def none(batch, config, count, deep):
+        passages, *rest = stages._no_passages(batch, planned[0].conditions.config)
         return passages, None, *rest
 
     monkeypatch.setattr(stages, "_trace", none)
