@@ -6,19 +6,17 @@ Of a departure that is not feasible it is said why: the leg without a path, or t
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
-from auvplan.executive.path_calls import unsearched
+from auvplan.executive.path_calls import straight_plan
 from auvplan.executive.planning import (
     complete,
     leaving,
@@ -30,21 +28,15 @@ from auvplan.executive.planning import (
 from auvplan.executive.route_calls import effort
 from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
-from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path import PathConfig, PathPlan, PathPlans, habitats, plan_paths
-from auvplan.path.cost import followed_by
-from auvplan.path.problem import Problem
-from auvplan.path.sensitivity import Conditions
+from auvplan.path import PathPlans, plan_paths
 from auvplan.runtime import prng
-from auvplan.runtime.compiled import compiled
 from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.sea import stacked
 from auvplan.simulation.simulator import over_ground
 from auvplan.site import Site
-from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -261,47 +253,3 @@ def _line_fault(mission: Mission, edge: tuple[int, int], forecast: Current) -> s
     if line.feasible:
         return "an end lies outside the area"
     return line.explain(line.broken()[0], context.epoch)
-
-
-def straight_plan(
-    start: np.ndarray,
-    goal: np.ndarray,
-    depart: float,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> PathPlan:
-    """Return the straight line between two places as a path plan, kept limits or broken ones and all.
-
-    Args:
-        start, goal: [3] m.
-        depart: s since the epoch.
-        env: the world, without obstacles.
-        vehicle: speed and limits.
-        config: of the path planner; its search is not run.
-    """
-    found = jax.device_get(_straight(Problem(start, goal, depart, env, vehicle), config=config))
-    return unsearched(
-        Conditions(env, vehicle, config),
-        control_points=np.stack([start, goal]),
-        travel_time=float(found["times"][-1] - found["times"][0]),
-        cost=np.nan,
-        **{name: float(found.pop(name)) for name in ("length", "clearance", "altitude")},
-        **found,
-    )
-
-
-@partial(compiled, static_argnames=("config",))
-def _straight(problem: Problem, config: PathConfig) -> dict[str, jax.Array]:
-    """Fields of a plan of the straight line."""
-    line = habitats.straight_line(*problem.ends, config)[None]
-    _, trajectory = followed_by(line, problem, config)
-    return {
-        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),
-        "times": trajectory.times[:, 0],
-        "excess": jnp.stack(trajectory.excess)[:, :, 0],
-        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
-        "length": trajectory.length[0],
-        "clearance": trajectory.clearance.min(),
-        "altitude": trajectory.altitude.min(),
-    }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.executive.departures import straight_plan
+from auvplan.executive.path_calls import straight_plan
 from auvplan.path.config import PathConfig
 from auvplan.path.outlook import outlook
 
