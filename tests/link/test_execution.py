@@ -83,7 +83,7 @@ LEFT = "the vehicle is no longer on its plan; left to whoever stopped it, last s
 
 #: Script of the vehicle, limits, how often something happens, or at all (None), and words of the verdict.
 QUICK = [
-    ({}, {}, {"upload": 1, "replan": 0}, "destination reached in time; at the surface"),
+    ({}, {}, {"plan": 1, "failed": 0}, "destination reached in time; at the surface"),
     ({"speed": 2.0}, {}, {"replan": None}, "destination"),
     ({"fails": Fails("connect", FULL)}, {}, {}, NOT_STARTED),
     ({"fails": Fails("upload", FULL)}, {}, {}, NOT_STARTED),
