@@ -124,9 +124,9 @@ class MissionContext:
 
     def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
         """Return the world as planners know it."""
-        corners, area = (jax.device_put(corner.astype(float)) for corner in self.box), self.area
-        known = Obstacles.none() if obstacles is None else obstacles
-        return Environment(current, area.chart, known, *corners, area.seabed, area.closures)
+        lower, upper = (jax.device_put(corner.astype(float)) for corner in self.box)
+        known, area = Obstacles.none() if obstacles is None else obstacles, self.area
+        return Environment(current, area.chart, known, lower, upper, area.seabed, area.closures)
 
     def known_obstacles(self, now: float) -> Spheres:
         """Spheres that cover what is known beforehand, where it is at a time, s."""

@@ -309,8 +309,9 @@ class ImcVehicle(ListeningLink):
         """Wait for the vehicle's position, and for its plan control to be ready or busy."""
 
         def ready() -> bool:
-            known = self._here is not None and self._control is not None
-            return known and self._control.state != self._control.StateEnum.BLOCKED
+            control = self._control
+            known = self._here is not None and control is not None
+            return known and control.state != control.StateEnum.BLOCKED
 
         within = f"within {self._limits.connect:.0f} s"
         if self._until(ready, self._limits.connect):
