@@ -154,7 +154,8 @@ def figures(values: Sequence[float]) -> dict[str, float | None]:
     """Return mean, median, least, percentiles and the greatest of some values; None of no value."""
     of = {"mean": np.mean, "median": np.median, "least": np.min, "worst": np.max}
     of |= {f"p{q}": partial(np.percentile, q=q) for q in (90, 95, 99)}
-    return {name: float(call(values)) if len(values) else None for name, call in of.items()}
+    numbers = np.asarray(values, float)
+    return {name: float(call(numbers)) if numbers.size else None for name, call in of.items()}
 
 
 def grouped(rows: Iterable[T], keys: Callable[[T], Iterable[Hashable]]) -> dict[Any, list[T]]:
