@@ -36,6 +36,7 @@ from auvplan.path.cost import (
     violations,
 )
 from auvplan.path.kinematics import PacedCurrent, norm
+from auvplan.path.motion import Motion
 from auvplan.path.passages import trace_passages
 from auvplan.path.problem import WAY, Problem, factor_of, scaled
 from auvplan.path.profile import compared, is_searched_in_depth, timed
@@ -66,10 +67,10 @@ _ROUNDABOUT = 1.5
 #: plane are wider than the leg, and profiles move through a good part of the box's depth.
 _DEEPER = 4.0
 
-#: Where the vertical is limited and the current sheared a path is polished once more: on slopes at their
-#: limit larger steps break it, and none of them is kept. Share of the penalties' weights and of the step, and
-#: times as many steps.
-_STEEP = 0.03, 0.25, 2
+#: Where the current is sheared, a path that takes more than a share of the limits in the vertical is polished
+#: once more: on slopes at their limit larger steps break it, and none of them is kept. The share; then shares
+#: of the penalties' weights and of the step, and times as many steps.
+_NEARLY, _STEEP = 0.8, (0.03, 0.25, 2)
 
 #: Share of `PathConfig.settled` up to which a path in depth has settled: profiles have more bends than ways.
 _SETTLED_IN_DEPTH = 0.1
@@ -441,14 +442,15 @@ def polish_finely(
         return plans
 
     ranked = _ranked(*polished(rows, fine))
-    if deep and vehicle.vertical_limits:
+    best, last = judged(*ranked), ranked[0]
+    if deep and (steep := _steepest(best, vehicle, config) > _NEARLY).any():
         softness, less, times = _STEEP
         steps, size = times * fine.refine_steps, less * fine.refine_step_size
         gentle = fine.replace(refine_steps=steps, refine_step_size=size)
-        first = polished(ranked[0][:, :1], gentle, softness=softness)
-        pairs = zip(first, ranked, strict=True)
-        ranked = tuple(np.concatenate([new, old[:, 1:]], axis=1) for new, old in pairs)
-    best, last = judged(*ranked), ranked[0]
+        first = polished(last[:, :1], gentle, softness=softness)
+        first = [np.where(_over(steep, new), new, old[:, :1]) for new, old in zip(first, ranked, strict=True)]
+        last = np.concatenate([first[0], last[:, 1:]], axis=1)
+        best = judged(*first)
     tried = np.zeros(len(rows), int)
     for softness, lower, restart in _STRICTER:
         wanted = best["violations"].any(axis=1) | (restart & (tried > 1))
@@ -464,6 +466,19 @@ def polish_finely(
             lambda new, old, better=better: np.where(_over(better, new), new, old), more, best
         )
     return best
+
+
+def _steepest(plans: dict[str, Any], vehicle: Vehicle, config: PathConfig) -> np.ndarray:
+    """Return the greatest share that paths take of the limits in the vertical, [B]; zero without a limit."""
+    speed, found = float(np.asarray(vehicle.speed)), []
+    limits = {name: float(np.asarray(limit)) for name, limit in vehicle.vertical_limits.items()}
+    for positions, water in zip(plans["positions"], plans["water"], strict=True):
+        way = np.diff(np.asarray(positions, float), axis=0)
+        motion = Motion.along(config.speed_reading, speed, way, np.asarray(water, float))
+        down = motion.ground_velocity[:, 2]
+        speeds = {"pitch": speed * np.abs(np.sin(motion.pitch)), "climb": -down, "dive": down}
+        found.append(max((speeds[name].max() / limit for name, limit in limits.items()), default=0.0))
+    return np.array(found)
 
 
 def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
