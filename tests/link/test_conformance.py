@@ -55,11 +55,12 @@ def test_a_dead_link_ends_in_time(kind, upload, join_vehicle):
     ("address", "library", "words"),
     [
         ("imc:127.0.0.1:9", "imcpy", "no EstimatedState within"),
-        (f"mavlink:udpin:127.0.0.1:{free_port()}", "pymavlink", "no heartbeat within"),
+        ("mavlink:udpin:127.0.0.1:", "pymavlink", "no heartbeat within"),
     ],
 )
 def test_nobody_there(address, library, words, upload, opened):
     pytest.importorskip(library)
+    address += str(free_port()) if address.endswith(":") else ""
     opened.append(open_link(address, upload.itinerary.site, Limits(connect=0.3)))
     with pytest.raises(Lost, match=words):
         opened[0].connect()
