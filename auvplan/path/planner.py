@@ -129,7 +129,7 @@ def plan_paths(
         TypeError: as `plan_path`; or the call is differentiated.
     """
     check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
-    watch = None if budget is None else Budget(budget, len(np.atleast_2d(starts)))
+    watch, key = None if budget is None else Budget(budget, len(np.atleast_2d(starts))), as_key(key)
     check_given(env, vehicle)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
@@ -175,7 +175,6 @@ def search_and_polish(
     """
     env, vehicle, per_leg = conditions.env, conditions.vehicle, conditions.leg is not None
     check_ends(*ends, env, vehicle)
-    key = as_key(key)
     keys = jax.random.split(key, len(depart)) if key.ndim == 0 else key
     own, shared = split(env, per_leg)
     legs = Legs(*ends, depart, own)

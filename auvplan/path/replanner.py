@@ -23,6 +23,7 @@ from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Batch, Legs, search_legs
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.prng import as_key
 from auvplan.vehicle import Vehicle
 
 
@@ -92,7 +93,7 @@ def replan_paths(
         world_per_leg: whether current and obstacles differ by leg.
         budget: s of wall-clock time for all legs together.
     """
-    watch = None if budget is None else Budget(budget, len(plans))
+    watch, key = None if budget is None else Budget(budget, len(plans)), as_key(key)
     check_given(env, vehicle)
     position = np.asarray(positions, float)
     goals, starts = (np.stack([plan.control_points[end] for plan in plans]) for end in (-1, 0))
