@@ -310,8 +310,9 @@ class ImcVehicle(ListeningLink):
 
         def ready() -> bool:
             control = self._control
-            known = self._here is not None and control is not None
-            return known and control.state != control.StateEnum.BLOCKED
+            if self._here is None or control is None:
+                return False
+            return control.state != control.StateEnum.BLOCKED
 
         within = f"within {self._limits.connect:.0f} s"
         if self._until(ready, self._limits.connect):
