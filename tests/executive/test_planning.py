@@ -11,7 +11,8 @@ import pytest
 
 import auvplan as ap
 from auvplan.check.run import check_dataset
-from auvplan.executive import plan_scenario
+from auvplan.executive import plan_departures, plan_scenario
+from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
@@ -128,6 +129,34 @@ def test_no_task_is_done_where_a_known_obstacle_comes_meanwhile():
         assert any("'ferry' comes over it where it stays" in fault for fault in faults) == crossed
         apart = ferry.closest(leg.positions[-1], float(leg.times[-1]), float(leg.times[-1]) + leg.t_task)[1]
         assert Margins.of(unaware, leg).obstacle[-1] == pytest.approx(apart)
+
+
+@pytest.mark.slow
+def test_departures_promise_what_plans_hold():
+    area = tidal_area(1.0, 0.3)
+    settings = scenario(**{name: getattr(channel(), name).model_dump() for name in ("site", "chart")})
+    settings = settings.model_copy(update={"current": channel().current})
+    moments = [0.0, 0.5 * HOUR, 4.0 * HOUR]
+    found = plan_departures(settings, moments, key=seed_keys([0])[0], area=area)
+    assert found.routes is not None
+    for k, depart in enumerate(moments):
+        run = plan_scenario(settings, area=area, depart=depart)
+        assert bool(found.feasible[k]) == run.success
+        assert found.tasks[k] == run.tasks
+        assert found.priority[k] == run.total_priority
+        assert found.time[k] == pytest.approx(run.t_mission, abs=1e-2)
+        assert found.routes[k] == run.route
+        assert run.legs[0].times[0] == pytest.approx(0.0, abs=1e-2)
+        assert run.site.epoch.hour + run.site.epoch.minute / 60.0 == 6.0 + depart / HOUR
+
+
+def test_a_simulated_mission_knows_the_known_obstacles_for_certain():
+    area = replace(tidal_area(0.4, 0.0), obstacles=(ROCK,))
+    run = ap.run_mission(channel(), seed=0, area=area)
+    assert run.success
+    assert set(run.legs[0].obstacle_kinds) == {"known"}
+    assert run.collisions == 0
+    assert run.simulated
 
 
 @pytest.mark.slow

@@ -110,11 +110,12 @@ def test_plan_and_fence_are_sent_again_to_a_vehicle_that_started_anew_and_taken_
     link.connect()
     link.upload(upload)
     link.start()
-    peer.held, peer.state = {0: [], 1: []}, 0
+    peer.held, peer.armed, peer.state = {0: [], 1: []}, False, 0
     time.sleep(0.3)
     link.upload(upload)
     link.start(1)
     assert [len(peer.held[kind]) for kind in (0, 1)] == [7, 8]
+    assert peer.armed
     link.upload(Upload(replace(upload.itinerary, fences=()), 2))
     assert peer.held[1] == []
 

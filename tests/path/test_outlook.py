@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.executive.path_calls import straight_plan
 from auvplan.path.config import PathConfig
+from auvplan.path.follow import straight_plan
 from auvplan.path.outlook import outlook
+from auvplan.path.sensitivity import Conditions
 
 START, GOAL = np.array([0.0, 0.0, 10.0]), np.array([2000.0, 0.0, 10.0])
 LIGHT = PathConfig.quick().replace(passages=0, refine_steps=0)
@@ -81,7 +82,8 @@ def test_a_dive_at_the_limit_is_not_broken_by_rounding_but_by_an_updraught():
     start = np.array([9000.0, 9500.0, 10.0])
     goal = start + 400.0 * np.array([np.cos(np.pi / 6.0), 0.0, 0.5])
     env = ap.Environment(None, lower=(0, 0, 0), upper=(10_000, 10_000, 500))
-    dive = straight_plan(start, goal, 100.0, env, ap.Vehicle(pitch_max=np.pi / 6.0 + 1e-4), LIGHT)
+    vehicle = ap.Vehicle(pitch_max=np.pi / 6.0 + 1e-4)
+    dive = straight_plan(start, goal, 100.0, Conditions(env, vehicle, LIGHT))
     assert dive.feasible
     vehicle = ap.Vehicle(pitch_max=np.pi / 6.0)
     for updraught, broken in ((0.0, False), (0.1, True)):
