@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
-from auvplan.executive.path_calls import straight_plan
 from auvplan.executive.planning import (
     complete,
     leaving,
@@ -30,6 +29,8 @@ from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlans, plan_paths
+from auvplan.path.follow import straight_plan
+from auvplan.path.sensitivity import Conditions
 from auvplan.runtime import prng
 from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
@@ -249,7 +250,7 @@ def _line_fault(mission: Mission, edge: tuple[int, int], forecast: Current) -> s
     """Return the limit that the straight line of an edge breaks most, where and when."""
     context, (start, goal) = mission.context, mission.graph.positions[list(edge)]
     env, config = context.environment(forecast), effort(context.path_config).path
-    line = straight_plan(start, goal, mission.now, env, context.vehicle, config)
+    line = straight_plan(start, goal, mission.now, Conditions(env, context.vehicle, config))
     if line.feasible:
         return "an end lies outside the area"
     return line.explain(line.broken()[0], context.epoch)

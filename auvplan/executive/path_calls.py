@@ -7,10 +7,8 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
 from auvplan.executive.context import Array, Mission
 from auvplan.executive.lines import follow, rows_of
@@ -18,16 +16,13 @@ from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path import PathConfig, PathPlan, PathPlans, habitats, plan_paths, replan_paths
-from auvplan.path.cost import VIOLATIONS, followed_by
+from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
+from auvplan.path.cost import VIOLATIONS
 from auvplan.path.planner import sketch_paths
-from auvplan.path.problem import Problem
 from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
 from auvplan.runtime import prng
-from auvplan.runtime.compiled import compiled
 from auvplan.simulation.sea import stacked
-from auvplan.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -91,7 +86,7 @@ def _staying(mission: Mission) -> PathPlan:
     share = np.linspace(0.0, 1.0, samples)
     positions = leg.origin + share[:, None] * (leg.target - leg.origin)
     times, middle = mission.now + TURN_TO * share, 0.5 * (positions[1:] + positions[:-1])
-    return unsearched(
+    return PathPlan.unsearched(
         Conditions(context.environment(forecast), context.vehicle, context.path_config),
         travel_time=TURN_TO,
         length=float(np.linalg.norm(leg.target - leg.origin)),
@@ -103,19 +98,6 @@ def _staying(mission: Mission) -> PathPlan:
         cost=TURN_TO,
         excess=np.zeros((len(VIOLATIONS), samples - 1)),
         water=np.stack(evaluated(forecast, *middle.T, t=times[:-1]), axis=1),
-    )
-
-
-def unsearched(conditions: Conditions, excess: Array, **fields: Any) -> PathPlan:
-    """Return a plan that no search has found, which has no population and no history."""
-    nothing = jnp.zeros(0)
-    return PathPlan(
-        **fields,
-        violations=excess.mean(axis=1),
-        excess=excess,
-        population=jnp.zeros((0, 3 * conditions.config.control_points)),
-        history=History(*[nothing] * len(History.__dataclass_fields__)),
-        conditions=conditions,
     )
 
 
@@ -204,47 +186,3 @@ def take(mission: Mission, offer: Offer, bounded: bool = False) -> None:
         )
     )
     leg.follow(plan)
-
-
-def straight_plan(
-    start: np.ndarray,
-    goal: np.ndarray,
-    depart: float,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> PathPlan:
-    """Return the straight line between two places as a path plan, kept limits or broken ones and all.
-
-    Args:
-        start, goal: [3] m.
-        depart: s since the epoch.
-        env: the world, without obstacles.
-        vehicle: speed and limits.
-        config: of the path planner; its search is not run.
-    """
-    found = jax.device_get(_straight(Problem(start, goal, depart, env, vehicle), config=config))
-    return unsearched(
-        Conditions(env, vehicle, config),
-        control_points=np.stack([start, goal]),
-        travel_time=float(found["times"][-1] - found["times"][0]),
-        cost=np.nan,
-        **{name: float(found.pop(name)) for name in ("length", "clearance", "altitude")},
-        **found,
-    )
-
-
-@partial(compiled, static_argnames=("config",))
-def _straight(problem: Problem, config: PathConfig) -> dict[str, jax.Array]:
-    """Fields of a plan of the straight line."""
-    line = habitats.straight_line(*problem.ends, config)[None]
-    _, trajectory = followed_by(line, problem, config)
-    return {
-        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),
-        "times": trajectory.times[:, 0],
-        "excess": jnp.stack(trajectory.excess)[:, :, 0],
-        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
-        "length": trajectory.length[0],
-        "clearance": trajectory.clearance.min(),
-        "altitude": trajectory.altitude.min(),
-    }

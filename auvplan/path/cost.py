@@ -109,6 +109,19 @@ class Trajectory:
         """[S - 1, P] m, certified distance of each segment to coast or collision boundary."""
         return jnp.minimum(self.coast, self.obstacles)
 
+    def fields(self) -> dict[str, jax.Array]:
+        """Fields of a `PathPlan` by name, as far as a single path that was followed has them."""
+        return {
+            "travel_time": self.travel_time[0],
+            "length": self.length[0],
+            "positions": jnp.stack([self.x[:, 0], self.y[:, 0], self.z[:, 0]], axis=1),
+            "times": self.times[:, 0],
+            "clearance": self.clearance.min(),
+            "altitude": self.altitude.min(),
+            "excess": jnp.stack(self.excess)[:, :, 0],
+            "water": jnp.stack(self.water, axis=-1)[:, 0],
+        }
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)

@@ -2,18 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.bbo import History
 from auvplan.ocean.environment import Environment
+from auvplan.path import habitats
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS, WITHIN
+from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS, WITHIN, followed_by
 from auvplan.path.plan import PathPlan
+from auvplan.path.problem import Problem
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.straight import DISTANCES, Steps, Straights
+from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 Array = NDArray[np.floating]
@@ -92,6 +95,28 @@ def blocked_on(start: Array, end: Array, env: Environment, vehicle: Vehicle, con
     steps, cut = Straights.through(env, vehicle).follow(np.stack([start, end]), 0.0, _STEP)
     marks = np.linspace(0.0, float(np.linalg.norm(end - start)), len(cut.line) + 1)
     return blocked_stretches(steps, marks, env, config)
+
+
+def straight_plan(start: Array, goal: Array, depart: float, conditions: Conditions) -> PathPlan:
+    """Return the straight line between two places as a path plan, kept limits or broken ones and all.
+
+    Args:
+        start, goal: [3] m.
+        depart: s since the epoch.
+        conditions: the world, without obstacles, the vehicle, and settings; their search is not run.
+    """
+    problem = Problem(start, goal, depart, conditions.env, conditions.vehicle)
+    found = jax.device_get(_straight(problem, config=conditions.config))
+    numbers = {name: float(found.pop(name)) for name in ("travel_time", "length", "clearance", "altitude")}
+    ends = np.stack([start, goal])
+    return PathPlan.unsearched(conditions, control_points=ends, cost=np.nan, **numbers, **found)
+
+
+@partial(compiled, static_argnames=("config",))
+def _straight(problem: Problem, config: PathConfig) -> dict[str, jax.Array]:
+    """Fields of a plan of the straight line."""
+    line = habitats.straight_line(*problem.ends, config)[None]
+    return followed_by(line, problem, config)[1].fields()
 
 
 def follow_line(
@@ -375,22 +400,20 @@ def _joined(
     weights = np.array([getattr(config.penalties, name) for name in VIOLATIONS])
     took = float(times[-1] - times[0])
     corners = [piece.places[0] for piece in pieces] + [positions[-1]]
-    none = jnp.zeros(0)
-    return PathPlan(
+    history = {"history": detours[-1].history} if detours else {}
+    return PathPlan.unsearched(
+        Conditions(env, vehicle, config),
+        excess,
         travel_time=took,
         length=float(gaps.sum()),
         positions=positions.astype(np.float32),
         times=times.astype(np.float32),
         control_points=np.asarray(corners, np.float32),
-        violations=excess.mean(axis=1),
         clearance=float(min([room[:2].min(), *whole])),
         altitude=float(min([room[2].min(), *heights])),
         cost=took
         + float(weights @ excess.mean(axis=1)) * float(gaps.sum()) / float(np.asarray(vehicle.speed)),
-        population=jnp.zeros((0, 3 * config.control_points)),
-        history=detours[-1].history if detours else History(*[none] * len(History.__dataclass_fields__)),
-        excess=excess,
         water=_met(water, gaps / np.diff(times), way / gaps[:, None], vehicle, config),
-        conditions=Conditions(env, vehicle, config),
         closed=max((plan.closed for plan in detours), default=0.0),
+        **history,
     )

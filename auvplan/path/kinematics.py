@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -104,7 +105,7 @@ def vertical_speeds(
     over ground.
 
     Args:
-        water: u, v, w, m/s; any shape, the same for all.
+        water: u, v, w, m/s; any shape, the same for all; arrays of JAX or of NumPy, as the results will be.
         way: x, y, z, m, from segments' first to their last ends.
         gap: m, their lengths.
         ground: m/s, speed over ground.
@@ -114,11 +115,12 @@ def vertical_speeds(
     limits = vehicle.vertical_limits
     if not limits:
         return {}
+    xp: Any = np if isinstance(gap, np.ndarray) else jnp
     slope = way[2] / gap
     down = ground * slope
-    hull = jnp.broadcast_to(vehicle.speed * slope, down.shape)
+    hull = xp.broadcast_to(xp.asarray(vehicle.speed) * slope, down.shape)
     sinking = down - water[2] if reading == "track" else hull
-    speeds = {"pitch": jnp.abs(sinking), "climb": -down, "dive": down}
+    speeds = {"pitch": xp.abs(sinking), "climb": -down, "dive": down}
     return {name: (speeds[name], limit) for name, limit in limits.items()}
 
 

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,6 +66,17 @@ class PathPlan(ReprMixin):
     closed: float = 0.0
     sampling_error: float = 0.0
     sampling_time_error: float = 0.0
+
+    @classmethod
+    def unsearched(cls, conditions: Conditions, excess: Array, **fields: Any) -> "PathPlan":
+        """Return a plan that no search has found: no population, and no history unless one is given."""
+        nothing = jnp.zeros(0)
+        own = {
+            "violations": excess.mean(axis=1),
+            "population": jnp.zeros((0, 3 * conditions.config.control_points)),
+            "history": History(*[nothing] * len(History.__dataclass_fields__)),
+        }
+        return cls(**own | fields, excess=excess, conditions=conditions)
 
     @property
     def feasible(self) -> bool:

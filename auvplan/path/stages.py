@@ -35,8 +35,7 @@ from auvplan.path.cost import (
     tracks,
     violations,
 )
-from auvplan.path.kinematics import PacedCurrent, norm
-from auvplan.path.motion import Motion
+from auvplan.path.kinematics import PacedCurrent, norm, vertical_speeds
 from auvplan.path.passages import trace_passages
 from auvplan.path.problem import WAY, Problem, factor_of, scaled
 from auvplan.path.profile import compared, is_searched_in_depth, timed
@@ -470,15 +469,13 @@ def polish_finely(
 
 def _steepest(plans: dict[str, Any], vehicle: Vehicle, config: PathConfig) -> np.ndarray:
     """Return the greatest share that paths take of the limits in the vertical, [B]; zero without a limit."""
-    speed, found = float(np.asarray(vehicle.speed)), []
-    limits = {name: float(np.asarray(limit)) for name, limit in vehicle.vertical_limits.items()}
-    for positions, water in zip(plans["positions"], plans["water"], strict=True):
-        way = np.diff(np.asarray(positions, float), axis=0)
-        motion = Motion.along(config.speed_reading, speed, way, np.asarray(water, float))
-        down = motion.ground_velocity[:, 2]
-        speeds = {"pitch": speed * np.abs(np.sin(motion.pitch)), "climb": -down, "dive": down}
-        found.append(max((speeds[name].max() / limit for name, limit in limits.items()), default=0.0))
-    return np.array(found)
+    places, water = (np.moveaxis(np.asarray(plans[name], float), -1, 0) for name in ("positions", "water"))
+    way = np.diff(places, axis=-1)
+    gap = np.linalg.norm(way, axis=0)
+    ground = gap / np.diff(np.asarray(plans["times"], float), axis=-1)
+    speeds = vertical_speeds(tuple(water), tuple(way), gap, ground, vehicle, config.speed_reading)  # type: ignore[arg-type]
+    shares = [speed.max(axis=1) / np.asarray(limit) for speed, limit in speeds.values()]
+    return np.max([np.zeros(len(gap)), *shares], axis=0)
 
 
 def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
@@ -678,22 +675,17 @@ def _in_own_units(
     trajectory: Trajectory, cost: jax.Array, state: search.State, leg: Legs, factor: jax.Array
 ) -> dict[str, jax.Array]:
     """Return the fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
-    inner = state.population[0].reshape(3, -1).T / factor
+    found, inner = trajectory.fields(), state.population[0].reshape(3, -1).T / factor
     # Excess counts metres of missing clearance and altitude, and shares of all other limits.
     metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
-    excess = jnp.stack(trajectory.excess)[:, :, 0]
+    excess = found.pop("excess")
     excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
     return {
-        "travel_time": trajectory.travel_time[0] / factor,
-        "length": trajectory.length[0] / factor,
-        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1) / factor,
-        "times": trajectory.times[:, 0] / factor,
+        "water": found.pop("water"),
+        **{name: value / factor for name, value in found.items()},
         "control_points": jnp.concatenate([leg.start[None], inner, leg.goal[None]]),
         "violations": excess.mean(axis=1),
-        "clearance": trajectory.clearance.min() / factor,
-        "altitude": trajectory.altitude.min() / factor,
         "cost": cost / factor,
         "population": state.population / factor,
         "excess": excess,
-        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
     }
