@@ -14,12 +14,11 @@ import numpy as np
 import auvplan as ap
 from auvplan.path.bound import lower_bound
 from benchmarks.harness import clock, figures, grouped, launch, screen, show
-from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels
+from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels, posed
 from benchmarks.paths.problems import PRESETS
 from benchmarks.paths.references import STORED, STORED_DEEP, load, stored_reference
 from benchmarks.paths.ruler import evaluate
 from benchmarks.paths.waters import FAMILIES
-from benchmarks.waters import posed
 
 #: Share of its time by which a path may beat a bound unnoticed: rounding of the ruler.
 _ROUNDING = 1e-6

@@ -15,11 +15,11 @@ import numpy as np
 from auvplan.runtime.compiled import drop_programs
 from benchmarks.harness import figures, grouped, launch, screen, track
 from benchmarks.paths import references
-from benchmarks.paths.depths import DEPTH_FAMILIES, depth_problem, have_levels
+from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels, posed
 from benchmarks.paths.gaps import Run, beside, plan_one, show_gaps, summed
 from benchmarks.paths.problems import PRESETS, PathProblem, have_charts
 from benchmarks.paths.ruler import World
-from benchmarks.paths.waters import FAMILIES, KINDS, water_problem
+from benchmarks.paths.waters import FAMILIES, KINDS
 
 #: Problems after which programs are forgotten: they differ by problem, and hundreds fill a run's memory.
 _TOGETHER = 8
@@ -28,10 +28,6 @@ _TOGETHER = 8
 WITH_WAY = *FAMILIES, *DEPTH_FAMILIES
 
 Cases = Sequence[tuple[PathProblem, references.Reference | None]]
-
-
-def posed(family: str, seed: int) -> PathProblem:
-    return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
 
 
 def referenced(families: Sequence[str], seeds: Iterable[int], most: int | None = None) -> Cases:

@@ -26,7 +26,7 @@ from auvplan.site import Site
 from benchmarks.machine import SHARED
 from benchmarks.paths.problems import PIXELS, PathProblem, unlimited_vehicle
 from benchmarks.paths.ruler import World, evaluate, velocity_at
-from benchmarks.paths.waters import tide
+from benchmarks.paths.waters import tide, water_problem
 
 Array = NDArray[np.floating]
 Rng = np.random.Generator
@@ -205,6 +205,11 @@ def depth_problem(family: str, seed: int) -> PathProblem:
         problem = replace(drawn, name=f"{family}-{seed}", family=family, vehicle=vehicle)
         if way(problem) is not None:
             return problem
+
+
+def posed(family: str, seed: int) -> PathProblem:
+    """Make a problem of any family, in the plane or in depth."""
+    return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
 
 
 def have_levels() -> bool:

@@ -9,11 +9,18 @@ import pytest
 from scipy import ndimage
 
 import auvplan as ap
-from benchmarks.paths.depths import DEPTH_FAMILIES, PITCH, EkmanCurrent, LayeredCurrent, have_levels, way
+from benchmarks.paths.depths import (
+    DEPTH_FAMILIES,
+    PITCH,
+    EkmanCurrent,
+    LayeredCurrent,
+    have_levels,
+    posed,
+    way,
+)
 from benchmarks.paths.problems import PIXELS
 from benchmarks.paths.ruler import World, evaluate, velocity_at
 from benchmarks.paths.waters import KINDS, TidalCurrent
-from benchmarks.waters import posed
 
 pytestmark = pytest.mark.slow
 
