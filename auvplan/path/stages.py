@@ -62,6 +62,10 @@ _FEW = 2
 #: narrower than a cell.
 _ROUNDABOUT = 1.5
 
+#: Share by which a path in depth may be slower than one that the fields know before denser ones are laid out:
+#: these know less of the moves between depths, and a finer polish makes up for what is within it.
+_KNOWN_IN_DEPTH = 0.1
+
 #: Factor on the steps of a descent in depth, as shares of the bounds, over those in the plane: bounds in the
 #: plane are wider than the leg, and profiles move through a good part of the box's depth.
 _DEEPER = 4.0
@@ -275,12 +279,13 @@ def search_legs(
         planes = (state.population, state.cost, state.violation)
         rows, *scores = (np.asarray(plane)[:, : config.refine_count] for plane in planes)
         polished = descended(rows, effort.refine_steps, config.refine_step_size / 3.0, scores=scores)
-    finish = partial(_finish, judging, state, polished, None if found is None else found[2:])
+    known, slack = None if found is None else found[2:], np.float32(_KNOWN_IN_DEPTH * batch.is_deep)
+    finish = partial(_finish, judging, state, polished, known, slack)
     plans, last = share.spend(work("finish"), partial(finish, config=config.only(), places=places))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if batch.is_deep else 1.0)
     # Segments that hide some of the current that they cross are too long.
-    unsettled = plans.pop("hidden") > settled * plans["travel_time"]
+    unsettled = plans.pop("slower") | (plans.pop("hidden") > settled * plans["travel_time"])
     if polished is not None:
         unsettled |= last.best < (1.0 - settled) * before
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
@@ -435,9 +440,9 @@ def polish_finely(
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
-        found = _finish(judging, state, None, outcome, config=fine.only(), places=places)
+        found = _finish(judging, state, None, outcome, np.float32(0.0), config=fine.only(), places=places)
         plans = jax.device_get(found[0])
-        del plans["hidden"]
+        del plans["hidden"], plans["slower"]
         return plans
 
     ranked = _ranked(*polished(rows, fine))
@@ -621,6 +626,7 @@ def _finish(
     states: search.State,
     polished: list[jax.Array] | None,
     known: tuple[jax.Array, jax.Array] | None,
+    slack: jax.Array,
     config: PathConfig,
     places: int | None,
 ) -> tuple[dict[str, jax.Array], search.History]:
@@ -631,6 +637,7 @@ def _finish(
         states: populations after the search.
         polished: the best of them after a descent, with costs and violations [B, R].
         known: `closed` and `known` of `trace_passages`.
+        slack: share by which a path may be slower than that and leave nothing wanting.
         config: static settings.
         places: on each segment at which the current is met, as `timed_at_places` takes it.
     """
@@ -653,13 +660,16 @@ def _finish(
         trajectory = judged_within(trajectory, env, vehicle, own)
         plan = _in_own_units(trajectory, cost[0], state, leg, factor) | {"hidden": hidden[0] / factor}
         if known is None:
-            plan |= {"closed": jnp.zeros(()), "wanting": jnp.zeros((), bool)}
+            no = jnp.zeros((), bool)
+            plan |= {"closed": jnp.zeros(()), "wanting": no, "slower": no}
         else:
             closed, quickest = known
             broken = violations(trajectory)[:, 0].sum() > 0.0
             roundabout = trajectory.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
-            slower = jnp.isfinite(quickest) & ((trajectory.travel_time[0] > quickest) | roundabout)
-            plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
+            exists, lasts = jnp.isfinite(quickest), trajectory.travel_time[0]
+            wanting = exists & ((lasts > (1.0 + slack) * quickest) | roundabout)
+            plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, wanting)}
+            plan |= {"slower": exists & (lasts > quickest)}
         return plan, _in_seconds(search.statistics(state), leg)
 
     return batch.over_legs(one, states, polished, known)
