@@ -19,7 +19,7 @@ from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples, samples_of
 from auvplan.path.sensitivity import Conditions, differentiable_time
-from auvplan.path.stages import Legs, polish_finely, search_legs, sketch_legs, split
+from auvplan.path.stages import Batch, Legs, polish_finely, search_legs, sketch_legs, split
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
@@ -177,10 +177,10 @@ def search_and_polish(
     check_ends(*ends, env, vehicle)
     keys = jax.random.split(key, len(depart)) if key.ndim == 0 else key
     own, shared = split(env, per_leg)
-    legs = Legs(*ends, depart, own)
-    problem = {"shared": shared, "vehicle": vehicle, "config": conditions.config, "budget": budget}
-    found = batch_map(partial(search, **problem), keys, legs, population)
-    found, finer = plan_finely(found, keys, legs, **problem)
+    batch = Batch.of(Legs(*ends, depart, own), shared, vehicle, conditions.config)
+    program = partial(search, config=conditions.config, budget=budget)
+    found = _by_legs(program, keys, batch, population)
+    found, finer = plan_finely(found, keys, batch, conditions.config, budget)
     if not per_leg:
         check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
@@ -212,21 +212,29 @@ def sketch_paths(
         takes depths of its own, the second about those of the straight line.
     """
     world, shared = split(env, world_per_leg)
+    batch = Batch.of(Legs(starts, goals, departs, world), shared, vehicle, config)
 
     def sketch(legs: Legs) -> NDArray[np.floating]:
-        samples = samples_of(legs, shared, vehicle) if config.sampled else None
-        met = shared if samples is None else replace(shared, current=samples[0])
-        return sketch_legs(legs, met, vehicle, config)
+        own = batch.of_legs(legs)
+        samples = samples_of(own) if config.sampled else None
+        return sketch_legs(
+            own if samples is None else own.within(replace(shared, current=samples[0])), config
+        )
 
-    return batch_map(sketch, Legs(starts, goals, departs, world))
+    return batch_map(sketch, batch.legs)
+
+
+def _by_legs(program: Callable[..., Any], keys: jax.Array, batch: Batch, rows: Any) -> dict[str, Any]:
+    """Run a program on the legs of a batch with their keys and rows, so many at once as `batch_map` takes."""
+    return batch_map(
+        lambda keys, legs, rows: program(keys, batch.of_legs(legs), rows), keys, batch.legs, rows
+    )
 
 
 def plan_finely(
     found: dict[str, Any],
     keys: jax.Array,
-    legs: Legs,
-    shared: Environment,
-    vehicle: Vehicle,
+    batch: Batch,
     config: PathConfig,
     budget: Budget | None = None,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
@@ -240,8 +248,8 @@ def plan_finely(
     Args:
         found: fields of `PathPlans` by name, and `wanting` and `unsettled`, which are taken out.
         keys: [B].
-        legs: B legs.
-        shared, vehicle, config: as for `search_legs`.
+        batch: B legs.
+        config: settings.
         budget: that this keeps to as a whole, from how long it took for one leg before.
 
     Returns:
@@ -254,9 +262,12 @@ def plan_finely(
     def polished(
         found: dict[str, Any], chosen: Any, rows: Any, again: bool, rounds: int = 1
     ) -> tuple[dict, dict]:
-        settings = {"shared": shared, "vehicle": vehicle, "config": config, "again": again}
-        program = partial(in_samples, polish_finely, **settings)
-        improve = partial(_improved, found, chosen, rows, program, keys, legs, config, rounds)
+        program = partial(in_samples, polish_finely, config=config, again=again)
+
+        def polish(which: NDArray[np.int_], rows: NDArray[np.floating]) -> dict[str, Any]:
+            return _by_legs(program, keys[which], batch.of_legs(_rows_of(batch.legs, which)), rows)
+
+        improve = partial(_improved, found, chosen, rows, polish, batch.legs, config, rounds)
         if budget is None:
             return improve()
         share, work = budget.rest(), ("polish", config, again, len(chosen))
@@ -274,10 +285,10 @@ def plan_finely(
             finer |= new
     broken = np.flatnonzero(wanting & (found["closed"] == 0.0) & found["violations"].any(axis=1))
     if broken.size and budget is None:
-        inside = vehicle.stricter(_INSIDE, "surge_max", "sway_max")
-        search = partial(in_samples, search_legs, shared=shared, vehicle=inside, config=config)
-        posed = jax.tree.map(lambda leaf: np.asarray(leaf)[broken], legs)
-        rows = batch_map(search, keys[broken], posed, None)["population"][:, 0]
+        inside = batch.vehicle.stricter(_INSIDE, "surge_max", "sway_max")
+        posed = replace(batch, legs=_rows_of(batch.legs, broken), vehicle=inside)
+        search = partial(in_samples, search_legs, config=config)
+        rows = _by_legs(search, keys[broken], posed, None)["population"][:, 0]
         found, new = polished(found, broken, rows, again=False)
         finer |= new
     paths = enumerate(found["positions"])
@@ -293,26 +304,24 @@ def _improved(
     found: dict[str, Any],
     chosen: NDArray[np.int_],
     rows: NDArray[np.floating],
-    program: Any,
-    keys: jax.Array,
+    polish: Callable[[NDArray[np.int_], NDArray[np.floating]], dict[str, Any]],
     legs: Legs,
     config: PathConfig,
     rounds: int,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """As `plan_finely`, by a program for the legs chosen and a habitat, [3 n] m, of each.
+    """As `plan_finely`, by a polish of the legs chosen, from a habitat, [3 n] m, of each.
 
     Where what it made breaks a limit it goes on from there, `rounds` in all.
     """
-    posed, old = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], (legs, found))
-    new = batch_map(program, keys[chosen], posed, rows)
+    posed, old = _rows_of((legs, found), chosen)
+    new = polish(chosen, rows)
     for _ in range(rounds - 1):
         left = np.flatnonzero(new["violations"].any(axis=1))
         if not left.size:
             break
-        own, made = jax.tree.map(lambda leaf, left=left: leaf[left], (posed, new["population"]))
+        own, made = _rows_of((posed, new["population"]), left)
         rows = refitted(made, own.start, own.goal, config.fine(), config)[:, 0]
-        more = batch_map(program, keys[chosen][left], own, rows)
-        new = jax.tree.map(partial(_replaced, rows=left), new, more)
+        new = jax.tree.map(partial(_replaced, rows=left), new, polish(chosen[left], rows))
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
     quicker = (broken[0] == 0.0) & (broken[1] == 0.0) & (new["cost"] < old["cost"])
@@ -322,10 +331,14 @@ def _improved(
     best = refitted(new["population"], posed.start, posed.goal, config.fine(), config)
     new["population"] = np.concatenate([best, old["population"][:, :-1]], axis=1)
     new["history"] = old["history"]
-    new = jax.tree.map(lambda leaf: np.asarray(leaf)[less], new)
-    better = chosen[less]
+    new, better = _rows_of(new, less), chosen[less]
     finer = {int(leg): jax.tree.map(lambda leaf, k=k: leaf[k], new) for k, leg in enumerate(better)}
     return jax.tree.map(partial(_replaced, rows=better), found, new | _thinned(new, config)), finer
+
+
+def _rows_of(tree: Any, rows: NDArray[Any]) -> Any:
+    """Return these rows of all arrays."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[rows], tree)
 
 
 def _replaced(plane: Any, by: Any, rows: NDArray[np.int_]) -> Any:

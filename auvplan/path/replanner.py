@@ -112,20 +112,16 @@ def progress(plan: PathPlan, position: np.ndarray) -> float:
 
 def _search_on(
     keys: jax.Array,
-    legs: Legs,
+    batch: Batch,
     kept: tuple[jax.Array, ...],
-    shared: Environment,
-    vehicle: Vehicle,
     config: PathConfig,
     budget: Budget | None = None,
 ) -> dict[str, Any]:
     """As `search_legs`, from populations of paths from other starts and how far these have been followed."""
-    batch = Batch.of(legs, shared, vehicle, config)
     keeping = config.only("start_shape", "width", "depth_width")
     fresh = round(config.fresh_share * config.bbo.population)
     population, keys = _kept(batch, keys, *kept, config=keeping, fresh=fresh)
-    settings = {"shared": shared, "vehicle": vehicle, "config": config, "window": True, "budget": budget}
-    return in_samples(search_legs, keys, legs, population, **settings)
+    return in_samples(search_legs, keys, batch, population, config=config, window=True, budget=budget)
 
 
 @partial(compiled, static_argnames=("config", "fresh"), wide=True, quick=True)

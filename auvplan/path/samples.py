@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import FunctionCurrent, axes_used, evaluated
-from auvplan.ocean.environment import Environment
 from auvplan.ocean.sampled import SampledCurrent, sampled
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS
 from auvplan.path.motion import progress_along
 from auvplan.path.passages import SURROUNDINGS
-from auvplan.path.stages import Legs
+from auvplan.path.stages import Batch
 from auvplan.vehicle import Vehicle
 
 #: Share of the vehicle's speed by which samples may differ from the current.
@@ -34,10 +33,8 @@ _WIDEST = 100.0
 def in_samples(
     program: Callable[..., dict[str, Any]],
     keys: jax.Array,
-    legs: Legs,
+    batch: Batch,
     *rest: Any,
-    shared: Environment,
-    vehicle: Vehicle,
     config: PathConfig,
     **settings: Any,
 ) -> dict[str, Any]:
@@ -47,33 +44,32 @@ def in_samples(
     more, in the function.
 
     Args:
-        program: `search_legs` or `polish_finely`; takes the world that it searches in as `searched`.
-        keys, legs, shared, vehicle, config: as the program takes them.
+        program: `search_legs` or `polish_finely`.
+        keys, batch, config: as the program takes them.
         rest, settings: its other arguments.
 
     Returns:
         What the program returns, and `sampling_error` and `sampling_time_error` [B] as `PathPlan` has them.
     """
+    none = np.zeros(len(batch.legs.start))
 
-    def run(**searched: Environment) -> dict[str, Any]:
-        problem = {"shared": shared, "vehicle": vehicle, "config": config}
-        found = program(keys, legs, *rest, **problem, **settings, **searched)
-        none = np.zeros(len(legs.start))
+    def run(searched: Batch) -> dict[str, Any]:
+        found = program(keys, searched, *rest, config=config, judging=batch, **settings)
         return found | {"sampling_error": none, "sampling_time_error": none}
 
-    samples = samples_of(legs, shared, vehicle) if config.sampled else None
+    samples = samples_of(batch) if config.sampled else None
     if samples is None:
-        return run()
+        return run(batch)
     current, error = samples
-    obstacles = shared.obstacles
+    shared, obstacles = batch.env, batch.env.obstacles
     if np.any(obstacles.drift):
         obstacles = obstacles.resolved(shared.current)
-    found = run(searched=replace(shared, current=current, obstacles=obstacles))
+    found = run(batch.within(replace(shared, current=current, obstacles=obstacles)))
     broken = found["violations"][:, [VIOLATIONS.index(name) for name in IN_CURRENT]].any()
     if broken and settings.get("budget") is None:
-        return run()
-    found["sampling_error"] = np.full(len(legs.start), error)
-    found["sampling_time_error"] = _time_error(found, current, vehicle, config)
+        return run(batch)
+    found["sampling_error"] = none + error
+    found["sampling_time_error"] = _time_error(found, current, batch.vehicle, config)
     return found
 
 
@@ -92,14 +88,15 @@ def _time_error(
     return np.abs(seconds[0] - seconds[1])
 
 
-def samples_of(legs: Legs, shared: Environment, vehicle: Vehicle) -> tuple[SampledCurrent, float] | None:
+def samples_of(batch: Batch) -> tuple[SampledCurrent, float] | None:
     """Return `sampled` of the current of one leg; of other currents None.
 
     Samples are taken over the whole box, and over a time that begins and lasts round numbers of seconds, so
     that other legs and re-plans of a mission share them. Where the box has no sides it is the leg's
     surroundings.
     """
-    current, speed = shared.current, float(np.asarray(vehicle.speed))
+    legs, shared, speed = batch.legs, batch.env, float(np.asarray(batch.vehicle.speed))
+    current = shared.current
     if not isinstance(current, FunctionCurrent) or len(legs.start) > 1:
         return None
     ends = np.concatenate([legs.start, legs.goal])

@@ -147,6 +147,14 @@ class Batch:
         """Return a batch with the margins and the price of some settings."""
         return cls(legs, env, vehicle, *(getattr(config, name) for name in _MARGINS))
 
+    def of_legs(self, legs: Legs) -> "Batch":
+        """Return a batch of other legs."""
+        return replace(self, legs=legs)
+
+    def within(self, env: Environment) -> "Batch":
+        """Return the same legs with another world in common."""
+        return replace(self, env=env)
+
     @property
     def current(self) -> Current:
         """The current of one leg, as far as its kind goes."""
@@ -209,79 +217,69 @@ class Bounds:
 
 def search_legs(
     keys: jax.Array,
-    legs: Legs,
+    batch: Batch,
     population: Any,
-    shared: Environment,
-    vehicle: Vehicle,
     config: PathConfig,
     window: bool = False,
     budget: Budget | None = None,
-    searched: Environment | None = None,
+    judging: Batch | None = None,
 ) -> dict[str, Any]:
     """Search for the paths of B legs: the fields of `PathPlans` by name, `wanting` and `unsettled`.
 
     Args:
         keys: [B] PRNG keys, consumed.
-        legs: B legs.
+        batch: B legs, in the world that paths are searched for in.
         population: [B, P, 3 n] m, habitats to start from, or None.
-        shared: what of the world is the same for all legs.
-        vehicle: speed and limits.
         config: settings.
         window: whether to make the effort of one window alone (`PathConfig.window`), from the population of
             a path in hand, the best first, whose rest is bent round what has come.
         budget: of which this takes one row's share; what does not fit into it is left out.
-        searched: the world that paths are searched for in, where it is not the one that they are judged in.
+        judging: the legs in the world that paths are judged in, where it is another one.
 
     Returns:
         Arrays with a leading axis B. `wanting` is set where the path found breaks a limit although the
         fields find a passage open, makes a long detour, or is slower than one that they know; `unsettled`
         where the last polish still improved it.
     """
-    batch, judging = (Batch.of(legs, env, vehicle, config) for env in (searched or shared, shared))
+    judging = judging or batch
     places, config = timed(config, judging.current).quadrature, compared(config, batch.env, batch.current)
-    effort = config.window() if window else config
-    # What the time of a piece of work depends on.
-    share, of = share_of(budget), (config, jax.tree.structure(batch), len(legs.start))
-
-    def work(name: str) -> tuple:
-        return name, *of
-
-    share.keep_for(work("finish"), work("begin"), work("evolve"))
+    effort, share = config.window() if window else config, share_of(budget)
+    run = _Run(batch, config, share, (config, jax.tree.structure(batch), len(batch.legs.start)))
+    share.keep_for(run.work("finish"), run.work("begin"), run.work("evolve"))
     found = None
-    if config.passages and share.allows(work("trace")):
+    if config.passages and share.allows(run.work("trace")):
         cells = config.only("field_cells")
         trace = partial(_trace, batch, config=cells, count=config.passages, deep=batch.is_deep)
-        passages, _, *known = share.spend(work("trace"), trace)
+        passages, _, *known = share.spend(run.work("trace"), trace)
         found = passages, *known
     elif config.passages:
         found = _no_passages(batch, config)
     fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
     begin = partial(_begin, batch, keys, population, found, config=fresh, size=size, count=effort.passages)
-    first_rows, bounds = share.spend(work("begin"), begin)
+    first_rows, bounds = share.spend(run.work("begin"), begin)
     population = np.asarray(first_rows)
-    descended = partial(_descended, batch, bounds, config, share=share, work=work("descend"))
     if (count := effort.passages) and effort.passage_steps:
         # All passages at first, then the better half of them: a few steps show which ones lead nowhere.
         first, step_size = effort.passage_steps // 3, config.refine_step_size
-        rows = _ranked(*descended(population[:, -count:], first, step_size))[0]
+        rows = _ranked(*run.descended(bounds, population[:, -count:], first, step_size))[0]
         half = -(-count // 2)
-        better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
+        better = run.descended(bounds, rows[:, :half], effort.passage_steps - first, step_size)[0]
         population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
         if window:
             # The rest of the path in hand, bent round what has come.
-            bent = descended(population[:, :1], config.passage_steps, step_size)[0]
+            bent = run.descended(bounds, population[:, :1], config.passage_steps, step_size)[0]
             population = np.concatenate([bent, population[:, 1:]], axis=1)
 
-    most = effort.bbo.iterations
-    state, history = _evolved(batch, keys, population, bounds, config, most, share, work("evolve"))
+    state, history = run.evolved(bounds, keys, population, effort.bbo.iterations)
     before, polished = np.asarray(history.best)[:, -1], None
     if effort.refine_steps:
         planes = (state.population, state.cost, state.violation)
         rows, *scores = (np.asarray(plane)[:, : config.refine_count] for plane in planes)
-        polished = descended(rows, effort.refine_steps, config.refine_step_size / 3.0, scores=scores)
+        step_size = config.refine_step_size / 3.0
+        polished = run.descended(bounds, rows, effort.refine_steps, step_size, scores=scores)
     known, slack = None if found is None else found[2:], np.float32(_KNOWN_IN_DEPTH * batch.is_deep)
     finish = partial(_finish, judging, state, polished, known, slack)
-    plans, last = share.spend(work("finish"), partial(finish, config=config.only(), places=places))
+    plans, last = share.spend(run.work("finish"), partial(finish, config=config.only(), places=places))
     plans, last = jax.device_get((plans, last))
     settled = config.settled * (_SETTLED_IN_DEPTH if batch.is_deep else 1.0)
     # Segments that hide some of the current that they cross are too long.
@@ -292,15 +290,15 @@ def search_legs(
     return plans | {"history": history, "unsettled": unsettled}
 
 
-def sketch_legs(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> np.ndarray:
+def sketch_legs(batch: Batch, config: PathConfig) -> np.ndarray:
     """Polish the best passages of B legs and no more: paths [B, 2, S, 3] m, nearly as quick as the search's.
 
     The first is the best of those at depths of their own where the current changes with depth.
 
     Args:
-        legs, shared, vehicle, config: as for `search_legs`.
+        batch, config: as for `search_legs`.
     """
-    batch = Batch.of(legs, shared, vehicle, config)
+    legs = batch.legs
     keys = jax.random.split(jax.random.key(0), len(legs.start))
     config = compared(config, batch.env, batch.current)
     cells, fresh = config.only("field_cells"), config.only("start_shape", "width", "depth_width")
@@ -311,7 +309,7 @@ def sketch_legs(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathC
     found = tuple(np.asarray(plane)[:, best] for plane in (rows, times))
     rows, bounds = _begin(batch, keys, None, found, config=fresh, size=2, count=2)
     effort = config.passage_steps + config.refine_steps, config.refine_step_size
-    rows = _descended(batch, bounds, config, np.asarray(rows), *effort)[0]
+    rows = _Run(batch, config).descended(bounds, np.asarray(rows), *effort)[0]
     free = (rows / batch.factors[:, :, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
     ends = [np.broadcast_to(end[:, None, None], (*free.shape[:2], 1, 3)) for end in (legs.start, legs.goal)]
     polygons = np.concatenate([ends[0], free, ends[1]], axis=2)
@@ -329,99 +327,104 @@ def _no_passages(batch: Batch, config: PathConfig) -> tuple[np.ndarray, ...]:
     return lines, np.full(shape, np.inf, np.float32), none, none + np.inf
 
 
-def _evolved(
-    batch: Batch,
-    keys: jax.Array,
-    population: np.ndarray,
-    bounds: Bounds,
-    config: PathConfig,
-    most: int,
-    share: Share | Unlimited,
-    work: tuple,
-) -> tuple[search.State, search.History]:
-    """States and histories of as many of `most` iterations as the time allows; none is enough for a score."""
-    done, parts, settings = 0, [], config.only("bbo")
-    while done < most or not parts:
-        chunk = share.units(work, most - done)
-        if not chunk and parts:
-            break
-        chunk_keys = keys if not done else prng.folded_rows(keys, done)
-        evolve = partial(_evolve, batch, chunk_keys, population, bounds, np.int32(chunk), config=settings)
-        state, history = share.spend(work, evolve, chunk + 1)
-        population, done = state.population, done + chunk
-        parts.append(search.rows(history, slice(1 if parts else 0, chunk + 1)))
-        if not chunk:
-            break
-    return state, search.joined(parts, most - done)
+@dataclass(frozen=True)
+class _Run:
+    """A search under way, whose longer parts are cut to the time that there is.
 
-
-def _descended(
-    batch: Batch,
-    bounds: Bounds,
-    config: PathConfig,
-    rows: np.ndarray,
-    steps: int,
-    step_size: float,
-    *,
-    softness: float = SOFTNESS,
-    scores: list[np.ndarray] | None = None,
-    share: Share | Unlimited = UNLIMITED,
-    work: tuple = (),
-) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time.
-
-    As far as the time allows, in chunks of ever smaller steps. Rows that none was left for are as they were,
-    with the scores given, or the worst.
+    Attributes:
+        batch: B legs, in the world that paths are searched for in.
+        config: settings.
+        share: of a budget.
+        of: what the time of a piece of work depends on.
     """
-    at_once, out = config.refine_count, [np.array(rows)]
-    out += [np.array(plane) for plane in scores or [np.full(rows.shape[:2], np.inf, np.float32)] * 2]
-    groups = [slice(begin, begin + at_once) for begin in range(0, rows.shape[1], at_once)]
-    done = 0
-    while done < steps:
-        chunk = share.units(work, steps - done)
-        for group in groups:
-            if not (chunk and share.units(work, 1)):
-                return tuple(out)
-            part = out[0][:, group]
-            real = part.shape[1]
-            padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
-            size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
-            numbers = np.int32(chunk), batch.step_sizes(size, config), np.float32(softness)
-            descend = partial(_descend, batch, padded, bounds, *numbers, config=config.only())
-            better = share.spend(work, descend, chunk + 1)
-            for plane, new in zip(out, better, strict=True):
-                plane[:, group] = np.asarray(new)[:, :real]
-        done += chunk
-    return tuple(out)
+
+    batch: Batch
+    config: PathConfig
+    share: Share | Unlimited = UNLIMITED
+    of: tuple = ()
+
+    def work(self, name: str) -> tuple:
+        """Return what a piece of work is timed by."""
+        return name, *self.of
+
+    def evolved(
+        self, bounds: Bounds, keys: jax.Array, population: np.ndarray, most: int
+    ) -> tuple[search.State, search.History]:
+        """States and histories of as many of `most` iterations as the time allows.
+
+        None is enough for a score.
+        """
+        done, parts, settings, work = 0, [], self.config.only("bbo"), self.work("evolve")
+        while done < most or not parts:
+            chunk = self.share.units(work, most - done)
+            if not chunk and parts:
+                break
+            own = self.batch, keys if not done else prng.folded_rows(keys, done), population, bounds
+            evolve = partial(_evolve, *own, np.int32(chunk), config=settings)
+            state, history = self.share.spend(work, evolve, chunk + 1)
+            population, done = state.population, done + chunk
+            parts.append(search.rows(history, slice(1 if parts else 0, chunk + 1)))
+            if not chunk:
+                break
+        return state, search.joined(parts, most - done)
+
+    def descended(
+        self,
+        bounds: Bounds,
+        rows: np.ndarray,
+        steps: int,
+        step_size: float,
+        softness: float = SOFTNESS,
+        scores: list[np.ndarray] | None = None,
+    ) -> tuple[np.ndarray, ...]:
+        """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R].
+
+        `refine_count` at a time, as far as the time allows, in chunks of ever smaller steps. Rows that none
+        was left for are as they were, with the scores given, or the worst.
+        """
+        at_once, out, work = self.config.refine_count, [np.array(rows)], self.work("descend")
+        out += [np.array(plane) for plane in scores or [np.full(rows.shape[:2], np.inf, np.float32)] * 2]
+        groups = [slice(begin, begin + at_once) for begin in range(0, rows.shape[1], at_once)]
+        done = 0
+        while done < steps:
+            chunk = self.share.units(work, steps - done)
+            for group in groups:
+                if not (chunk and self.share.units(work, 1)):
+                    return tuple(out)
+                part = out[0][:, group]
+                real = part.shape[1]
+                padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
+                size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
+                numbers = np.int32(chunk), self.batch.step_sizes(size, self.config), np.float32(softness)
+                descend = partial(_descend, self.batch, padded, bounds, *numbers, config=self.config.only())
+                better = self.share.spend(work, descend, chunk + 1)
+                for plane, new in zip(out, better, strict=True):
+                    plane[:, group] = np.asarray(new)[:, :real]
+            done += chunk
+        return tuple(out)
 
 
 def polish_finely(
     keys: jax.Array,
-    legs: Legs,
+    batch: Batch,
     known: np.ndarray,
-    shared: Environment,
-    vehicle: Vehicle,
     config: PathConfig,
     again: bool,
-    searched: Environment | None = None,
+    judging: Batch | None = None,
 ) -> dict[str, Any]:
     """Polish the paths of B legs with the control points and samples of `config.fine()`.
 
     Args:
         keys: [B] PRNG keys, consumed.
-        legs: B legs.
+        batch, judging: as for `search_legs`.
         known: [B, 3 n] m, a path of each.
-        shared: what of the world is the same for all legs.
-        vehicle: speed and limits.
         config: settings.
         again: whether to look for passages in denser fields too, and to polish the best of them.
-        searched: as for `search_legs`.
 
     Returns:
         As `search_legs` but for the history; populations hold the best path alone.
     """
-    searched = searched or shared
-    batch, judging = (Batch.of(legs, env, vehicle, config) for env in (searched, shared))
+    judging, legs, vehicle = judging or batch, batch.legs, batch.vehicle
     places, config = timed(config, judging.current).quadrature, compared(config, batch.env, batch.current)
     fine, deep, factors = config.fine(), batch.is_deep, batch.factors
     ends = legs.start * factors, legs.goal * factors
@@ -461,7 +464,7 @@ def polish_finely(
         if not wanted.any():
             continue
         stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
-        strict = Batch.of(legs, searched, stricter, config)
+        strict = replace(batch, vehicle=stricter)
         ranked = _ranked(*_polished(keys, strict, rows if restart else last, fine, softness))
         last, more, tried = ranked[0], judged(*ranked), tried + wanted
         excess, known = (plans["violations"].sum(axis=1) for plans in (more, best))
@@ -496,14 +499,14 @@ def _polished(
     softness: float = SOFTNESS,
     together: int = 1,
 ) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n], as the search sees them, polished by `_descended` within the same bounds."""
+    """Rows [B, R, 3 n], as the search sees them, polished by `_Run.descended` within the same bounds."""
     parts, fresh = [], config.only("start_shape", "width", "depth_width")
     for begin in range(0, rows.shape[1], together):
         part = rows[:, begin : begin + together]
         found = part, np.zeros(part.shape[:2], part.dtype)
         part, bounds = _begin(batch, keys, None, found, config=fresh, size=together, count=together)
         effort = config.refine_steps, config.refine_step_size
-        parts.append(_descended(batch, bounds, config, np.asarray(part), *effort, softness=softness))
+        parts.append(_Run(batch, config).descended(bounds, np.asarray(part), *effort, softness))
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
 
 

@@ -305,7 +305,8 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
     legs = stages.Legs(*ends, np.zeros(1), own)
     line = np.asarray(straight_line(jnp.asarray(ends[0][0]), jnp.asarray(ends[1][0]), config))[None]
     keys = jax.random.split(jax.random.key(0), 1)
-    polish = partial(stages.polish_finely, keys, legs, line, shared, ap.Vehicle(), config, again=False)
+    batch = stages.Batch.of(legs, shared, ap.Vehicle(), config)
+    polish = partial(stages.polish_finely, keys, batch, line, config, again=False)
     strict = polish()
     assert not strict["violations"].any()
     monkeypatch.setattr(stages, "_STRICTER", ())
@@ -344,7 +345,7 @@ def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeyp
     monkeypatch.setattr(
         planner,
         "search_legs",
-        lambda *a, **k: searched.append(float(k["vehicle"].sway_max)) or search(*a, **k),
+        lambda *a, **k: searched.append(float(a[1].vehicle.sway_max)) or search(*a, **k),
     )
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
     assert searched == pytest.approx(sways)
