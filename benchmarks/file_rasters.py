@@ -19,6 +19,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
 from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymetry, read_raster
+from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
 from benchmarks import file_models
 from benchmarks.file_references import LENGTHS, Raw
@@ -164,7 +165,7 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
 
 
 def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
-    return read_bathymetry(path, box.site, **box.corners, pixel_size=box.pixel, **options).depth
+    return read_bathymetry(path, box.site, Extent(**box.corners, pixel_size=box.pixel), **options).depth
 
 
 def tiff_classes(path: Path, box: Box) -> np.ndarray:
@@ -186,13 +187,13 @@ def picture(path: Path, crs: int | None = None) -> np.ndarray:
 
 
 def classes(path: Path, box: Box) -> np.ndarray:
-    chart = chart_from_raster(path, box.site, **box.corners, pixel_size=box.pixel, classes=CLASSES)
+    chart = chart_from_raster(path, box.site, Extent(**box.corners, pixel_size=box.pixel), classes=CLASSES)
     return np.asarray(chart.passability)
 
 
 def land(path: Path, box: Box) -> np.ndarray:
     """0 for land, 1 for water, as auvplan reads it."""
-    chart = chart_from_polygons(path, box.site, **box.corners, pixel_size=box.pixel)
+    chart = chart_from_polygons(path, box.site, Extent(**box.corners, pixel_size=box.pixel))
     return np.asarray(chart.passability)
 
 

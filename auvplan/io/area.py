@@ -259,8 +259,6 @@ class AreaFiles:
         self._stated = _site(scenario) if site is None else site
         self._place = self._stated and replace(self._stated, epoch=None)  # charts do not depend on the epoch
         self._box = scenario.box
-        #: Corners of the area, (north, east) m, by the names that readers give them.
-        self._sides: dict[str, Any] = {"lower": self._box[0][:2], "upper": self._box[1][:2]}
 
     def area(self) -> OperatingArea:
         """Return all of it; raises and warns as `load_area`."""
@@ -351,7 +349,7 @@ class AreaFiles:
         if settings.no_go is None:
             return ()
         with blaming("chart", "no_go"):
-            zones = geo.read_zones(self._source("chart.no_go"), self._on_earth, **self._sides)
+            zones = geo.read_zones(self._source("chart.no_go"), self._on_earth, self._extent())
         if settings.no_go_windows is None:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
@@ -363,9 +361,9 @@ class AreaFiles:
         if not self.no_go:
             return ()
         assert self.site is not None
-        how = {"pixel_size": self.scenario.chart.pixel_size, "margin": self.scenario.safety.closing}
+        extent, margin = self._extent(self.scenario.chart.pixel_size), self.scenario.safety.closing
         with blaming("chart", "no_go"):
-            return geo.closures_of(self.no_go, self.site, **self._sides, **how, until=self.until)
+            return geo.closures_of(self.no_go, self.site, extent, margin=margin, until=self.until)
 
     @_Part
     def current(self) -> "CurrentFile | None":
@@ -420,10 +418,10 @@ class AreaFiles:
             return None, ()
         low, notes = self._low_water()
         if settings.source == "file":
-            given = settings.model_dump(include={"pixel_size", "variable", "positive", "crs"})
+            given = settings.model_dump(include={"variable", "positive", "crs"})
             with blaming("bathymetry", "file"):
                 path = self._source("bathymetry.file")
-                found = geo.read_bathymetry(path, self._on_earth, **self._sides, **given)
+                found = geo.read_bathymetry(path, self._on_earth, self._extent(settings.pixel_size), **given)
                 if not (found.depth > 0.0).any():
                     raise ScenarioError(
                         f"{settings.file}: no pixel of the area lies below the sea surface: say by "
@@ -457,6 +455,10 @@ class AreaFiles:
         seabed, _ = self.readable("seabed") or (None, ())
         if self.readable("land") is not None:
             warn_of_contradictions(self.scenario, self.dry_land, seabed, files)
+
+    def _extent(self, pixel_size: float | None = None) -> geo.Extent:
+        """Return the area with pixels of a size, m."""
+        return geo.Extent(self._box[0][:2], self._box[1][:2], pixel_size)
 
     @property
     def _on_earth(self) -> Site:
@@ -511,11 +513,11 @@ class AreaFiles:
         settings, box = self.scenario.chart, self._box
         always, size = [zone for zone in self.no_go if not zone.hours], settings.pixel_size
         more = size * np.ceil(beyond(box, size) / size)
-        corners = {"lower": np.subtract(box[0][:2], more), "upper": np.add(box[1][:2], more)}
+        extent = geo.Extent(np.subtract(box[0][:2], more), np.add(box[1][:2], more), size)
 
         def burnt() -> Chart:
             with blaming("chart", "no_go"):
-                closed = geo.with_no_go(wide, always, **corners, pixel_size=size)
+                closed = geo.with_no_go(wide, always, extent)
             return cropped(closed, settings, box)
 
         current = self.readable("current") if settings.source == "current" else None

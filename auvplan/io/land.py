@@ -75,8 +75,7 @@ def read_land(
     if settings.source == "none":
         return Land()
     size, notes, cells = settings.pixel_size, (), None
-    place: dict[str, Any] = {"lower": box[0][:2], "upper": box[1][:2], "pixel_size": size}
-    place["beyond"] = beyond(box, size)
+    extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
     if settings.source in ("whitsunday", "image"):
         with blaming("chart", "image"):
             coast, chart, notes = _picture(settings, file)
@@ -85,7 +84,7 @@ def read_land(
         depth, radius = settings.safety_depth, settings.hazard_radius
         with blaming("chart", "file"):
             cells = geo.read_cells(
-                file, site, deepest=box[1][2], safety_depth=depth, hazard_radius=radius, **place
+                file, site, extent, deepest=box[1][2], safety_depth=depth, hazard_radius=radius
             )
         coast, chart, notes = cells.coast, cells.chart, cells.notes
     elif settings.source == "current":
@@ -96,10 +95,10 @@ def read_land(
         with blaming("chart", "file"):
             if settings.source == "raster":
                 colours = settings.colours.given
-                chart, notes = geo.chart_and_notes(file, site, crs=settings.crs, colours=colours, **place)
+                chart, notes = geo.chart_and_notes(file, site, extent, crs=settings.crs, colours=colours)
             else:
                 margin = {"fringe": settings.fringe, "uncertain": uncertain}
-                chart = geo.chart_from_polygons(file, site, **margin, **place)
+                chart = geo.chart_from_polygons(file, site, extent, **margin)
         coast = chart
     if settings.source in ("raster", "image"):
         dry = float((np.asarray(cropped(chart, settings, box).passability) == 0.0).mean())

@@ -23,6 +23,7 @@ from auvplan.io.currents.ocean import summary_of
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import write_example, write_example_of_times
 from auvplan.io.geo.charts import chart_from_polygons, chart_from_raster, closures_of, read_zones
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.s57 import read_cells
 from auvplan.io.restore import restore_run
 from auvplan.io.tides import read_tide
@@ -234,7 +235,7 @@ def _geotiff(values: np.ndarray, **more: Any) -> Callable[[Path], object]:
 def _read_tiff(path: Path) -> object:
     classes = {0: 0.0, 1: 1.0} if path.parent.name == "classes" else None
     geo.pixel_size(path)
-    return chart_from_raster(path, _site(), **_box(), classes=classes)
+    return chart_from_raster(path, _site(), Extent(**_box()), classes=classes)
 
 
 def _write_vectors(path: Path) -> None:
@@ -268,8 +269,8 @@ def _write_cell(path: Path) -> None:
 
 def _read_closed(path: Path) -> object:
     box = _box()
-    zones = read_zones(path, _site(), lower=box["lower"], upper=box["upper"])
-    return closures_of(zones, _site(), **box, margin=60.0, until=10_800.0)
+    zones = read_zones(path, _site(), Extent(lower=box["lower"], upper=box["upper"]))
+    return closures_of(zones, _site(), Extent(**box), margin=60.0, until=10_800.0)
 
 
 def _read_currents(path: Path) -> object:
@@ -354,23 +355,23 @@ READERS: dict[str, Reader] = {
         lambda path: geo.read_obstacles(path, _site()),
         _each("obstacles.geojson", {"0": _EXAMPLE / "obstacles.geojson"}),
     ),
-    "land": Reader(lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0), {
+    "land": Reader(lambda path: chart_from_polygons(path, _site(), Extent(**_box()), fringe=60.0), {
         "0": Files({"land.geojson": DATA / "whitsunday_coast.geojson"}),
         "1": Files({"land.geojson": Path("elsewhere/natural_earth_110m_land.geojson")}),
         **{kind: Files({f"land.{kind}": _write_vectors}, changed=("*",)) for kind in ("gpkg", "shp", "fgb")},
     }),
     "chart, S-57": Reader(
-        lambda path: read_cells(path, _site(), **_box(), deepest=40.0),
+        lambda path: read_cells(path, _site(), Extent(**_box()), deepest=40.0),
         {"cell": Files(dict.fromkeys(("AU5WHIT1.000", "AU5WHIT1.001"), _write_cell), changed=("*",))},
     ),
-    "chart, PNG": Reader(lambda path: chart_from_raster(path, _site(), **_box()), _PICTURES),
+    "chart, PNG": Reader(lambda path: chart_from_raster(path, _site(), Extent(**_box())), _PICTURES),
     "chart, GeoTIFF": Reader(_read_tiff, {
         "colour": Files({"chart.tif": _geotiff(_picture())}),
         "classes": Files({"chart.tif": _geotiff((_picture()[..., 0] < 80).astype(np.uint8))}),
     }),
     "picture": Reader(classify_file, _PICTURES),
     "bathymetry": Reader(
-        lambda path: geo.read_bathymetry(path, _site(), **_box()),
+        lambda path: geo.read_bathymetry(path, _site(), Extent(**_box())),
         _each("bed.nc", {"0": Path("example/bathymetry.nc"), "1": Path("elsewhere/etopo60_rose.nc")})
         | {"tiff": Files({"bed.tif": _geotiff(_BED, band={"units": "m"})})},
     ),

@@ -8,6 +8,7 @@ from .charts import closures_of as closures_of
 from .charts import read_zones as read_zones
 from .charts import with_no_go as with_no_go
 from .error import GeoError as GeoError
+from .grid import Extent as Extent
 from .jobs import read_jobs as read_jobs
 from .obstacles import read_obstacles as read_obstacles
 from .raster import pixel_size as pixel_size
@@ -18,6 +19,7 @@ from .s57 import read_cells as read_cells
 __all__ = [
     "Bathymetry",
     "Cells",
+    "Extent",
     "GeoError",
     "Zone",
     "chart_and_notes",

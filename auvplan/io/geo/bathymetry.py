@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, label, reading
-from auvplan.io.geo.grid import LocalGrid, local_grid
+from auvplan.io.geo.grid import Extent, LocalGrid
 from auvplan.io.geo.nodes import Source, View, bilinear, is_degrees, listed, placed
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
@@ -57,10 +57,8 @@ class Bathymetry:
 def read_bathymetry(
     source: Source | xr.Dataset,
     site: Site,
+    extent: Extent,
     *,
-    lower: Any,
-    upper: Any,
-    pixel_size: float | None = None,
     variable: str | None = None,
     positive: str | None = None,
     crs: Any = None,
@@ -78,8 +76,8 @@ def read_bathymetry(
             coordinates as `auvplan.io.geo.nodes` describes them. An array without a name, units and sense is
             elevation in metres, positive up.
         site: where local coordinates count from.
-        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
-        pixel_size: m; None for half the source's spacing, from 10 to 500 m and at most 1024 pixels a side.
+        extent: of the raster; without a size of pixels, half the source's spacing, from 10 to 500 m and at
+            most 1024 pixels a side.
         variable: name of the variable in a NetCDF file or dataset.
         positive: "up" or "down", which way the values count, where the source does not give it.
         crs: coordinate reference system of x and y where the source has none.
@@ -93,17 +91,17 @@ def read_bathymetry(
     path, notes = label(source), []
     with reading(path):
         # Where no size is given these pixels only stand for the rectangle.
-        grid = local_grid(lower, upper, pixel_size)
+        grid = extent.grid(None)
         with _opened(path, source, variable, crs, notes) as array:
             what = f"{path}: {array.name or 'the band'}"
             array, nodes = placed(what, array, site, grid, crs)
             view = View(nodes, site, grid)
             view.refuse_beyond(path, "data", 0.5 + 1e-6)
-            if pixel_size is None:
+            if extent.pixel_size is None:
                 spacing = float(np.nanmin(np.hypot(*view.steps().T)))
                 size = float(np.clip(spacing / 2, SMALLEST_PIXEL, LARGEST_PIXEL))
                 longest = max(b - a for a, b in zip(grid.lower, grid.upper, strict=True))
-                grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
+                grid = extent.grid(max(size, longest / MOST_PIXELS))
             window = _window(path, view, grid)
             values = _load(array, *window)
             if not np.isfinite(values).any():

@@ -15,7 +15,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import blaming, warn
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.features import Features
-from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
+from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
 from auvplan.io.geo.nodes import Source, View, nearest, placed
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.io.geo.raster import read_raster
@@ -35,14 +35,11 @@ _HOURS = ("from", "to", "windows")
 def chart_and_notes(
     source: Source,
     site: Site,
+    extent: Extent,
     *,
-    lower: Any,
-    upper: Any,
-    pixel_size: float = 10.0,
     crs: Any = None,
     classes: Mapping[int, float] | None = None,
     colours: ChartColours = UNTOLD,
-    beyond: float = 0.0,
 ) -> tuple[Chart, tuple[str, ...]]:
     """Return a chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 
@@ -58,13 +55,11 @@ def chart_and_notes(
             array of one band, or of bands red, green, blue and perhaps alpha, with coordinates as
             `auvplan.io.geo.nodes` describes them.
         site: where local coordinates count from.
-        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
-        pixel_size: of the chart, m.
+        extent: of the chart.
         crs: coordinate reference system, where the source has none.
         classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
             What the file marks as no data is coast, unless it is named here.
         colours: what the picture's colours stand for; with them a band of greys is a picture too.
-        beyond: m around the rectangle that the chart covers as well; water where the picture ends before.
 
     Returns:
         The chart, and what was assumed of the picture, a line each.
@@ -79,7 +74,7 @@ def chart_and_notes(
     """
     path = label(source)
     with reading(path, ChartError):
-        grid = local_grid(lower, upper, pixel_size)
+        grid = extent.grid()
         given = isinstance(source, str | Path)
         raster = read_raster(source, crs, numbers=classes is not None) if given else source
         plane = raster.isel(band=0, drop=True) if "band" in raster.dims else raster
@@ -91,28 +86,25 @@ def chart_and_notes(
         passability, notes, outside = _passability(path, raster, plane.coords.get("mask"), classes, colours)
         if outside is not None and outside.any():
             _refuse_outside(path, _least(1.0 - outside, view, grid, 1.0) == 0.0, grid)
-        wide = grid.widened(beyond)
+        wide = grid.widened(extent.beyond)
         found = _least(passability, view, wide, 1.0)
         if outside is not None:
             found = np.where(_least(1.0 - outside, view, wide, 0.0) == 0.0, 1.0, found)
         return wide.chart(found), notes
 
 
-def chart_from_raster(source: Source, site: Site, **options: Any) -> Chart:
+def chart_from_raster(source: Source, site: Site, extent: Extent, **options: Any) -> Chart:
     """`chart_and_notes` without the notes."""
-    return chart_and_notes(source, site, **options)[0]
+    return chart_and_notes(source, site, extent, **options)[0]
 
 
 def chart_from_polygons(
     source: Features,
     site: Site,
+    extent: Extent,
     *,
-    lower: Any,
-    upper: Any,
-    pixel_size: float = 10.0,
     fringe: float = 0.0,
     uncertain: Features | None = None,
-    beyond: float = 0.0,
 ) -> Chart:
     """Return a chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
 
@@ -121,11 +113,9 @@ def chart_from_polygons(
     Args:
         source: GeoJSON of Polygon or MultiPolygon, in features and collections or bare: a file or `Features`.
         site: where local coordinates count from.
-        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
-        pixel_size: m.
-        fringe: m; water within so far of land is uncertain.
+        extent: of the chart.
+        fringe: m; water within this distance of land is uncertain.
         uncertain: a second such file, of reefs and shoals, which are uncertain.
-        beyond: m around the rectangle that the chart covers as well.
 
     Raises:
         ChartError: one line that names the file and the number of the feature that is at fault.
@@ -135,11 +125,11 @@ def chart_from_polygons(
     """
     path = label(source)
     with reading(path, ChartError):
-        grid = local_grid(lower, upper, pixel_size)
+        grid = extent.grid()
         if not (np.isfinite(fringe) and fringe >= 0.0):
             raise GeoError(f"fringe must not be negative, got {fringe}")
-        wide = grid.widened(beyond)
-        area = around(site, wide, fringe + pixel_size)
+        wide = grid.widened(extent.beyond)
+        area = around(site, wide, fringe + grid.pixel_size)
 
         def shapes(of: Features, what: str, margin: float) -> Any:
             """Polygons on the grid and around it, in local metres."""
@@ -149,40 +139,31 @@ def chart_from_polygons(
                 _warn_beyond(label(of), what, found, site, grid)
             return reaching
 
-        land = shapes(source, "land", fringe + pixel_size)
+        land = shapes(source, "land", fringe + grid.pixel_size)
         doubtful = touched(land.buffer(fringe), wide) if fringe > 0.0 else np.zeros(wide.shape, bool)
         if uncertain is not None:
             with blaming("", "uncertain"):
-                doubtful |= touched(shapes(uncertain, "uncertain area", pixel_size), wide)
+                doubtful |= touched(shapes(uncertain, "uncertain area", grid.pixel_size), wide)
         coast = touched(land, wide)
         return wide.chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)))
 
 
-def with_no_go(
-    chart: Chart | None,
-    polygons: Iterable[Any],
-    *,
-    lower: Any = None,
-    upper: Any = None,
-    pixel_size: float = 10.0,
-) -> Chart:
+def with_no_go(chart: Chart | None, polygons: Iterable[Any], extent: Extent | None = None) -> Chart:
     """Return a chart on which closed areas are coast: every pixel that one reaches into.
 
     Args:
-        chart: the chart; None for open water over the rectangle of the other arguments.
+        chart: the chart; None for open water.
         polygons: zones, or shapely polygons in local (north, east), m; what lies off the chart is left.
-        lower: south-western corner (north, east), m, of a chart of open water; not used with `chart`.
-        upper: its north-eastern corner, m.
-        pixel_size: of its pixels, m.
+        extent: of a chart of open water; not used with `chart`.
 
     Raises:
         ChartError: a polygon is none, is empty or crosses itself, or the corners are no corners.
     """
     with reading("closed areas", ChartError):
         if chart is None:
-            if lower is None or upper is None:
-                raise GeoError("without a chart, lower and upper tell the area")
-            grid = local_grid(lower, upper, pixel_size)
+            if extent is None:
+                raise GeoError("without a chart, an extent is needed")
+            grid = extent.grid()
         else:
             low, high = (tuple(np.asarray(corner, float).tolist()) for corner in (chart.lower, chart.upper))
             grid = LocalGrid(low, high, float(chart.pixel_size), chart.shape)
@@ -197,16 +178,14 @@ def with_no_go(
     return replace(chart, passability=burnt.passability, signed_distance=distance)
 
 
-def read_zones(source: Features, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
+def read_zones(source: Features, site: Site, extent: Extent | None = None) -> list[Zone]:
     """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
 
     One that is closed at some hours only states them by `from` and `to`, or by `windows`, as jobs do.
 
     Args:
         site: where local coordinates count from.
-        lower: south-western corner (north, east), m, of the area that they are for; None where it is not
-            known.
-        upper: its north-eastern corner, m.
+        extent: of the area that they are for; None where it is not known.
 
     Raises:
         GeoError: one line that names the file and the number of the feature that is at fault.
@@ -217,8 +196,8 @@ def read_zones(source: Features, site: Site, *, lower: Any = None, upper: Any = 
     path = label(source)
     with reading(path):
         found = read_polygons(source)
-        if lower is not None and upper is not None:
-            grid, shapes = local_grid(lower, upper, None), [feature.shape for feature in found]
+        if extent is not None:
+            grid, shapes = extent.grid(None), [feature.shape for feature in found]
             if shapely.is_empty(near(shapes, site, grid, 0.0)):
                 _warn_beyond(path, "closed area", shapes, site, grid)
         zones = []
@@ -232,10 +211,8 @@ def read_zones(source: Features, site: Site, *, lower: Any = None, upper: Any = 
 def closures_of(
     zones: Iterable[Zone],
     site: Site,
+    extent: Extent,
     *,
-    lower: Any,
-    upper: Any,
-    pixel_size: float,
     margin: float,
     until: float,
 ) -> tuple[Closure, ...]:
@@ -244,9 +221,7 @@ def closures_of(
     Args:
         zones: those without hours are left out.
         site: has the departure that moments count from.
-        lower: south-western corner (north, east), m, of the area of paths.
-        upper: its north-eastern corner, m.
-        pixel_size: of the charts on which they are coast, m.
+        extent: of the charts on which they are coast.
         margin: s, by which they are closed earlier and longer.
         until: s, when missions are over.
 
@@ -262,7 +237,7 @@ def closures_of(
             found.setdefault(tuple(within), []).append(zone)
     closures = []
     for spans, closed in found.items():
-        chart = with_no_go(None, closed, lower=lower, upper=upper, pixel_size=pixel_size)
+        chart = with_no_go(None, closed, extent)
         begins, ends = np.asarray(spans, np.float32).T
         name = ", ".join(zone.name for zone in closed)
         outline = shapely.to_wkt(shapely.union_all([zone.polygon for zone in closed]), rounding_precision=2)

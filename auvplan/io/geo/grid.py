@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -70,6 +70,26 @@ class LocalGrid:
             north = self.lower[0] + (rows + 0.5) * self.pixel_size
             n, e = np.meshgrid(north, east, indexing="ij")
             yield slice(start, start + len(rows)), n, e
+
+
+class Extent(NamedTuple):
+    """A rectangle of local metres, and the pixels that it is read on.
+
+    Attributes:
+        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
+        pixel_size: m; None for what the reader chooses: 10 m of charts, as fine as the source of sea beds.
+        beyond: m around the rectangle that charts cover as well; water where the source ends before.
+    """
+
+    lower: Any
+    upper: Any
+    pixel_size: float | None = None
+    beyond: float = 0.0
+
+    def grid(self, pixel_size: float | None = 10.0) -> LocalGrid:
+        """Return its pixels, of another size where it has none."""
+        size = pixel_size if self.pixel_size is None else self.pixel_size
+        return local_grid(self.lower, self.upper, size)
 
 
 def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:

@@ -25,7 +25,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import reason_of, warn
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.features import MAX_BYTES, Feature, gdal, read_layer
-from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
+from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.known import KnownObstacle
@@ -219,14 +219,11 @@ class _Found:
 def read_cells(
     path: str | Path,
     site: Site,
+    extent: Extent,
     *,
-    lower: Any,
-    upper: Any,
     deepest: float,
-    pixel_size: float = 10.0,
     safety_depth: float = SAFETY_DEPTH,
     hazard_radius: float = HAZARD_RADIUS,
-    beyond: float = 0.0,
 ) -> Cells:
     """Read what S-57 cells have of a local rectangle.
 
@@ -240,12 +237,10 @@ def read_cells(
     Args:
         path: of a cell (`.000`) or of a folder with cells, at any depth in it.
         site: where local coordinates count from.
-        lower, upper: south-western and north-eastern corner (north, east), m; pixels may reach beyond it.
+        extent: of the charts.
         deepest: m, greatest depth that the vehicle goes to.
-        pixel_size: of the charts, m.
         safety_depth: m below the chart's datum.
         hazard_radius: m, of what is a point or a line on the chart.
-        beyond: m around the rectangle that `Cells.chart` covers as well; water where no cell covers it.
 
     Raises:
         ChartError: one line; no cell is there, one is damaged or in other units, or the rectangle reaches
@@ -257,9 +252,9 @@ def read_cells(
     """
     path = Path(path)
     with reading(path, ChartError), TemporaryDirectory() as staging:
-        grid = local_grid(lower, upper, pixel_size)
-        wide = grid.widened(beyond)
-        margin = beyond + hazard_radius + pixel_size
+        grid = extent.grid()
+        wide = grid.widened(extent.beyond)
+        margin = extent.beyond + hazard_radius + grid.pixel_size
         cells = [_cell(*one) for one in _staged(_files(path), Path(staging))]
         if not cells:
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")

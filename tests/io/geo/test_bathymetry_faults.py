@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from auvplan.io.geo import GeoError, read_bathymetry
+from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
 from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, grid, sea_floor
@@ -15,8 +16,10 @@ FLOOR = sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
 
 def refused(words, source, site=SITE, **arguments):
     """The one line that a source is refused with."""
+    given = AREA | arguments
+    extent = {name: given.pop(name) for name in Extent._fields if name in given}
     with pytest.raises(GeoError, match=words) as caught:
-        read_bathymetry(source, site, **(AREA | arguments))
+        read_bathymetry(source, site, Extent(**extent), **given)
     assert "\n" not in str(caught.value)
 
 
@@ -46,7 +49,9 @@ def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form)
     heights = 60.0 - FLOOR
     path = grid("ROSE", values=heights) if form == "grid" else tiff(tmp_path / "b.tif", heights)
     for south, west in ((-1000.0, 1000.0), (3000.0, -1500.0)):
-        found = read_bathymetry(path, SITE, lower=(south, west), upper=(south + 1000.0, west + 2000.0))
+        found = read_bathymetry(
+            path, SITE, Extent(lower=(south, west), upper=(south + 1000.0, west + 2000.0))
+        )
         np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) - 60.0, atol=1e-3)
         assert any("was taken as positive up: its values are of both signs" in note for note in found.notes)
 
@@ -57,7 +62,7 @@ def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form)
 def test_a_sense_that_nothing_tells_is_asked_for(name, values):
     path = grid(name, values=FLOOR + values)
     refused(r'are heights or depths: say positive="up" or "down" \(bathymetry\.p', path)
-    found = read_bathymetry(path, SITE, positive="down", **AREA)
+    found = read_bathymetry(path, SITE, Extent(**AREA), positive="down")
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) + values, atol=1e-3)
 
 
@@ -70,7 +75,7 @@ def test_a_sense_that_nothing_tells_is_asked_for(name, values):
     ],
 )  # fmt: skip
 def test_what_is_assumed_is_noted(name, values, attributes, depth, notes):
-    found = read_bathymetry(grid(name, values=values, attributes=attributes), SITE, **AREA)
+    found = read_bathymetry(grid(name, values=values, attributes=attributes), SITE, Extent(**AREA))
     assert (found.depth == depth).all()
     assert found.notes == notes
 
@@ -87,12 +92,12 @@ def test_etopo_is_heights_everywhere(shared, longitude, latitude):
         there["ETOPO60X"] += 360.0 * (there["ETOPO60X"] < 20.5)
         height = float(dataset["ROSE"].interp(there))
     half = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0), "pixel_size": 100.0}
-    found = read_bathymetry(path, Site(longitude, latitude), **half)
+    found = read_bathymetry(path, Site(longitude, latitude), Extent(**half))
     np.testing.assert_allclose(found.depth[0, 0], -height, atol=1.0)
 
 
 def test_the_argument_overrides_a_name():
-    found = read_bathymetry(grid("h", sign=-1), SITE, positive="up", **AREA)
+    found = read_bathymetry(grid("h", sign=-1), SITE, Extent(**AREA), positive="up")
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=1e-3)
 
 

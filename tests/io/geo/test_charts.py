@@ -9,6 +9,7 @@ import rasterio
 from PIL import Image
 
 from auvplan.io.geo import chart_and_notes, chart_from_raster
+from auvplan.io.geo.grid import Extent
 from auvplan.ocean.chart import ChartError, classify_file
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.palette import ChartColours, to_hex
@@ -25,13 +26,15 @@ WHOLE: dict[str, Any] = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
 def test_the_whitsunday_picture_agrees_with_its_truth(shared):
     site = in_the_middle()
     maps = shared / "data" / "maps"
-    chart = chart_from_raster(maps / "whitsunday_hook_passage_rgb.tif", site, **HOOK)
+    chart = chart_from_raster(maps / "whitsunday_hook_passage_rgb.tif", site, Extent(**HOOK))
     assert chart.shape == (860, 680)
     np.testing.assert_array_equal(chart.origin, (700.0, 300.0))
     known = truth(shared, chart, site)
     assert (kinds(chart) == known).mean() > 0.995
     assert (kinds(chart)[::-1] == known).mean() < 0.9
-    exact = chart_from_raster(maps / "whitsunday_hook_passage_class.tif", site, classes=MEANINGS, **HOOK)
+    exact = chart_from_raster(
+        maps / "whitsunday_hook_passage_class.tif", site, Extent(**HOOK), classes=MEANINGS
+    )
     assert (kinds(exact) == known).all()
 
 
@@ -47,7 +50,9 @@ def picture(tmp_path, size=(40, 60), scale=(0.0001, 0.0001)):
 
 def test_corners_of_a_small_picture(tmp_path):
     path = picture(tmp_path)
-    chart = chart_from_raster(path, SITE, lower=(-210.0, -300.0), upper=(210.0, 305.0), pixel_size=5.0)
+    chart = chart_from_raster(
+        path, SITE, Extent(lower=(-210.0, -300.0), upper=(210.0, 305.0), pixel_size=5.0)
+    )
     assert chart.shape == (84, 121)
     assert not chart.is_water(200.0, -290.0)
     assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
@@ -60,7 +65,7 @@ def test_longitudes_of_another_turn(tmp_path, turn):
     classes[0, 0] = 0
     path = write_geotiff(tmp_path / "c.tif", classes, corner=(179.995 + turn, 0.005))
     area = {"lower": (-500.0, -500.0), "upper": (500.0, 500.0)}
-    chart = chart_from_raster(path, Site(180.0, 0.0), classes=MEANINGS, **area)
+    chart = chart_from_raster(path, Site(180.0, 0.0), Extent(**area), classes=MEANINGS)
     assert not chart.is_water(495.0, -495.0)
     assert chart.is_water([495.0, -495.0, -495.0], [495.0, -495.0, 495.0]).all()
 
@@ -72,7 +77,10 @@ def test_small_land_is_not_lost_between_coarse_pixels(tmp_path):
     north, east = SITE.to_local(148.9 + 0.0335, -20.3 - 0.0405)
     for size in (50.0, 200.0, 333.0, 700.0):
         chart = chart_from_raster(
-            path, SITE, lower=(-4000.0, -4000.0), upper=(4000.0, 3000.0), pixel_size=size, classes=MEANINGS
+            path,
+            SITE,
+            Extent(lower=(-4000.0, -4000.0), upper=(4000.0, 3000.0), pixel_size=size),
+            classes=MEANINGS,
         )
         assert not chart.is_water(north, east)
         assert chart.shares()["coast"] * np.prod(chart.shape) <= max(9, 150.0**2 / size**2)
@@ -92,7 +100,7 @@ def test_small_land_is_not_lost_between_coarse_pixels(tmp_path):
 )
 def test_rectangles_that_the_picture_does_not_cover(tmp_path, lower, upper, words):
     with pytest.raises(ChartError, match=words) as caught:
-        chart_from_raster(picture(tmp_path), SITE, lower=lower, upper=upper)
+        chart_from_raster(picture(tmp_path), SITE, Extent(lower=lower, upper=upper))
     assert "\n" not in str(caught.value)
 
 
@@ -102,18 +110,18 @@ def test_classes_need_a_meaning(tmp_path):
     path = write_geotiff(tmp_path / "k.tif", classes, nodata=9, corner=(148.955, -20.335))
     area = {"lower": (-400.0, -400.0), "upper": (400.0, 400.0)}
     with pytest.raises(ChartError, match=r"k\.tif: a single band of values: say by classes"):
-        chart_from_raster(path, SITE, **area)
+        chart_from_raster(path, SITE, Extent(**area))
     with pytest.raises(ChartError, match=r"k\.tif: classes give no meaning to the values 7$"):
-        chart_from_raster(path, SITE, classes=MEANINGS, **area)
+        chart_from_raster(path, SITE, Extent(**area), classes=MEANINGS)
     with pytest.raises(ChartError, match=r"class 7 must be 0, in \(0, 0.35\] or 1, got 0.5"):
-        chart_from_raster(path, SITE, classes={**MEANINGS, 7: 0.5}, **area)
-    chart = chart_from_raster(path, SITE, classes={**MEANINGS, 7: 0.35}, **area)
+        chart_from_raster(path, SITE, Extent(**area), classes={**MEANINGS, 7: 0.5})
+    chart = chart_from_raster(path, SITE, Extent(**area), classes={**MEANINGS, 7: 0.35})
     assert set(np.unique(kinds(chart))) == {0, 1, 2}  # what is no data is coast
     with pytest.raises(ChartError, match="it has three"):
-        chart_from_raster(picture(tmp_path), SITE, classes=MEANINGS, lower=(-50, -50), upper=(50, 50))
+        chart_from_raster(picture(tmp_path), SITE, Extent(lower=(-50, -50), upper=(50, 50)), classes=MEANINGS)
     depths = write_geotiff(tmp_path / "f.tif", classes.astype(np.float32), corner=(148.955, -20.335))
     with pytest.raises(ChartError, match="classes are whole numbers, and its values are float32"):
-        chart_from_raster(depths, SITE, classes=MEANINGS, **area)
+        chart_from_raster(depths, SITE, Extent(**area), classes=MEANINGS)
 
 
 def test_a_picture_of_told_greys(tmp_path):
@@ -121,9 +129,9 @@ def test_a_picture_of_told_greys(tmp_path):
     grey[:10, :20] = 128
     path = write_geotiff(tmp_path / "g.tif", grey, **PLACED)
     with pytest.raises(ChartError, match=r"chart\.colours"):
-        chart_from_raster(path, SITE, **WHOLE)
+        chart_from_raster(path, SITE, Extent(**WHOLE))
     colours = ChartColours(water=("#e8e8e8",), land=("grey",))
-    chart = chart_from_raster(path, SITE, colours=colours, **WHOLE)
+    chart = chart_from_raster(path, SITE, Extent(**WHOLE), colours=colours)
     assert not chart.is_water(200.0, -290.0)
     assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
 
@@ -172,13 +180,13 @@ def test_what_shows_nothing_is_off_the_chart(tmp_path, hide):
     path = hide(tmp_path)
     options: dict[str, Any] = {"crs": 4326} if path.suffix == ".png" else {}
     with pytest.raises(ChartError) as caught:
-        chart_and_notes(path, SITE, **WHOLE, **options)
+        chart_and_notes(path, SITE, Extent(**WHOLE), **options)
     assert str(caught.value).startswith(
         f"{path}: the area reaches with 33.3% of it into what shows no sea area"
     )
     assert "between -210 and 210 m north, -300 and -100 m east" in str(caught.value)
     assert "\n" not in str(caught.value)
-    chart, notes = chart_and_notes(path, SITE, lower=(-210.0, -85.0), upper=(210.0, 305.0), **options)
+    chart, notes = chart_and_notes(path, SITE, Extent(lower=(-210.0, -85.0), upper=(210.0, 305.0)), **options)
     assert np.asarray(chart.passability).min() == 1.0
     (note,) = notes
     assert note.startswith(f"{path}: what is see-through or no data, 33.3% of the picture")
@@ -187,7 +195,9 @@ def test_what_shows_nothing_is_off_the_chart(tmp_path, hide):
 def test_a_hole_in_a_picture_is_closed(tmp_path):
     colours = np.full((40, 60, 3), WATER, np.uint8)
     colours[10:20, 30:40] = 0
-    chart, _ = chart_and_notes(write_geotiff(tmp_path / "h.tif", colours, nodata=0, **PLACED), SITE, **WHOLE)
+    chart, _ = chart_and_notes(
+        write_geotiff(tmp_path / "h.tif", colours, nodata=0, **PLACED), SITE, Extent(**WHOLE)
+    )
     assert chart.shares()["coast"] == pytest.approx(0.041, abs=0.005)
 
 
@@ -202,9 +212,11 @@ def test_the_corners_of_a_turned_raster_are_off_the_chart(tmp_path, shade):
     with pytest.raises(
         ChartError, match=r"t\.tif: the area reaches with \d+\.\d% of it into what shows no sea"
     ):
-        chart_from_raster(path, SITE, lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0))
-    chart = chart_from_raster(path, SITE, lower=(-1000.0, -1000.0), upper=(1000.0, 1000.0))
+        chart_from_raster(path, SITE, Extent(lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0)))
+    chart = chart_from_raster(path, SITE, Extent(lower=(-1000.0, -1000.0), upper=(1000.0, 1000.0)))
     assert 0.05 < chart.shares()["coast"] < 0.1
     named = ChartColours(water=(to_hex(np.array(WATER)),), land=("#d6c492", "black", "white"))
-    whole = chart_from_raster(path, SITE, lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0), colours=named)
+    whole = chart_from_raster(
+        path, SITE, Extent(lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0)), colours=named
+    )
     assert not whole.is_water(1790.0, 1790.0)

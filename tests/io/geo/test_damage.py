@@ -13,6 +13,7 @@ from auvplan.io.geo import (
     read_jobs,
     read_zones,
 )
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.s57 import read_cells
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.gridded import CurrentError
@@ -47,7 +48,7 @@ def read_box(path):
 
 
 def read_bed(path):
-    read_bathymetry(path, sea_floors.SITE, **sea_floors.AREA)
+    read_bathymetry(path, sea_floors.SITE, Extent(**sea_floors.AREA))
 
 
 def polygons(path):
@@ -60,7 +61,7 @@ def table(path):
 
 
 READERS = {
-    "picture.tif": (picture, lambda path: chart_from_raster(path, SITE, **BOX)),
+    "picture.tif": (picture, lambda path: chart_from_raster(path, SITE, Extent(**BOX))),
     **dict.fromkeys(("chart.png", "chart.jpg", "chart.tif"), (image, Chart.from_image)),
     "grid.nc": (sea_floors.write_grid, read_bed),
     "classic.nc": (lambda path: sea_floors.write_grid(path, form="NETCDF3_CLASSIC"), read_bed),
@@ -68,9 +69,9 @@ READERS = {
     "current.nc3": (current, read_box),
     "A.000": (
         lambda path: write_cell(path, test_s57.bay()),
-        lambda path: read_cells(path, test_s57.SITE, deepest=15.0, pixel_size=100.0, **test_s57.BOX),
+        lambda path: read_cells(path, test_s57.SITE, Extent(pixel_size=100.0, **test_s57.BOX), deepest=15.0),
     ),
-    "land.geojson": (polygons, lambda path: chart_from_polygons(path, SITE, **BOX)),
+    "land.geojson": (polygons, lambda path: chart_from_polygons(path, SITE, Extent(**BOX))),
     "zones.geojson": (polygons, lambda path: read_zones(path, SITE)),
     "jobs.csv": (table, lambda path: read_jobs(path, SITE)),
 }

@@ -8,6 +8,7 @@ import shapely
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_jobs, read_zones
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.polygons import read_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
@@ -83,7 +84,9 @@ def test_one_line_that_names_the_file_and_the_feature(tmp_path, content, words):
     with pytest.raises(GeoError, match=words) as zones:
         read_zones(path, SITE)
     with pytest.raises(ChartError) as chart:
-        chart_from_polygons(path, Site(1.0, 1.0), lower=(-2e5, -2e5), upper=(2e5, 2e5), pixel_size=1e4)
+        chart_from_polygons(
+            path, Site(1.0, 1.0), Extent(lower=(-2e5, -2e5), upper=(2e5, 2e5), pixel_size=1e4)
+        )
     for caught in (zones, chart):
         assert str(caught.value).startswith(str(path))
         assert "\n" not in str(caught.value)
@@ -115,13 +118,13 @@ def test_missing_files(tmp_path):
         with pytest.raises(GeoError, match=r"nowhere\.geojson: No such file"):
             read(tmp_path / "nowhere.geojson", SITE)
     with pytest.raises(ChartError, match="fringe must not be negative"):
-        chart_from_polygons(tmp_path / "a", SITE, lower=(0, 0), upper=(1, 1), fringe=-1.0)
+        chart_from_polygons(tmp_path / "a", SITE, Extent(lower=(0, 0), upper=(1, 1)), fringe=-1.0)
 
 
 def test_polygons_far_from_the_area_may_be_faulty(tmp_path):
     path = tmp_path / "l.geojson"
     path.write_text(json.dumps(collection(feature("Polygon", [BOW]), GOOD)))
-    chart = chart_from_polygons(path, SITE, lower=(0, 0), upper=(100, 100))
+    chart = chart_from_polygons(path, SITE, Extent(lower=(0, 0), upper=(100, 100)))
     assert 0.1 < (np.asarray(chart.passability) == 0.0).mean() < 0.3
 
 
@@ -172,7 +175,7 @@ def _times_around(ring, places):
 def test_land_of_the_whole_world_with_a_faulty_ring_far_away(shared):
     path = shared / "data/elsewhere/natural_earth_110m_land.geojson"
     box = {"lower": (-1e5, -1e5), "upper": (1e5, 1e5), "pixel_size": 2000.0}
-    chart = chart_from_polygons(path, Site(12.0, 41.9), **box)
+    chart = chart_from_polygons(path, Site(12.0, 41.9), Extent(**box))
     land = shapely.union_all([
         shapely.make_valid(shapely.from_geojson(json.dumps(part["geometry"])))
         for part in json.loads(path.read_text())["features"]

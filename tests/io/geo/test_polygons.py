@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box, shape
 
 from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
-from auvplan.io.geo.grid import local_grid, touched
+from auvplan.io.geo.grid import Extent, local_grid, touched
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.site import Site
@@ -25,7 +25,7 @@ def test_the_whitsunday_land_of_polygons(shared):
     site = in_the_middle()
     maps = shared / "data" / "maps"
     reefs = maps / "whitsunday_reefs_eatlas.geojson"
-    chart = chart_from_polygons(maps / "whitsunday_land_osm.geojson", site, uncertain=reefs, **HOOK)
+    chart = chart_from_polygons(maps / "whitsunday_land_osm.geojson", site, Extent(**HOOK), uncertain=reefs)
     known = truth(shared, chart, site)
     assert not ((known == 0) & (kinds(chart) != 0)).any()
     assert (kinds(chart) == known).mean() > 0.99
@@ -48,7 +48,7 @@ def test_land_with_a_hole_a_fringe_and_reefs(tmp_path):
     land = write_geojson(tmp_path / "land.geojson", feature("Polygon", [shore, lake]))
     shoal = ring((-900, -700), (-900, -500), (-700, -600))
     reef = write_geojson(tmp_path / "reef.geojson", feature("Polygon", [shoal]))
-    chart = chart_from_polygons(land, SITE, fringe=60.0, uncertain=reef, **AREA)
+    chart = chart_from_polygons(land, SITE, Extent(**AREA), fringe=60.0, uncertain=reef)
     assert chart.shape == (200, 201)
     assert not chart.is_water([150.0, 350.0, 590.0], [250.0, 390.0, 690.0]).any()
     assert chart.is_water([350.0, 50.0], [450.0, 250.0]).all()
@@ -75,8 +75,8 @@ def test_the_same_land_however_it_is_stated(tmp_path, wrap):
         "turn": {"type": "Polygon", "coordinates": [[[x + 0.0, y] for x, y in corners]]},
     }[wrap]
     path.write_text("\ufeff" + json.dumps(stated), encoding="utf-8")
-    chart = chart_from_polygons(path, SITE, **AREA)
-    twin = with_no_go(None, [Polygon([(100, 200), (100, 700), (600, 200)])], **AREA)
+    chart = chart_from_polygons(path, SITE, Extent(**AREA))
+    twin = with_no_go(None, [Polygon([(100, 200), (100, 700), (600, 200)])], Extent(**AREA))
     assert (kinds(chart) != kinds(twin)).mean() < 0.005
     assert not chart.is_water(110.0, 210.0)
     assert chart.is_water(590.0, 690.0)
@@ -91,7 +91,7 @@ def test_land_across_the_antimeridian(tmp_path):
     whole = feature("Polygon", [[[179.99, 0], [180.01, 0], [180.01, 0.01], [179.99, 0.01], [179.99, 0]]])
     area = {"lower": (-2000.0, -2000.0), "upper": (2000.0, 2000.0), "pixel_size": 50.0}
     charts = [
-        kinds(chart_from_polygons(write_geojson(tmp_path / "l.json", land), site, **area))
+        kinds(chart_from_polygons(write_geojson(tmp_path / "l.json", land), site, Extent(**area)))
         for land in (split, whole)
         for site in (Site(180.0, 0.0), Site(-180.0, 0.0))
     ]
@@ -119,7 +119,7 @@ def test_pixels_that_a_polygon_reaches_into(corners, size):
 
 
 def test_closed_areas_become_coast():
-    chart = with_no_go(None, [box(100, 200, 300, 500)], **AREA)
+    chart = with_no_go(None, [box(100, 200, 300, 500)], Extent(**AREA))
     mask = np.ones((200, 201), bool)
     mask[110:130, 100:130] = False
     twin = Chart.from_mask(mask, 10.0, (-1000.0, -800.0))
@@ -134,7 +134,7 @@ def test_closed_areas_become_coast():
 
 
 def test_a_crop_keeps_what_it_knows_of_a_coast_beyond_it():
-    chart = with_no_go(None, [box(100, 200, 300, 500)], **AREA).crop(132, 100, 20, 30)
+    chart = with_no_go(None, [box(100, 200, 300, 500)], Extent(**AREA)).crop(132, 100, 20, 30)
     near = float(chart.distance(330.0, 350.0))
     assert 15.0 < near < 30.0
     assert float(with_no_go(chart, [box(480, 200, 500, 220)]).distance(330.0, 350.0)) == near
@@ -148,7 +148,7 @@ def test_zones(tmp_path):
     assert [zone.name for zone in zones] == ["cable", "2"]
     twin = Polygon([(100, 200), (100, 700), (600, 200)])
     assert zones[0].polygon.symmetric_difference(twin).area < 1.0
-    chart = with_no_go(None, zones, **AREA)
+    chart = with_no_go(None, zones, Extent(**AREA))
     assert not chart.is_water(110.0, 210.0)
     assert isinstance(chart.passability, jnp.ndarray)
 
@@ -165,6 +165,6 @@ def test_zones(tmp_path):
 )  # fmt: skip
 def test_areas_that_cannot_be_closed(given, words):
     with pytest.raises(ChartError, match=words):
-        with_no_go(None, [given], **AREA)
-    with pytest.raises(ChartError, match="lower and upper tell the area"):
+        with_no_go(None, [given], Extent(**AREA))
+    with pytest.raises(ChartError, match="an extent is needed"):
         with_no_go(None, [given])

@@ -13,7 +13,7 @@ from PIL import Image
 from pyproj import CRS, Transformer
 
 from auvplan.io.geo import GeoError, chart_from_raster, pixel_size, read_raster
-from auvplan.io.geo.grid import local_grid
+from auvplan.io.geo.grid import Extent, local_grid
 from auvplan.io.geo.nodes import placed
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -255,7 +255,7 @@ def chart(array: xr.DataArray | Path, **options: Any) -> np.ndarray:
     area = {"lower": (-600.0, 100.0), "upper": (-100.0, 400.0), "pixel_size": 50.0}
     meanings = {int(value): float(value % 2) for value in np.unique(VALUES)}
     return np.asarray(
-        chart_from_raster(array, Site(148.0, -20.0), classes=meanings, **area, **options).passability
+        chart_from_raster(array, Site(148.0, -20.0), Extent(**area), classes=meanings, **options).passability
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from auvplan.errors import ScenarioWarning
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.s57 import Cells, read_cells
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.seabed import Seabed
@@ -41,7 +42,9 @@ def bay(*more: Object) -> list[Object]:
 
 
 def read(path: Path, **options) -> Cells:
-    return read_cells(path, SITE, **({"deepest": 15.0} | BOX | options))
+    given = {"deepest": 15.0} | BOX | options
+    extent = {name: given.pop(name) for name in Extent._fields if name in given}
+    return read_cells(path, SITE, Extent(**extent), **given)
 
 
 def is_water(cells: Cells, longitude: float, latitude: float) -> bool:
@@ -156,7 +159,7 @@ def test_the_area_must_lie_in_the_cells_coverage(tmp_path):
     with pytest.raises(ChartError, match=r"wholly beyond the cells, which cover longitudes 10\.00 to 10\.10"):
         read(path, lower=(40_000.0, 0.0), upper=(41_000.0, 1000.0))
     with pytest.raises(ChartError, match="swapped it would fit"):
-        read_cells(path, Site(50.05, 10.05), deepest=15.0, **BOX)
+        read_cells(path, Site(50.05, 10.05), Extent(**BOX), deepest=15.0)
     hole = shapely.box(10.06, 50.05, 10.061, 50.051)
     objects = [Object("M_COVR", SEA - hole, {"CATCOV": 1}), Object("M_COVR", hole, {"CATCOV": 2}), *bay()[1:]]
     with pytest.raises(ChartError, match=r"with 0\.0% of it|with 0\.2% of it"):

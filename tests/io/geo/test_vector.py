@@ -8,6 +8,7 @@ import shapely
 from pyproj import Transformer
 
 from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.polygons import read_vector_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
@@ -43,7 +44,9 @@ def test_the_same_chart_as_from_geojson(tmp_path, name, crs):
         dense = shapely.segmentize(shape, 1e-4)
         shape = shapely.transform(dense, lambda places: np.stack(there.transform(*places.T), -1))
     path = written(tmp_path / name, [shape], crs)
-    one, two = (np.asarray(chart_from_polygons(file, SITE, **AREA).passability) for file in (twin, path))
+    one, two = (
+        np.asarray(chart_from_polygons(file, SITE, Extent(**AREA)).passability) for file in (twin, path)
+    )
     assert 0.05 < (one == 0.0).mean() < 0.5
     assert (one != two).mean() <= (0.0 if crs == "EPSG:4326" else 0.002)
 
@@ -60,7 +63,7 @@ def test_what_is_refused(tmp_path):
     with pytest.raises(
         ChartError, match=r"has no coordinate reference system: a Shapefile's is in the \.prj"
     ):
-        chart_from_polygons(bare, SITE, **AREA)
+        chart_from_polygons(bare, SITE, Extent(**AREA))
     (tmp_path / "broken.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
     with pytest.raises(GeoError, match=r"broken\.gpkg: cannot be read"):
         read_zones(tmp_path / "broken.gpkg", SITE)
@@ -122,7 +125,7 @@ def test_several_layers_of_polygons_are_refused(tmp_path):
     with pytest.raises(
         ChartError, match=r"2 layers that may be land, country, islands: keep one .* country`"
     ):
-        chart_from_polygons(path, SITE, **AREA)
+        chart_from_polygons(path, SITE, Extent(**AREA))
 
 
 @pytest.mark.parametrize("pole", [False, True])
@@ -141,7 +144,7 @@ def test_projected_land_across_the_antimeridian_and_around_a_pole(tmp_path, pole
     shape = shapely.transform(shape, lambda at: np.stack(there.transform(*at.T), -1))
     path = written(tmp_path / "land.gpkg", [shape], "EPSG:3031")
     area = {"lower": (-8e3, -8e3), "upper": (8e3, 8e3), "pixel_size": 50.0}
-    water = np.asarray(chart_from_polygons(path, site, **area).is_water(*places.T))
+    water = np.asarray(chart_from_polygons(path, site, Extent(**area)).is_water(*places.T))
     assert water.tolist() == ([False, True] if pole else [False, False, True, True])
 
 
@@ -150,4 +153,4 @@ def test_unsplit_land_across_the_antimeridian_is_refused(tmp_path):
     with pytest.raises(
         ChartError, match=r"feature 1: an edge spans 359\.98 degrees .* split it at the antimer"
     ):
-        chart_from_polygons(written(tmp_path / "land.gpkg", [shape]), SITE, **AREA)
+        chart_from_polygons(written(tmp_path / "land.gpkg", [shape]), SITE, Extent(**AREA))
