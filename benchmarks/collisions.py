@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.check.track import Walk, events
+from auvplan.check.track import SampledTrack, events
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.settings import SensorSettings
@@ -62,7 +62,7 @@ def collisions(run: MissionRun, faults: Sequence[Fault] = ()) -> list[Collision]
 def _of_leg(run: MissionRun, faults: Faults, number: int, leg: LegRecord) -> Iterator[Collision]:
     if len(leg.times) < 2:
         return
-    walk = Walk.of(leg.times, leg.positions, leg.obstacle_positions)
+    walk = SampledTrack.of(leg.times, leg.positions, leg.obstacle_positions)
     known: dict[str, NDArray[np.bool_]] = {}
     if run.chart is not None:
         known["land"] = ~np.asarray(run.chart.is_water(walk.positions[:, 0], walk.positions[:, 1]))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import auvplan as ap
-from auvplan.check.track import Coast, Walk
+from auvplan.check.track import Coast, SampledTrack
 from auvplan.path.cost import Trajectory, curves, evaluate, violations
 from benchmarks.harness import launch, screen
 from benchmarks.scoring import Problem, problem
@@ -82,7 +82,7 @@ def _walk(
     """Whether one path touches anything, m walked, and the least clearance to a boundary, m."""
     since = times[:, None] - np.asarray(obstacles.observed_at, float)
     centres = np.asarray(obstacles.position, float) + np.asarray(obstacles.velocity, float) * since[..., None]
-    walk = Walk.of(times, path, centres)
+    walk = SampledTrack.of(times, path, centres)
     away = np.linalg.norm(walk.positions[:, None] - walk.obstacles, axis=2)
     since = np.maximum(walk.times[:, None] - np.asarray(obstacles.observed_at, float), 0.0)
     grown = np.minimum(np.asarray(obstacles.growth, float) * since, np.asarray(obstacles.growth_max, float))

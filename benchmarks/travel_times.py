@@ -16,7 +16,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.executive import path_calls, seed_keys
 from auvplan.io.area import load_area
-from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord
@@ -92,7 +92,7 @@ def main(missions: int) -> None:
     env = ap.Environment(current, load_area(scenario).chart, None, area.lower, area.upper)
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed
     allowance = scenario.planning.detour * scenario.simulation.obstacles.total
-    asked = starts, goals, env, ap.Vehicle(), np.asarray(departs)
+    asked = Trips(starts, goals, np.asarray(departs)), env, ap.Vehicle()
     rows = [row("d / |v| (Eq. 13)", distance, planned, executed, 0.0)]
     for name, config in LEVELS.items():
         runs = [clock(partial(travel_times, *asked, config, np.arange(len(legs)))) for _ in range(4)]

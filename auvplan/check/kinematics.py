@@ -93,7 +93,7 @@ def _step_faults(
         times: [n] s.
         positions: [n, 3] m.
         velocity: [n or n - 1, 3] m/s over ground, from each moment on.
-        simulated: whether a velocity is that at the begin of its step, and not the mean of it.
+        simulated: whether a velocity is that at the beginning of its step, and not the mean of it.
         made_at: s, when the paths were planned that were followed.
     """
     elapsed = np.diff(times)[:, None]

@@ -32,8 +32,8 @@ from auvplan.check.legs import (
 )
 from auvplan.check.saved import Leg, Saved, read_legs, require
 from auvplan.check.sources import read_sources
-from auvplan.check.tasks import tally_faults
-from auvplan.check.track import Array, Bed, Coast, Mask, Walk, events
+from auvplan.check.tasks import task_faults
+from auvplan.check.track import Array, Bed, Coast, Mask, SampledTrack, events
 from auvplan.check.windows import window_faults
 from auvplan.errors import AuvplanError
 from auvplan.runtime.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
@@ -61,7 +61,7 @@ class CheckReport:
         obstacle_clearance: m, least distance to a true obstacle's surface, negative inside; infinite
             without obstacles.
         seabed_altitude: m, least altitude above the sea bed, negative below it; infinite where none is known.
-        length: m walked.
+        length: m checked.
         legs: executed legs.
         faults: one line each.
         notes: what could not be looked at, one line each.
@@ -93,7 +93,7 @@ class CheckReport:
 
     def __str__(self) -> str:
         lines = [
-            f"walked {self.length:,.0f} m on {_counted(self.legs, 'leg')}",
+            f"checked {self.length:,.0f} m on {_counted(self.legs, 'leg')}",
             f"collisions: {self.coast_hits} with the coast ({self.coast_metres:.1f} m), "
             f"{self.obstacle_hits} with obstacles ({self.obstacle_metres:.1f} m), "
             f"{self.seabed_hits} with the sea bed ({self.seabed_metres:.1f} m)",
@@ -137,7 +137,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
     for faults in (
         site_faults, source_faults, graph_faults, place_faults, time_faults, figure_faults, route_faults,
-        motion_faults, tally_faults, window_faults,
+        motion_faults, task_faults, window_faults,
     ):  # fmt: skip
         report.faults += faults(run)
     known, closed = read_obstacles(run), read_closed_areas(run)
@@ -148,12 +148,12 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     bed = Bed.of(dataset) if "seabed_depth" in run else None
     speed = run.number("vehicle_speed") + CURRENT_MAX
     for leg in run.legs:
-        if not leg.executed or (walk := _walk(leg, speed, report)) is None:
+        if not leg.executed or (samples := _sampled(leg, speed, report)) is None:
             continue
-        track = _Track(leg, walk, report)
+        track = _Track(leg, samples, report)
         if coast is not None:
-            track.book("land", coast.on_land(walk.positions), "on land")
-            track.fault("outside the chart", coast.outside(walk.positions))
+            track.record("land", coast.on_land(samples.positions), "on land")
+            track.fault("outside the chart", coast.outside(samples.positions))
         if bed is not None:
             track.pass_over(bed)
         if shore is not None:
@@ -162,9 +162,9 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
             track.pass_through(area)
         track.pass_by(known, _met(run, leg))
         if places is not None:
-            here = *places(*walk.positions[:, :2].T), walk.positions[:, 2]
+            here = *places(*samples.positions[:, :2].T), samples.positions[:, 2]
             for source in files:
-                track.book(source.kind, source.blocked(*here), f"{_WHERE[source.kind]} of {source.name}")
+                track.record(source.kind, source.blocked(*here), f"{_WHERE[source.kind]} of {source.name}")
     if summary.get("collisions", 0) and not report.collisions:
         report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
@@ -179,8 +179,8 @@ def _met(run: Saved, leg: Leg) -> Mask:
     return np.array([names[int(code)] != "known" for code in codes], bool)
 
 
-def _walk(leg: Leg, speed: float, report: CheckReport) -> Walk | None:
-    """Walk one leg in steps of at most a metre, at `speed` m/s at most; None where it is not finite."""
+def _sampled(leg: Leg, speed: float, report: CheckReport) -> SampledTrack | None:
+    """Sample one leg in steps of at most a metre, at `speed` m/s at most; None where it is not finite."""
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
         if not np.isfinite(values).all():
@@ -194,11 +194,11 @@ def _walk(leg: Leg, speed: float, report: CheckReport) -> Walk | None:
         report.faults.append(
             f"{leg}: {gaps[k]:.1f} m in {elapsed[k]:.2f} s after {leg.times[k]:.2f} s is too fast"
         )
-    walk = Walk.of(leg.times, leg.positions, leg.obstacles)
+    samples = SampledTrack.of(leg.times, leg.positions, leg.obstacles)
     report.length += float(gaps.sum())
-    if (walk.positions[:, 2] < -0.01).any():
-        report.faults.append(f"{leg}: above the surface by {-walk.positions[:, 2].min():.2f} m")
-    return walk
+    if (samples.positions[:, 2] < -0.01).any():
+        report.faults.append(f"{leg}: above the surface by {-samples.positions[:, 2].min():.2f} m")
+    return samples
 
 
 #: What a collision with land and with the sea bed is counted as, and where it is.
@@ -207,22 +207,22 @@ _WHERE = {"land": "on land", "sea bed": "below the sea bed"}
 
 
 class _Track:
-    """A leg under check: what its walk meets goes into the report."""
+    """A leg under check: what its samples meet goes into the report."""
 
-    def __init__(self, leg: Leg, walk: Walk, report: CheckReport) -> None:
-        self.leg, self.walk, self.report = leg, walk, report
+    def __init__(self, leg: Leg, samples: SampledTrack, report: CheckReport) -> None:
+        self.leg, self.samples, self.report = leg, samples, report
         # Where it is known to be on land and below the sea bed.
-        self.booked = {kind: np.zeros(len(walk.positions), bool) for kind in _COUNTED}
+        self.recorded = {kind: np.zeros(len(samples.positions), bool) for kind in _COUNTED}
         # Ends of the leg, 0 or -1, at which the vehicle stays, and s from when to when.
         begins, ends = float(leg.times[0]), float(leg.times[-1])
         stays = (0, begins - leg.t_hold, begins), (-1, ends, ends + leg.t_wait + leg.t_task)
         self.stays = [stay for stay in stays if stay[2] > stay[1]]
 
     def fault(self, words: str, inside: Mask) -> int:
-        """Report a fault for every stretch of the walk [n] that is inside; return how many there are."""
+        """Report a fault for every stretch of samples [n] that is inside; return how many there are."""
         stretches = list(events(inside))
         self.report.faults += [
-            f"{self.leg}: {words} {self.walk.between(first, last)}" for first, last in stretches
+            f"{self.leg}: {words} {self.samples.between(first, last)}" for first, last in stretches
         ]
         return len(stretches)
 
@@ -235,31 +235,31 @@ class _Track:
         """Count the stretches inside as hits of a kind, "coast", "obstacle" or "seabed"."""
         hits, metres = f"{kind}_hits", f"{kind}_metres"
         setattr(self.report, hits, getattr(self.report, hits) + self.fault(words, inside))
-        walked = getattr(self.report, metres) + float(self.walk.metres[inside].sum())
-        setattr(self.report, metres, walked)
+        metres_inside = getattr(self.report, metres) + float(self.samples.metres[inside].sum())
+        setattr(self.report, metres, metres_inside)
 
-    def book(self, kind: str, inside: Mask, words: str) -> None:
+    def record(self, kind: str, inside: Mask, words: str) -> None:
         """Count what is on "land" or below the "sea bed", and is not known to be yet."""
-        self.collide(_COUNTED[kind], inside & ~self.booked[kind], words)
-        self.booked[kind] = self.booked[kind] | inside
+        self.collide(_COUNTED[kind], inside & ~self.recorded[kind], words)
+        self.recorded[kind] = self.recorded[kind] | inside
 
     def pass_over(self, bed: Bed) -> None:
         """Look at the sea bed."""
-        altitude = bed.altitude(self.walk.positions)
+        altitude = bed.altitude(self.samples.positions)
         self.near("seabed_altitude", altitude)
-        self.book("sea bed", altitude < 0.0, "below the sea bed")
+        self.record("sea bed", altitude < 0.0, "below the sea bed")
         for first, last in events((altitude < bed.clearance - ALTITUDE_TOLERANCE) & (altitude >= 0.0)):
             least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
-            self.report.faults.append(f"{self.leg}: {least} {self.walk.between(first, last)}")
-        self.fault("beyond the known sea bed", bed.outside(self.walk.positions))
+            self.report.faults.append(f"{self.leg}: {least} {self.samples.between(first, last)}")
+        self.fault("beyond the known sea bed", bed.outside(self.samples.positions))
 
     def pass_through(self, area: ClosedArea) -> None:
         """Look for the leg, and stays at its ends, in an area while it is closed."""
-        inside, words = area.holds(self.walk.positions), f"in the closed area {area.name!r}"
+        inside, words = area.holds(self.samples.positions), f"in the closed area {area.name!r}"
         if area.spans is None:
-            self.book("land", inside, words)
+            self.record("land", inside, words)
             return
-        self.fault(words, inside & area.closed(self.walk.times, self.walk.times))
+        self.fault(words, inside & area.closed(self.samples.times, self.samples.times))
         for end, begins, ends in self.stays:
             if inside[end] and area.closed(np.array([begins]), np.array([ends])).any():
                 stay = f"stays {words} between {begins:.0f} and {ends:.0f} s"
@@ -267,15 +267,15 @@ class _Track:
 
     def pass_by(self, known: Sequence[Cylinder], met: Mask) -> None:
         """Look at obstacles: those of the leg, of which `met` [M] were not known before, and the known."""
-        leg, walk, report = self.leg, self.walk, self.report
-        clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
+        leg, samples, report = self.leg, self.samples, self.report
+        clearance = np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - leg.radii
         # What stands for a known obstacle encloses it: that itself is looked at below.
         self.near("obstacle_clearance", clearance[:, met] if known else clearance)
-        report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
+        report.obstacle_metres += float(samples.metres[(clearance < 0.0).any(axis=1)].sum())
         for number, inside in enumerate((clearance < 0.0).T):
             report.obstacle_hits += self.fault(f"inside obstacle {number}", inside)
         for obstacle in known:
-            distance = obstacle.distance(walk.positions, walk.times)
+            distance = obstacle.distance(samples.positions, samples.times)
             self.near("obstacle_clearance", distance)
             self.collide("obstacle", distance < 0.0, f"inside {obstacle.name!r}")
             for end, begins, ends in self.stays:

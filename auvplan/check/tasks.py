@@ -22,8 +22,8 @@ _PRIORITY_TOLERANCE = 1e-6
 #: Share of a priority by which one may be off that counts by the length covered of a line.
 _LINE_TOLERANCE = 1e-3
 
-#: A way over waypoints not yet visited counts as open if it takes less than this share of the time left, at
-#: the vehicle's speed in still water: a contrary current may double the time of a way.
+#: A path over waypoints not yet visited counts as open if it takes less than this share of the time left, at
+#: the vehicle's speed in still water: a contrary current may double the time of a path.
 _SURELY_IN_TIME = 0.5
 
 
@@ -36,7 +36,7 @@ class Earned:
     tasks: int
 
 
-def tally_faults(run: Saved) -> Iterator[str]:
+def task_faults(run: Saved) -> Iterator[str]:
     """Waypoints that are visited twice, and tasks that are counted twice, not at all or wrongly."""
     jobs, planning = read_jobs(run), run.section("planning")
     once = (planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")) == "once"
@@ -56,8 +56,8 @@ def tally_faults(run: Saved) -> Iterator[str]:
         if not leg.arrived or leg.goal not in range(len(run.adjacency)):
             continue
         revisit = leg.goal in visited
-        if revisit and once and (way := _way_left(run, leg, visited, refused)):
-            yield f"{leg}: waypoint {leg.goal} is visited twice, although {way}"
+        if revisit and once and (path := _path_left(run, leg, visited, refused)):
+            yield f"{leg}: waypoint {leg.goal} is visited twice, although {path}"
         share = share_of_line(run, leg)
         earned = book.earn(leg, revisit, share)
         if leg.missed:  # whether its window was, is looked up with the windows
@@ -144,8 +144,8 @@ def _under_way(run: Saved) -> bool:
     return rule == "expected" and run.section("mission").get("jobs") is None
 
 
-def _way_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
-    """The way over other waypoints that was left when a leg led back to a visited one, or an empty string."""
+def _path_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
+    """The path over other waypoints that was left when a leg led back to a visited one; empty if none."""
     open_ = run.adjacency.copy()
     for i, j in refused:
         open_[i, j] = False
@@ -153,12 +153,12 @@ def _way_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, i
     fresh[list(visited - {leg.start})] = False
     open_ &= fresh[:, None] & fresh
     distance = np.linalg.norm(run.places[:, None] - run.places, axis=2)
-    ways = csr_array(np.where(open_, np.maximum(distance, 1e-3), 0.0))
-    metres = float(dijkstra(ways, indices=leg.start)[int(run.number("goal"))])
+    open_legs = csr_array(np.where(open_, np.maximum(distance, 1e-3), 0.0))
+    metres = float(dijkstra(open_legs, indices=leg.start)[int(run.number("goal"))])
     seconds, left = metres / run.number("vehicle_speed"), run.number("t_available") - float(leg.times[0])
     if not seconds < _SURELY_IN_TIME * left:
         return ""
-    return f"a way of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"
+    return f"a path of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"
 
 
 @dataclass

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
-#: Longest step of a walk, m; that of the obstacles as well.
+#: Longest step between places of a track, m; that of the obstacles as well.
 STEP = 1.0
 #: Steps between two observations are capped: a longer gap is a fault of its own, found by its speed.
 _STEPS_MAX = 10_000
@@ -22,7 +22,7 @@ _EDGE = 0.01
 
 
 @dataclass(frozen=True)
-class Walk:
+class SampledTrack:
     """A leg in steps of at most a metre, straight and at even speed between observations."""
 
     times: Array  # [n] s
@@ -32,13 +32,7 @@ class Walk:
 
     @classmethod
     def of(cls, times: Array, positions: Array, obstacles: Array) -> Self:
-        """Refine n observations.
-
-        Args:
-            times: [n] s.
-            positions: [n, 3] m.
-            obstacles: [n, M, 3] m.
-        """
+        """Refine observations at times [n] s: positions [n, 3] m and obstacles [n, M, 3] m."""
         everything = np.concatenate([positions[:, None], obstacles], axis=1)
         moves = np.linalg.norm(np.diff(everything, axis=0), axis=-1).max(axis=1)
         steps = np.clip(np.ceil(moves / STEP), 1, _STEPS_MAX).astype(int)
@@ -103,15 +97,15 @@ class Coast:
         return self.land[i, j] & ~self.outside(positions)
 
     def distances(self, positions: Array) -> Array:
-        """Return the least distance [n] m to land on the straight way from each of n positions to the next.
+        """Return the least distance [n] m to land on the straight line from each of n positions to the next.
 
         The last is at its place. 0 on land, `reach` at most.
         """
         if not self.land.any():
             return np.full(len(positions), self.reach)
         ends = np.concatenate([positions[1:, :2], positions[-1:, :2]])
-        ways = shapely.linestrings(np.stack([positions[:, :2], ends], axis=1))
-        found = self._edge.query_nearest(ways, return_distance=True, all_matches=False)[1]
+        lines = shapely.linestrings(np.stack([positions[:, :2], ends], axis=1))
+        found = self._edge.query_nearest(lines, return_distance=True, all_matches=False)[1]
         found = np.where(self.on_land(positions), 0.0, found)
         return np.minimum(found, self.reach)
 

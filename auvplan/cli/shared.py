@@ -255,7 +255,7 @@ def _lines(title: str, of: str | None) -> Iterator[Advance]:
         percent = "" if share is None or of is None else f", {100.0 * share:.0f} % {of}".rstrip()
         now_at = share or 0.0, words + percent
 
-    def tell() -> None:
+    def report() -> None:
         stated, when, before = "", -math.inf, 0.0
         while not ended.wait(APART):
             (share, words), now = now_at, time.monotonic()
@@ -263,7 +263,7 @@ def _lines(title: str, of: str | None) -> Iterator[Advance]:
                 complain(words)
                 stated, when, before = words, now, share
 
-    thread = Thread(target=tell, daemon=True)
+    thread = Thread(target=report, daemon=True)
     thread.start()
     try:
         yield move

@@ -25,9 +25,9 @@ from auvplan.path import PathConfig, PathPlan
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.detours import DetourFinder
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import PlanningSettings
-from auvplan.scenario.ways import WaysAround
 from auvplan.simulation.faults import Fault, Faults, Obstacle
 from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import TrueObstacles, make_vehicle
@@ -103,9 +103,9 @@ class MissionContext:
         return rules.travel_times == "sea" and rules.departures > 1 and changes
 
     @cached_property
-    def around(self) -> WaysAround:
+    def around(self) -> DetourFinder:
         """Paths round what is in the way between jobs."""
-        return WaysAround(self.scenario, self.area)
+        return DetourFinder(self.scenario, self.area)
 
     @property
     def epoch(self) -> datetime | None:

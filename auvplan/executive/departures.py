@@ -25,7 +25,7 @@ from auvplan.executive.planning import (
     require_known,
 )
 from auvplan.executive.route_calls import effort
-from auvplan.mission.graph import shortest_way
+from auvplan.mission.graph import shortest_path
 from auvplan.ocean.currents import Current
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlans, plan_paths
@@ -235,7 +235,7 @@ def _why_no_route(mission: Mission, forecast: Current) -> str:
     # The way to the destination over the fewest closed edges.
     everywhere = mission.graph.leg_times(speed) + _CLOSED
     times = np.where(timed.adjacency, timed.leg_times(speed), everywhere)
-    nodes = shortest_way(times, mission.here, run.goal)
+    nodes = shortest_path(times, mission.here, run.goal)
     if not nodes:
         return f"no way through the graph leads from waypoint {mission.here} to the destination"
     for i, j in pairwise(nodes):

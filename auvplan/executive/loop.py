@@ -20,7 +20,7 @@ from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
-from auvplan.mission.jobs import ways_off_lines
+from auvplan.mission.jobs import edges_off_lines
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import MISSIONS, expecting
@@ -184,7 +184,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     if faults:
         sea = FaultySea(sea, faults)
     if scenario.mission.lines == "whole":
-        graph = graph.without_edges(ways_off_lines(names, np.asarray(graph.adjacency)))
+        graph = graph.without_edges(edges_off_lines(names, np.asarray(graph.adjacency)))
     parts, rng = edges_of_lines(context, names), _generator(chance_key)
     return Mission(context, number, run, sea, planner_key, rng, graph, graph, faults=faults, parts=parts)
 

@@ -11,8 +11,8 @@ from auvplan.executive.context import Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
-from auvplan.mission.graph import shortest_way
-from auvplan.mission.jobs import ways_off_lines
+from auvplan.mission.graph import shortest_path
+from auvplan.mission.jobs import edges_off_lines
 from auvplan.mission.timetable import Array, Timetable
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
@@ -233,7 +233,7 @@ def _leave_line(mission: Mission) -> bool:
     """Open the ways off a survey line from where the vehicle is; return whether there are any."""
     if mission.context.scenario.mission.lines != "whole":
         return False
-    shut = ways_off_lines(mission.run.names, np.asarray(mission.run.graph.adjacency))
+    shut = edges_off_lines(mission.run.names, np.asarray(mission.run.graph.adjacency))
     closed = mission.barred | {(mission.here, node) for node in mission.visited}
     ways = [(i, j) for i, j in shut if i == mission.here and (i, j) not in closed]
     mission.graph = mission.graph.with_edges(ways)
@@ -256,7 +256,7 @@ def _open_passages(mission: Mission, passing: str) -> bool:
     times[:, mission.here] = np.inf
     if passing == "few":
         times = times + _PASSED * revisited
-    way = shortest_way(times, mission.here, run.goal)
+    way = shortest_path(times, mission.here, run.goal)
     if not any(revisited[node] for node in way):
         return False
     legs = list(pairwise(way))

@@ -27,7 +27,7 @@ _BRIDGE = 20.0
 #: Corners of a polygon around a circle.
 _AROUND = 48
 
-#: m, room between a path and a fence that is drawn around land on its way.
+#: m, room between a path and a fence that is drawn around land beside it.
 _LANE = 1.0
 
 #: m that an outline may reach out at a time for every corner saved.
@@ -238,7 +238,7 @@ def _smoothed(land: shapely.Polygon, paths: BaseGeometry, tolerance: float) -> s
 
 
 def _cheapest(ring: Array, paths: BaseGeometry, deepest: float | None) -> Array | None:
-    """Return the ring with a corner less, at the least area; None where every way is barred.
+    """Return the ring with a corner less, at the least area; None where there is none.
 
     Args:
         ring: [k, 2], counter-clockwise, the first corner not repeated.

@@ -6,7 +6,7 @@ what imcjava's `IMCMessage.asXml` writes and Neptus reads.
 Speeds are those to command DUNE so that it makes the planned ones, by a model of its speed control. It holds
 what it makes over ground along its hull, by its Doppler log (Control/AUV/Speed). An integral part learns what
 a current adds, and until it has, the vehicle is faster with the current and slower against it. A task is a
-circle about its place, which the vehicle leaves where its time ends: the way on begins there.
+circle about its place, which the vehicle leaves where its time ends: the next leg begins there.
 """
 
 import math
@@ -57,7 +57,7 @@ _LEARNS = 31.0
 #: m/s that it has learnt, wrongly, when it has got under way from rest; by DUNE's log.
 _RISING = -0.23
 
-#: m, radius of the turn from the circle onto the way on; by DUNE's log.
+#: m, radius of the turn from the circle onto the next leg; by DUNE's log.
 _TURN = 5.5
 
 #: How many times the planned speed is asked for at most: on a short leg more would be, which may not be had.
@@ -282,9 +282,9 @@ def _longer(leg: PlannedLeg, part: Stretch, begun: Begun) -> float:
     if begun.place is None:
         return 1.0
     lines = np.linalg.norm(np.diff(leg.waypoints[part.first : part.last + 1], axis=0), axis=1)
-    way = leg.waypoints[1][:2] - begun.place
-    gap = math.hypot(*way, float(leg.waypoints[1][2] - leg.waypoints[0][2]))
-    turn = abs(math.remainder(math.atan2(way[1], way[0]) - begun.course, 2.0 * math.pi))
+    step = leg.waypoints[1][:2] - begun.place
+    gap = math.hypot(*step, float(leg.waypoints[1][2] - leg.waypoints[0][2]))
+    turn = abs(math.remainder(math.atan2(step[1], step[0]) - begun.course, 2.0 * math.pi))
     detour = turn - math.sin(turn) if math.isfinite(turn) else 0.5 * math.pi - 2.0 / math.pi
     return float((lines.sum() - lines[0] + gap + _TURN * detour) / max(lines.sum(), 1e-9))
 
@@ -294,10 +294,10 @@ def _after_task(itinerary: Itinerary, leg: PlannedLeg, learnt: float) -> Begun:
     hold, radius = math.ceil(leg.hold), _WIDER * RADIUS
     if hold > _LOST or leg.waypoints[-1][2] <= 0.0 or len(leg.waypoints) < 2:
         return Begun(0.0, leg.waypoints[-1][:2])
-    current, way = _current(itinerary, leg), leg.waypoints[-1] - leg.waypoints[-2]
-    right = np.array([-way[1], way[0]]) / max(float(np.hypot(way[0], way[1])), 1e-9)
+    current, step = _current(itinerary, leg), leg.waypoints[-1] - leg.waypoints[-2]
+    right = np.array([-step[1], step[0]]) / max(float(np.hypot(step[0], step[1])), 1e-9)
     crab = -math.asin(float(np.clip(current @ right / itinerary.speed, -1.0, 1.0)))
-    angle, total = math.atan2(way[1], way[0]) + _COUNTS + crab, float(current @ current)
+    angle, total = math.atan2(step[1], step[0]) + _COUNTS + crab, float(current @ current)
     for _ in range(round(hold / _STEP)):
         along = float(current @ [-math.sin(angle), math.cos(angle)])
         water = max(itinerary.speed - learnt, LEAST)

@@ -150,9 +150,9 @@ def track_notes(
                 f"leg {leg.number} is slow: on its slowest line it makes {100.0 * share:.0f} % of its "
                 "speed over ground"
             )
-        ways = np.diff(leg.waypoints, axis=0)
-        level, sink = np.linalg.norm(ways[:, :2], axis=1), np.abs(ways[:, 2])
-        turns = np.abs(np.diff(np.arctan2(ways[:, 1], ways[:, 0])))
+        lines = np.diff(leg.waypoints, axis=0)
+        level, sink = np.linalg.norm(lines[:, :2], axis=1), np.abs(lines[:, 2])
+        turns = np.abs(np.diff(np.arctan2(lines[:, 1], lines[:, 0])))
         turns = np.minimum(np.minimum(turns, 2.0 * np.pi - turns), 0.99 * np.pi)
         needed = radius * np.tan(0.5 * turns)
         sharp = np.flatnonzero(needed > 0.5 * np.minimum(level[:-1], level[1:]))

@@ -125,7 +125,7 @@ def _covers(line: LinePart, places: Array, i: NDArray[np.intp], j: NDArray[np.in
 
 
 def _chains(cost: Array) -> Iterator[NDArray[np.intp]]:
-    """Cheapest ways from the first to the last sample by rising numbers of lines, as indices of samples.
+    """Cheapest chains from the first to the last sample by rising numbers of lines, as indices of samples.
 
     Args:
         cost: [S, S], of the line from i to j; infinite where there is none.

@@ -54,7 +54,7 @@ class _Land:
         return np.stack([mask[turned][np.ix_(i, j)] for mask in (self.dry, self.unsure)])
 
 
-#: Ways to turn a raster over, and what is then wrong with it as it is.
+#: By what a raster may be turned over, and what is wrong with it then.
 _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
     "north to south": ((slice(None, None, -1), slice(None)), "upside down"),
     "east to west": ((slice(None), slice(None, None, -1)), "mirrored"),
@@ -90,10 +90,10 @@ def warn_of_contradictions(
             continue
         share, alone, theirs_alone = found
         hint = ""
-        for way, (turned, wrong) in _TURNS.items():
+        for axis, (turned, wrong) in _TURNS.items():
             better = _contradiction(first.at(north, east, turned), theirs, room)
             if first.dry.any() and (better[0] if better else 0.0) < _LEFT * share:
-                hint = f": turned over {way} it would agree much better, as if it was {wrong}"
+                hint = f": turned over {axis} it would agree much better, as if it was {wrong}"
                 break
         warn(
             f"{first.name} and {other.name} contradict each other on {share:.0%} of the area: {alone:.0%} is "

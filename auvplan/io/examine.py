@@ -240,7 +240,7 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
 
 
 def _graph(files: "AreaFiles") -> None:
-    """Raise where no graph can be made; warn of ways that are too steep and lines that are blocked."""
+    """Raise where no graph can be made; warn of legs that are too steep and lines that are blocked."""
     from auvplan.scenario.lines import line_warnings
     from auvplan.scenario.waypoints import make_graph, slope_warnings
 

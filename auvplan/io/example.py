@@ -43,7 +43,7 @@ _BEYOND = 6000.0
 _ALONG, _INNER, _COUNT = 61, 0.8, 6
 #: Distance of jobs to the coast, as a share of the area's side.
 _OFF = 0.04
-#: m/s, and how much longer than the straight way through all jobs the time available is.
+#: m/s, and how much longer than the straight line through all jobs the time available is.
 _SPEED, _DETOUR = 2.0, 1.6
 _DEPTHS = (5, 10, 8, 12, 6, 15)
 

@@ -8,6 +8,7 @@ sign give a valid one.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,7 @@ def upper_bound(
     if start == goal or not len(tails):
         return 0.0
     size, count, profit = len(times), len(tails), rho[edges]
-    into, balance = _incidence(edges, size)
+    into = _incidence(heads, size)
     pairs = _pair_rows(edges, into)
     rows, limits = [csr_matrix(times[edges][None] / time_available), into], [np.ones(1 + size)]
     sparse = count <= EDGES_PER_NODE * size
@@ -103,7 +104,8 @@ def upper_bound(
 
     dearest = np.zeros(size)
     np.maximum.at(dearest, heads, profit)
-    return _tightened(float(dearest.sum()), profit, rows, limits, balance, (start, goal), rounds, violated)
+    program = _Program(profit, rows, limits, edges, (start, goal), size)
+    return program.bound(float(dearest.sum()), rounds, violated)
 
 
 def trail_bound(
@@ -168,7 +170,7 @@ def trail_bound(
         return 0.0
     count = len(tails)
     own = np.maximum(rho[edges] - once[heads], 0.0)
-    into, balance = _incidence(edges, size)
+    into = _incidence(heads, size)
     pair = np.unique(np.sort(edges, axis=0), axis=1, return_inverse=True)[1].ravel()
     many, identity = int(pair.max()) + 1, csr_matrix(np.eye(size))
     rows = [
@@ -197,15 +199,13 @@ def trail_bound(
     dearest = np.zeros(many)
     np.maximum.at(dearest, pair, own)
     best, limits = float(dearest.sum() + once.sum()), [np.ones(1 + many + size), np.zeros(size)]
-    balance = csr_matrix(hstack([balance, csr_matrix((size, size))]))
-    return _tightened(best, np.r_[own, once], rows, limits, balance, (start, goal), rounds, violated)
+    program = _Program(np.r_[own, once], rows, limits, edges, (start, goal), size)
+    return program.bound(best, rounds, violated)
 
 
-def _incidence(edges: tuple[IntArray, IntArray], size: int) -> tuple[csr_matrix, csr_matrix]:
-    """[N, M] which edges lead into each waypoint, and those that lead out of it less those into it."""
-    numbers = np.arange(len(edges[0]))
-    out_of, into = (csr_matrix((np.ones(len(ends)), (ends, numbers)), (size, len(ends))) for ends in edges)
-    return into, (out_of - into).tocsr()
+def _incidence(ends: IntArray, size: int) -> csr_matrix:
+    """[N, M] which of the edges have their end at each waypoint, by their heads or tails [M]."""
+    return csr_matrix((np.ones(len(ends)), (ends, np.arange(len(ends)))), (size, len(ends)))
 
 
 def _pair_rows(edges: tuple[IntArray, IntArray], into: csr_matrix) -> csr_matrix:
@@ -245,44 +245,53 @@ def _cuts(
         yield waypoint, cut.flow_value / FLOW_UNITS, nearest, largest
 
 
-def _tightened(
-    best: float,
-    profit: Array,
-    rows: Sequence[Any],
-    limits: Sequence[Array],
-    balance: csr_matrix,
-    ends: tuple[int, int],
-    rounds: int,
-    violated: Callable[[Array, int], list[csr_matrix] | None],
-) -> float:
-    """Bound ``profit @ x`` where ``rows @ x <= limits`` and x [C] >= 0 is a flow, as far as `best` does not.
+@dataclass(frozen=True)
+class _Program:
+    """The linear program: most ``profit @ x`` where ``rows @ x <= limits`` and x [C] >= 0 is a unit flow.
 
-    No x that counts has a component above one. `balance` [N, C] is that of the flow at every waypoint, `ends`
-    are start and goal. After each round `violated` gives the rows with limits of zero that its solution
-    breaks; None where it is the last.
+    The flow from the start to the goal, `ends` among `size` waypoints, is x from its first component on, one
+    for each of the edges [M]. No x that counts has a component above one.
     """
-    from scipy.optimize import linprog  # a third of a second, and no plan needs it
 
-    supply = np.zeros(len(balance.indptr) - 1)
-    supply[list(ends)] = 1.0, -1.0
-    for turn in range(rounds):
-        matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
-        answer = linprog(
-            -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
-            bounds=(0.0, None), method="highs", options={"presolve": False},
-        )  # fmt: skip
-        if answer.status != 0:
-            break
-        weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
-        reduced = profit - balance.T @ potential - matrix.T @ weight
-        value = potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum()
-        best = min(best, float(value))
-        found = violated(answer.x, turn)
-        if found is None:
-            break
-        rows = [*rows, *found]
-        limits = [*limits, np.zeros(sum(row.shape[0] for row in found))]
-    return rounded_down(best + 1e-9 * (1.0 + best), profit)
+    profit: Array
+    rows: Sequence[Any]
+    limits: Sequence[Array]
+    edges: tuple[IntArray, IntArray]
+    ends: tuple[int, int]
+    size: int
+
+    def bound(
+        self, best: float, rounds: int, violated: Callable[[Array, int], list[csr_matrix] | None]
+    ) -> float:
+        """Return the least of `best` and the bounds of some rounds.
+
+        After each round `violated` gives the rows with limits of zero that its solution breaks; None where it
+        is the last.
+        """
+        from scipy.optimize import linprog  # a third of a second, and no plan needs it
+
+        (tails, heads), rows, limits = self.edges, [*self.rows], [*self.limits]
+        out_of, into = (_incidence(ends, self.size) for ends in (tails, heads))
+        others = csr_matrix((self.size, len(self.profit) - len(tails)))
+        balance, supply = csr_matrix(hstack([out_of - into, others])), np.zeros(self.size)
+        supply[list(self.ends)] = 1.0, -1.0
+        for turn in range(rounds):
+            matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
+            answer = linprog(
+                -self.profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
+                bounds=(0.0, None), method="highs", options={"presolve": False},
+            )  # fmt: skip
+            if answer.status != 0:
+                break
+            weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
+            reduced = self.profit - balance.T @ potential - matrix.T @ weight
+            value = potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum()
+            best = min(best, float(value))
+            found = violated(answer.x, turn)
+            if found is None:
+                break
+            rows, limits = [*rows, *found], [*limits, np.zeros(csr_matrix(vstack(found)).shape[0])]
+        return rounded_down(best + 1e-9 * (1.0 + best), self.profit)
 
 
 def common_step(values: Any) -> float:
@@ -345,14 +354,14 @@ def checked(
 def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -> Array:
     """Leg times under which no route is late that keeps a return margin.
 
-    A waypoint is entered only if the shortest way from it to the goal, lengthened by the margin, still fits:
+    A waypoint is entered only if the shortest path from it to the goal, lengthened by the margin, still fits:
     so the leg to the goal may be counted as that long.
 
     Args:
         leg_times: [N, N] s, infinite off the edges.
         start: index; from there the margin is not asked for.
         goal: index.
-        margin: share by which the way to the goal is taken to last longer.
+        margin: share by which the path to the goal is taken to last longer.
 
     Returns:
         [N, N] s, longer on edges into the goal only.

@@ -9,7 +9,7 @@ Three decoders:
 - "paper": the value of a waypoint is its SIV; the time is not looked at, and a route may come late.
 - "timely": the same, and a waypoint qualifies only if the destination can still be reached in time.
 - "rate": "timely", and the value is the SIV plus a share of the rate, priority per second, of the task on
-  the way there. One more SIV, the last of the habitat, sets that share from nothing (-200) to all of it
+  the path there. One more SIV, the last of the habitat, sets that share from nothing (-200) to all of it
   (100), so that the search settles by itself how greedy to be.
 """
 
@@ -87,9 +87,9 @@ def decode(
     """Turn every habitat into a sequence of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and, but for "paper", the
-    edge is entered before the latest time that leaves enough for the way to the goal. That way ignores which
-    waypoints have been visited, so a route can still end in a dead end. Of equal values the lowest index
-    goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
+    edge is entered before the latest time that leaves enough for the path to the goal. That path ignores
+    which waypoints have been visited, so a route can still end in a dead end. Of equal values the lowest
+    index goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
 
     Args:
         population: [P, D] integers in [-200, 100], D as `siv_count` has it.
@@ -208,7 +208,7 @@ def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax
 
 
 def shortest_route(problem: Problem) -> jax.Array:
-    """Return the shortest way from the start to the goal as a route [N], padded with -1."""
+    """Return the shortest path from the start to the goal as a route [N], padded with -1."""
     size = problem.size
 
     def step(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:

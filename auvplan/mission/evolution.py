@@ -30,7 +30,7 @@ class Missions:
         start, goal: [B] indices.
         time_available: [B] s.
         visited: [B, N] bool, waypoints not to be visited again.
-        return_margin: [B] share by which the way to the goal is taken to last longer than expected.
+        return_margin: [B] share by which the path to the goal is taken to last longer than expected.
         given: [B, P, D] habitats to start from, of which the first ones are used.
         known: [B, N] routes to start from, padded with -1; all -1 where there is none.
     """

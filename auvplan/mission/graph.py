@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.mission.timetable import Stages, Timetable, stages
-from auvplan.mission.travel_times import PathsRound, Sketch, TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import Detours, PathsRound, Sketch, TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
 
@@ -214,7 +214,7 @@ class MissionGraph:
         Args:
             env, vehicle, config: as for `with_travel_times`, of one graph.
             departures: [M] s since the epoch.
-            around: finds paths round what is in the way, as for `travel_times`.
+            around: finds paths round what lies between, as for `travel_times`.
             sketch: finds paths over a sea bed that hinders, as for `travel_times`.
             bends: departures among these, evenly spread, at which lines are bent to the current too; fewer
                 where edges are very many. The share of time that this saves is taken linear between them.
@@ -227,28 +227,20 @@ class MissionGraph:
         departures, effort = np.asarray(departures, float), config or TravelTimeConfig()
 
         def timed(
-            moments: NDArray[np.floating], effort: TravelTimeConfig, detour: bool = True
+            moments: NDArray[np.floating], effort: TravelTimeConfig, detours: Detours | None
         ) -> NDArray[np.floating]:
             """Travel times [m, E] s at moments [m] s; infinite where an edge is closed."""
             count = len(moments)
-            seconds, passable = travel_times(
-                np.tile(self.positions[i], (count, 1)),
-                np.tile(self.positions[j], (count, 1)),
-                env,
-                vehicle or Vehicle(),
-                np.repeat(moments, len(i)),
-                effort,
-                detour=detour,
-                around=around,
-                sketch=sketch,
-            )
+            starts, goals = (np.tile(self.positions[nodes], (count, 1)) for nodes in (i, j))
+            trips = Trips(starts, goals, np.repeat(moments, len(i)))
+            seconds, passable = travel_times(trips, env, vehicle or Vehicle(), effort, detours=detours)
             return np.where(passable, seconds, np.inf).reshape(count, len(i))
 
-        found = timed(departures, effort)
+        found = timed(departures, effort, Detours(around, sketch))
         bends = min(bends, _MOST_BENT // max(len(i), 1))
         if bends > 1 and len(i):
             chosen = np.unique(np.linspace(0, len(departures) - 1, bends).round().astype(int))
-            bent, straight = timed(departures[chosen], effort.bending(), detour=False), found[chosen]
+            bent, straight = timed(departures[chosen], effort.bending(), None), found[chosen]
             known = np.isfinite(bent) & np.isfinite(straight)
             saved = np.where(known, np.minimum(bent, straight) / np.where(known, straight, 1.0), 1.0)
             rows = np.arange(len(departures))
@@ -311,7 +303,7 @@ class MissionGraph:
             depart: s since the epoch, when every edge is taken to be entered, one or [B].
             config: effort; defaults to `TravelTimeConfig()`.
             world_per_graph: whether the current differs by graph; needs stacked graphs [B, N, ...].
-            around: finds paths round what is in the way, as for `travel_times`.
+            around: finds paths round what lies between, as for `travel_times`.
             sketch: finds paths over a sea bed that hinders, as for `travel_times`.
 
         Raises:
@@ -328,16 +320,14 @@ class MissionGraph:
         stacked = positions.reshape(-1, self.size, 3)
         edges = np.nonzero(adjacency.reshape(-1, self.size, self.size))
         graph, i, j = edges
+        departs = np.broadcast_to(np.asarray(depart, float), len(stacked))[graph]
         seconds, passable = travel_times(
-            stacked[graph, i],
-            stacked[graph, j],
+            Trips(stacked[graph, i], stacked[graph, j], departs),
             env,
             vehicle or Vehicle(),
-            np.broadcast_to(np.asarray(depart, float), len(stacked))[graph],
             config or TravelTimeConfig(),
             graph if world_per_graph else None,
-            around=around,
-            sketch=sketch,
+            Detours(around, sketch),
         )
         place = edges if positions.ndim == 3 else (i, j)
         travel_time[place] = np.where(passable, seconds, np.nan)
@@ -484,7 +474,7 @@ def time_to_go(leg_times: NDArray[np.floating], goal: int) -> NDArray[np.float64
     return scipy.sparse.csgraph.dijkstra(_sparse(leg_times).T, indices=goal)
 
 
-def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
+def shortest_path(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
     """Waypoints of the quickest way from the start to the goal; empty where there is none.
 
     Args:

@@ -19,10 +19,10 @@ COMPLETE, NEIGHBOURS = 40, 7
 #: Name of a line's vertex.
 _VERTEX = re.compile(r"(?P<line>.*)\[(?P<number>\d+)\]", re.DOTALL)
 
-#: Name of a waypoint of a way around.
+#: Name of a waypoint of a detour.
 _VIA = re.compile(r"\(via \d+\)")
 
-#: Pairs of places, the nearest first, between which ways around are looked for.
+#: Pairs of places, the nearest first, between which detours are looked for.
 _PAIRS = 8
 
 Position = tuple[float, float, float]
@@ -57,7 +57,7 @@ class JobLine:
         name: of the job.
         positions: its vertices in order, each north, east, down, m; two or more.
         priority: rho >= 0 of the whole line.
-        duration: s spent on it beyond the way itself, >= 0.
+        duration: s spent on it beyond the transit itself, >= 0.
         windows: intervals in one of which each part is surveyed, s since the departure; any time where there
             are none.
         falls: as of a point, of the whole line.
@@ -108,6 +108,22 @@ class Jobs:
         return Jobs(points, lines, self.notes)
 
 
+class Terrain(NamedTuple):
+    """What lies between places, and how to get round it.
+
+    Attributes:
+        clear: positions [N, 3] m to [N, N] bool, which straight lines are clear; None lets all be.
+        around: for two places [3] m with no clear line between them, waypoints [K, 3] m of a detour, with
+            clear lines between them, or None. They join the graph where clear lines alone leave it in parts.
+        length: of the path between two places [3] m with no clear line between them, m; infinite where there
+            is none. Such pairs have an edge as well, but for those of waypoints of detours.
+    """
+
+    clear: Callable[[NDArray[np.float64]], Any] | None = None
+    around: Callable[[NDArray[np.float64], NDArray[np.float64]], Any] | None = None
+    length: Callable[[NDArray[np.float64], NDArray[np.float64]], float] | None = None
+
+
 def jobs_graph(
     points: Sequence[JobPoint],
     lines: Sequence[JobLine],
@@ -115,14 +131,12 @@ def jobs_graph(
     goal: Any,
     *,
     neighbours: int | None = None,
-    clear: Callable[[NDArray[np.float64]], Any] | None = None,
     whole: bool = False,
-    around: Callable[[NDArray[np.float64], NDArray[np.float64]], Any] | None = None,
-    length: Callable[[NDArray[np.float64], NDArray[np.float64]], float] | None = None,
+    terrain: Terrain | None = None,
 ) -> tuple[MissionGraph, list[str]]:
     """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
-    In between are the points, the vertices of the lines and the waypoints of ways around, in order. A point's
+    In between are the points, the vertices of the lines and the waypoints of detours, in order. A point's
     task is done on arrival, whichever edge leads there. A survey line is a task on each edge between its
     consecutive vertices, in either direction: priority and duration are shared among them by
     length, so that a line half surveyed earns half. These edges are there whatever stands in their way.
@@ -134,22 +148,19 @@ def jobs_graph(
         goal: [3] m.
         neighbours: each waypoint is joined to this many nearest ones, and more where the graph would fall
             apart; None joins all of 40 waypoints or fewer, and 7 nearest of more.
-        clear: positions [N, 3] m to [N, N] bool, which straight lines are clear; None lets all be.
-        whole: whether the ends of lines are joined to the rest as if no way led off between them, for
-            missions without `ways_off_lines`.
-        around: for two places [3] m with no clear line between them, waypoints [K, 3] m of a way around, with
-            clear lines between them, or None. They join the graph where clear lines alone leave it in parts.
-        length: of the path between two places [3] m with no clear line between them, m; infinite where there
-            is none. Such pairs have an edge as well, but for those of waypoints of ways around.
+        whole: whether the ends of lines are joined to the rest as if no edge led off between them, for
+            missions without `edges_off_lines`.
+        terrain: what lies between the places; nothing by default.
 
     Returns:
         The graph, and the name of each node: "start", "goal", a point's name, a line's with the number of
-        the vertex in brackets, from 1, or "(via 1)", "(via 2)" ... of a way around.
+        the vertex in brackets, from 1, or "(via 1)", "(via 2)" ... of a detour.
 
     Raises:
-        ValueError: a line has less than two vertices or two in one place; a job that no clear line and no way
-            around leads to; numbers that make no graph.
+        ValueError: a line has less than two vertices or two in one place; a job that no clear line and no
+            detour leads to; numbers that make no graph.
     """
+    terrain = terrain or Terrain()
     names = ["start", *(point.name for point in points)]
     places = [np.asarray(start, float), *(point.position for point in points)]
     parts: list[tuple[int, int, float, float]] = []
@@ -165,13 +176,13 @@ def jobs_graph(
     names.append("goal")
     places.append(np.asarray(goal, float))
     positions = np.array([_position(place, name) for place, name in zip(places, names, strict=True)])
-    free, own = _passable(positions, clear), len(positions) - 1
-    if around is not None and len(via := _ways_around(positions, free, clear, around)):
+    free, own = _passable(positions, terrain.clear), len(positions) - 1
+    if len(via := _detours(positions, free, terrain)):
         positions = np.concatenate([positions[:-1], via, positions[-1:]])
         names[-1:] = [*(f"(via {k})" for k in range(1, len(via) + 1)), "goal"]
-        free = _passable(positions, clear)
+        free = _passable(positions, terrain.clear)
     line_edges = [(i, j) for i, j, _, _ in parts]
-    distance = _distances(positions, free, np.r_[:own, len(positions) - 1], length)
+    distance = _distances(positions, free, np.r_[:own, len(positions) - 1], terrain.length)
     adjacency = _joined(distance, neighbours, line_edges, names)
     if whole:
         outward = np.where(_off_lines(names), np.inf, distance)
@@ -224,7 +235,7 @@ def _drops(job: JobPoint | JobLine) -> list[tuple[float, float]]:
     return [(moment, last - priority) for last, (moment, priority) in zip(before, job.falls, strict=False)]
 
 
-def ways_off_lines(names: Sequence[str], adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def edges_off_lines(names: Sequence[str], adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the edges (i, j), both ways, that lead off a survey line between its ends, or on to it there.
 
     Without them a line is surveyed whole or not at all, from either end.
@@ -316,25 +327,28 @@ def _passable(positions: NDArray, clear: Callable | None) -> NDArray[np.bool_]:
     return free & free.T
 
 
-def _ways_around(
-    positions: NDArray, free: NDArray[np.bool_], clear: Callable | None, around: Callable
-) -> NDArray[np.float64]:
-    """Waypoints [K, 3] m that join the parts of the graph of clear lines `free`, as far as there are ways."""
+def _detours(positions: NDArray, free: NDArray[np.bool_], terrain: Terrain) -> NDArray[np.float64]:
+    """Waypoints [K, 3] m that join the parts of the graph of clear lines `free` as far as possible."""
     via, places = np.empty((0, 3)), positions
-    while True:
+    while terrain.around is not None:
         _, label = scipy.sparse.csgraph.connected_components(free, directed=False)
         first = label == label[0]
-        ways = None
+        detour = None
         gap = np.where(first[:, None] & ~first[None, :], scipy.spatial.distance.cdist(places, places), np.inf)
         for pair in np.argsort(gap, axis=None, kind="stable")[:_PAIRS]:
             i, j = np.unravel_index(pair, gap.shape)
-            if np.isfinite(gap[i, j]) and (ways := around(places[i], places[j])) is not None and len(ways):
+            if (
+                np.isfinite(gap[i, j])
+                and (detour := terrain.around(places[i], places[j])) is not None
+                and len(detour)
+            ):
                 break
-        if ways is None or not len(ways):
-            return via
-        via = np.concatenate([via, ways])
+        if detour is None or not len(detour):
+            break
+        via = np.concatenate([via, detour])
         places = np.concatenate([positions, via])
-        free = _passable(places, clear)
+        free = _passable(places, terrain.clear)
+    return via
 
 
 def _distances(
@@ -378,5 +392,5 @@ def _joined(
     adjacency |= adjacency.T
     if len(apart := join_parts(adjacency, distance)):
         cut_off = ", ".join(repr(names[k]) for k in apart[:5])
-        raise ValueError(f"no clear line and no way around leads from the start to {cut_off}")
+        raise ValueError(f"no clear line and no detour leads from the start to {cut_off}")
     return adjacency

@@ -14,7 +14,7 @@ ObjectiveName = Literal["priority", "eq15"]
 def violation(routes: Decoded, problem: Problem) -> jax.Array:
     """Return how far from the goal routes end or how late they are there, [P] s.
 
-    The time still to go, T_available where there is no way, and what the route takes beyond T_available.
+    The time still to go, T_available where there is no path, and what the route takes beyond T_available.
     """
     no_way = jnp.maximum(problem.time_available, 1.0)
     return jnp.where(jnp.isfinite(routes.remaining), routes.remaining, no_way) + routes.late

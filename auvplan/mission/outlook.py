@@ -102,7 +102,7 @@ def look_ahead(
 def sharpened(
     problem: Problem, gain: jax.Array, edges: Onward, charge: jax.Array, known: jax.Array, steps: jax.Array
 ) -> jax.Array:
-    """Return charges [N] under which the best way repeats fewer waypoints, by subgradient steps.
+    """Return charges [N] under which the best path repeats fewer waypoints, by subgradient steps.
 
     Args:
         problem, gain, edges: as above.
@@ -126,7 +126,7 @@ def sharpened(
 
 
 def _visits(problem: Problem, edges: Onward, chosen: jax.Array) -> jax.Array:
-    """How often the best way visits each waypoint, [N]."""
+    """How often the best path visits each waypoint, [N]."""
 
     def go(state: tuple) -> tuple:
         counts, here, moment = state

@@ -215,7 +215,7 @@ def plan_missions(
         population: [B, Q, D] habitats to start from, as `MissionRoutes.population`.
         speed: m/s, one or [B], instead of `vehicle`.
         visited: [B, N] bool, waypoints not to be visited again.
-        return_margin: [B] or one for all; share by which the way from any waypoint to the destination is
+        return_margin: [B] or one for all; share by which the path from any waypoint to the destination is
             taken to last longer than expected. It keeps slack for bad surprises where they cannot be mended:
             on the last legs. A route may then be reported out of time although it would just do.
         known_routes: for each mission the waypoints of a route from its start to its goal, or None.
@@ -244,7 +244,7 @@ def plan_missions(
     given, count = _given(population, batch, size, config)
     known = _known(known_routes, starts, goals, size)
 
-    if size == 2:  # there is one way at most: what looks for better ones is not compiled
+    if size == 2:  # there is one route at most: what looks for better ones is not compiled
         config = config.replace(seeds=0, local_rounds=0)
     legs, iterations, more = graphs.leg_times(rate), config.bbo.iterations, _padded(size) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))

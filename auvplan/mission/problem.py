@@ -1,4 +1,4 @@
-"""A mission on one graph as the compiled planner sees it: neighbour lists and shortest ways to the goal.
+"""A mission on one graph as the compiled planner sees it: neighbour lists and shortest paths to the goal.
 
 Row i of a neighbour list holds the K waypoints to which an edge leads from i, so that a sparse graph of N
 waypoints costs N K instead of N N. Rows are padded with waypoint 0 and infinite times.
@@ -81,7 +81,7 @@ class Problem:
         way_back: [N] s, time to the goal that is kept in reserve, `time_to_go` and the return margin.
         deadline: s, T_available less the rounding error that a sum of N legs can have.
         time_to_go: [N] s, shortest time to the goal.
-        following: [N] the next waypoint on the shortest way to the goal.
+        following: [N] the next waypoint on the shortest path to the goal.
         start, goal: indices.
         time_available: s, T_available.
         schedule: what depends on the time at which edges are entered; None where nothing does.
@@ -169,7 +169,7 @@ def prepare(
         time_available: T_available, s; less the rounding error that a sum of N legs can have it is the
             deadline of all routes.
         visited: [N] bool, waypoints not to be visited again.
-        return_margin: share by which the way to the goal is taken to last longer than expected.
+        return_margin: share by which the path to the goal is taken to last longer than expected.
     """
     neighbours = edges.neighbours
     size = neighbours.shape[0]

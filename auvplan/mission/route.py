@@ -48,14 +48,14 @@ class MissionRoute(ReprMixin):
         leg_times: [n - 1] s, expected t_ij of each leg, travel, waiting and task (Eq. 13).
         waits: [n - 1] s of them that pass between the arrival and the opening of the task's window.
         status: OK, or why there is no mission.
-        least_time: s, shortest time to the destination; infinite where there is no way.
+        least_time: s, shortest time to the destination; infinite where it cannot be reached.
         time_available: T_available, s.
         population: [P, D] habitats, best first, to plan again from.
         history: cost and violation by iteration.
         edge_times: [N, N] s, t_ij of all edges that were open to the mission; infinite elsewhere.
         edge_priority: [N, N] rho_ij.
         goal: index of the destination.
-        return_margin: share by which the way back was taken to last longer than expected.
+        return_margin: share by which the return was taken to last longer than expected.
         proven_bound: bound on the total priority that an exact search proved; None without one.
         timetable: by which it was planned, and `duration` [N, N] s of tasks; None where nothing depends on
             the clock. Edge times are the least then.

@@ -10,7 +10,7 @@ of detours scored and polished.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -112,145 +112,214 @@ class TravelTimeConfig:
         return replace(self, path=path, steps=_BEND_STEPS)
 
 
+class Trips(NamedTuple):
+    """E edges that are to be timed.
+
+    Attributes:
+        starts, goals: [E, 3] m, north, east, depth.
+        departs: [E] s since the epoch.
+    """
+
+    starts: NDArray[np.floating]
+    goals: NDArray[np.floating]
+    departs: NDArray[np.floating]
+
+
+class Detours(NamedTuple):
+    """What is tried where a straight line breaks a limit, before a fan of paths.
+
+    Attributes:
+        around: finds paths round what is between two places.
+        sketch: finds paths where the sea bed keeps edges out of depths with a better current.
+    """
+
+    around: PathsRound | None = None
+    sketch: Sketch | None = None
+
+
+#: Fans of paths alone.
+FANS = Detours()
+
+
 def travel_times(
-    starts: NDArray[np.floating],
-    goals: NDArray[np.floating],
+    trips: Trips,
     env: Environment,
     vehicle: Vehicle,
-    depart: NDArray[np.floating],
     config: TravelTimeConfig,
     world: NDArray[np.int_] | None = None,
-    detour: bool = True,
-    around: PathsRound | None = None,
-    sketch: Sketch | None = None,
+    detours: Detours | None = FANS,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Travel times of E edges in a few compiled calls.
 
     Args:
-        starts: [E, 3] m, north, east, depth.
-        goals: [E, 3] m.
+        trips: the edges.
         env: the world; its obstacles are left out.
         vehicle: speed and limits.
-        depart: [E] s since the epoch.
         config: effort.
         world: [E] index into the leading axis of the current's leaves; None for one current for all.
-        detour: whether detours are tried where the line breaks a limit; else such an edge is not passable.
-        around: finds paths round what is in the way, which come before detours.
-        sketch: finds paths where the sea bed keeps edges out of depths with a better current.
+        detours: tried where the line breaks a limit; None for none at all: such an edge is not passable.
 
     Returns:
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
         where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
     """
+    starts, goals, _ = trips
     inside = _inside(starts, env) & _inside(goals, env)
-    shared = padded(env.current)
-    kind = shared if world is None else row_kinds(shared)
-    config = replace(config, path=compared(config.path, env, kind))
-    deep = is_searched_in_depth(env, vehicle, kind)
-    sea = replace(env, current=None, obstacles=Obstacles.none())
-    waters = _World(shared, sea, vehicle, config, deep, own=world is not None)
-    hosted = None if world is None else jax.tree.map(np.asarray, shared)
-
-    def run(program: Callable, edges: NDArray[np.int_], together: int, *rows: Any, **settings: int) -> list:
-        """Return what a program finds for edges and their rows, taken so many together."""
-        parts, departs = [], np.asarray(depart[edges], np.float32)
-        for part, real in padded_batches(len(edges), (together,)):
-            own = waters
-            if hosted is not None:
-                chosen = world[edges[part]]  # type: ignore[index]
-                own = replace(
-                    waters, currents=jax.tree.map(lambda leaf, k=chosen: jnp.asarray(leaf[k]), hosted)
-                )
-            found = program(*(row[part] for row in rows), departs[part], own, **settings)
-            parts.append([np.asarray(plane)[:real] for plane in found])
-        return [np.concatenate(planes) for planes in zip(*parts, strict=True)]
-
-    def estimate(edges: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
-        """Set times of edges by the straight line or by a fan; return the tracks [S, 3] m of these."""
-        if not len(edges):
-            return []
-        ends = (np.asarray(places[edges], np.float32) for places in (starts, goals))
-        lasts, good, tracks = run(_estimate, edges, together, *ends, detours=detours, steps=steps)
-        seconds[edges], passable[edges] = lasts, good
-        return list(tracks)
-
-    def follow(edges: NDArray[np.int_], polylines: list[np.ndarray], clear: NDArray[np.bool_]) -> None:
-        """Set times of edges by polylines [K, 3] m clear of the coast, where these keep all limits."""
-        if not len(edges):
-            return
-        count = config.path.samples * (1 if env.seabed is None else _FINER)
-        tracks = np.stack([_sampled(way, count) for way in polylines]).astype(np.float32)
-        found = run(_follow, edges, _LINES, tracks, clear)
-        for edge, polyline, lasts, good in zip(edges.tolist(), polylines, *found, strict=True):
-            if good and (not passable[edge] or lasts < seconds[edge]):
-                seconds[edge], passable[edge], taken[edge] = lasts, True, polyline
-
-    def hindered(edges: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Return whether edges would be quicker by the ways taken if the sea bed were deep."""
-        if not len(edges):
-            return np.zeros(0, bool)
-        ways = [taken.get(int(edge), np.stack([starts[edge], goals[edge]])) for edge in edges]
-        tracks = np.stack([_sampled(way, _STATIONS + 1) for way in ways]).astype(np.float32)
-        (least,) = run(_unhindered, edges, _LINES, tracks)
-        return ~passable[edges] | (seconds[edges] > (1.0 + _HINDERED) * least.astype(float))
-
-    seconds, passable = np.zeros(len(starts)), np.zeros(len(starts), bool)
-    taken: dict[int, NDArray[np.floating]] = {}
-    estimate(np.arange(len(starts)), _LINES, 0, config.steps)
+    timing = _Timing.of(trips, env, vehicle, config, world)
+    timing.estimate(np.arange(len(starts)), _LINES, 0, config.steps)
     here = np.linalg.norm(goals - starts, axis=1) <= ONE_PLACE
-    seconds[here], passable[here] = TURN_TO, True
-    if detour and around is not None and (blocked := np.flatnonzero(~passable & inside)).size:
-        ways = [around(starts[edge], goals[edge]) for edge in blocked]
-        edges = np.repeat(blocked, [len(found) for found in ways])
-        clear = np.array([always for found in ways for _, always in found], bool)
-        follow(edges, [way for found in ways for way, _ in found], clear)
-    if detour and deep and sketch is not None and env.seabed is not None:
-        # One departure of each pair of places: what is found for it mostly serves the others.
-        alike = _alike(starts, goals, np.flatnonzero(inside & ~here))
-        middle = np.array([edges[len(edges) // 2] for edges in alike], int)
-        order = np.argsort(np.linalg.norm(goals[middle] - starts[middle], axis=1), kind="stable")
-        order = order[hindered(middle)[order]][:_MOST_SKETCHED]
-        if len(order):
-            sketches = sketch(*(np.asarray(a[middle[order]], float) for a in (starts, goals, depart)))
-            pairs = zip(order, sketches, strict=True)
-            served = [(edge, path) for k, paths in pairs for edge in alike[k] for path in paths]
-            edges = np.array([edge for edge, _ in served], int)
-            follow(edges, [path for _, path in served], np.zeros(len(edges), bool))
-    blocked = np.flatnonzero(~passable & inside) if detour else np.zeros(0, int)
-    while blocked.size:
-        # Few fans for each pair of places too.
-        tried, others = [], []
-        for edges in _alike(starts, goals, blocked):
-            few = np.unique(np.linspace(0, len(edges) - 1, _TRIED).round().astype(int))
-            tried.append(edges[few])
-            others.append(np.delete(edges, few))
-        fans = iter(estimate(np.concatenate(tried), _FANS, config.detours, config.detour_steps))
-        served = [
-            (other, track)
-            for own, rest in zip(tried, others, strict=True)
-            for edge, track in zip(own, fans, strict=False)
-            if passable[edge]
-            for other in rest
-        ]
-        edges = np.array([edge for edge, _ in served], int)
-        follow(edges, [track for _, track in served], np.zeros(len(edges), bool))
-        blocked = np.sort(np.concatenate(others))
-        blocked = blocked[~passable[blocked]]
+    timing.seconds[here], timing.passable[here] = TURN_TO, True
+    if detours is not None:
+        if detours.around is not None:
+            timing.go_round(np.flatnonzero(~timing.passable & inside), detours.around)
+        if detours.sketch is not None and timing.world.deep and env.seabed is not None:
+            timing.go_deeper(np.flatnonzero(inside & ~here), detours.sketch)
+        timing.fan_out(np.flatnonzero(~timing.passable & inside))
     # Lines that are steeper than the vehicle can dive or climb take as long as that.
     limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
     most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
     rise = goals[:, 2] - starts[:, 2]
-    return np.maximum(seconds, np.abs(rise) / np.where(rise > 0.0, *most)), passable & inside
+    seconds = np.maximum(timing.seconds, np.abs(rise) / np.where(rise > 0.0, *most))
+    return seconds, timing.passable & inside
 
 
-def _alike(
-    starts: NDArray[np.floating], goals: NDArray[np.floating], edges: NDArray[np.int_]
-) -> list[NDArray[np.int_]]:
-    """Return edges by the places that they join."""
-    ends = np.concatenate([starts[edges], goals[edges]], axis=1)
-    _, pair, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-    together = edges[np.argsort(pair.ravel(), kind="stable")]
-    return np.split(together, np.cumsum(counts)[:-1]) if edges.size else []
+@dataclass(frozen=True, eq=False)
+class _Timing:
+    """What is known of E edges so far.
+
+    Attributes:
+        trips: the edges.
+        world: that they are timed in.
+        index: [E] of each edge's current among those of the world; None where there is one for all.
+        seconds: [E], least time found.
+        passable: [E], whether it is of a path that keeps all limits.
+        taken: polylines [K, 3] m of edges that are not timed by their straight line or a fan.
+    """
+
+    trips: Trips
+    world: "_World"
+    index: NDArray[np.int_] | None
+    seconds: NDArray[np.float64]
+    passable: NDArray[np.bool_]
+    taken: dict[int, NDArray[np.floating]] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, trips: Trips, env: Environment, vehicle: Vehicle, config: TravelTimeConfig, index: Any
+    ) -> "_Timing":
+        shared = padded(env.current)
+        kind = shared if index is None else row_kinds(shared)
+        config = replace(config, path=compared(config.path, env, kind))
+        sea, deep = (
+            replace(env, current=None, obstacles=Obstacles.none()),
+            is_searched_in_depth(env, vehicle, kind),
+        )
+        if index is not None:
+            shared = jax.tree.map(np.asarray, shared)
+        world, count = _World(shared, sea, vehicle, config, deep, own=index is not None), len(trips.starts)
+        return cls(trips, world, index, np.zeros(count), np.zeros(count, bool))
+
+    def run(
+        self, program: Callable, edges: NDArray[np.int_], together: int, *rows: Any, **settings: int
+    ) -> list:
+        """Return what a program finds for edges and their rows, taken `together` in each call."""
+        parts, departs = [], np.asarray(self.trips.departs[edges], np.float32)
+        for part, real in padded_batches(len(edges), (together,)):
+            world = self.world
+            if self.index is not None:
+                chosen = self.index[edges[part]]
+                currents = jax.tree.map(lambda leaf, k=chosen: jnp.asarray(leaf[k]), world.currents)
+                world = replace(world, currents=currents)
+            found = program(*(row[part] for row in rows), departs[part], world, **settings)
+            parts.append([np.asarray(plane)[:real] for plane in found])
+        return [np.concatenate(planes) for planes in zip(*parts, strict=True)]
+
+    def estimate(self, edges: NDArray[np.int_], together: int, detours: int, steps: int) -> list[np.ndarray]:
+        """Set times of edges by the straight line or by a fan; return the tracks [S, 3] m of these."""
+        if not len(edges):
+            return []
+        ends = (np.asarray(places[edges], np.float32) for places in self.trips[:2])
+        lasts, good, tracks = self.run(_estimate, edges, together, *ends, detours=detours, steps=steps)
+        self.seconds[edges], self.passable[edges] = lasts, good
+        return list(tracks)
+
+    def follow(self, edges: list[int], polylines: list[np.ndarray], clear: list[bool] | None = None) -> None:
+        """Set times of edges by polylines [K, 3] m clear of the coast, where these keep all limits."""
+        if not edges:
+            return
+        config, finer = self.world.config.path, 1 if self.world.sea.seabed is None else _FINER
+        tracks = _tracks(polylines, config.samples * finer)
+        rows = tracks, np.zeros(len(edges), bool) if clear is None else np.array(clear)
+        found = self.run(_follow, np.array(edges), _LINES, *rows)
+        for edge, polyline, lasts, good in zip(edges, polylines, *found, strict=True):
+            if good and (not self.passable[edge] or lasts < self.seconds[edge]):
+                self.seconds[edge], self.passable[edge], self.taken[edge] = lasts, True, polyline
+
+    def go_round(self, edges: NDArray[np.int_], around: PathsRound) -> None:
+        """Time blocked edges by paths round what is between their ends."""
+        found = [(edge, *path) for edge in edges.tolist() for path in around(*self._ends(edge))]
+        self.follow(
+            [edge for edge, *_ in found], [path for _, path, _ in found], [clear for *_, clear in found]
+        )
+
+    def go_deeper(self, edges: NDArray[np.int_], sketch: Sketch) -> None:
+        """Time edges that the sea bed hinders by sketched paths.
+
+        One departure of each pair of places is sketched: what is found for it mostly serves the others.
+        """
+        starts, goals, _ = self.trips
+        alike = self._alike(edges)
+        middle = np.array([edges[len(edges) // 2] for edges in alike], int)
+        order = np.argsort(np.linalg.norm(goals[middle] - starts[middle], axis=1), kind="stable")
+        order = order[self._hindered(middle)[order]][:_MOST_SKETCHED]
+        if len(order):
+            sketches = sketch(*(np.asarray(values[middle[order]], float) for values in self.trips))
+            served = [
+                (edge, path)
+                for k, paths in zip(order, sketches, strict=True)
+                for edge in alike[k].tolist()
+                for path in paths
+            ]
+            self.follow([edge for edge, _ in served], [path for _, path in served])
+
+    def fan_out(self, blocked: NDArray[np.int_]) -> None:
+        """Time blocked edges by fans of detours, few for each pair of places: the best serve the others."""
+        config = self.world.config
+        while blocked.size:
+            tried, others = [], []
+            for edges in self._alike(blocked):
+                few = np.unique(np.linspace(0, len(edges) - 1, _TRIED).round().astype(int))
+                tried.append(edges[few])
+                others.append(np.delete(edges, few))
+            fans = iter(self.estimate(np.concatenate(tried), _FANS, config.detours, config.detour_steps))
+            served = [
+                (other, track)
+                for own, rest in zip(tried, others, strict=True)
+                for edge, track in zip(own, fans, strict=False)
+                if self.passable[edge]
+                for other in rest.tolist()
+            ]
+            self.follow([edge for edge, _ in served], [track for _, track in served])
+            blocked = np.sort(np.concatenate(others))
+            blocked = blocked[~self.passable[blocked]]
+
+    def _ends(self, edge: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        return self.trips.starts[edge], self.trips.goals[edge]
+
+    def _hindered(self, edges: NDArray[np.int_]) -> NDArray[np.bool_]:
+        """Return whether edges would be quicker by the paths taken if the sea bed were deep."""
+        if not len(edges):
+            return np.zeros(0, bool)
+        lines = [self.taken.get(edge, np.stack(self._ends(edge))) for edge in edges.tolist()]
+        (least,) = self.run(_unhindered, edges, _LINES, _tracks(lines, _STATIONS + 1))
+        return ~self.passable[edges] | (self.seconds[edges] > (1.0 + _HINDERED) * least.astype(float))
+
+    def _alike(self, edges: NDArray[np.int_]) -> list[NDArray[np.int_]]:
+        """Return edges by the places that they join."""
+        ends = np.concatenate([places[edges] for places in self.trips[:2]], axis=1)
+        _, pair, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+        together = edges[np.argsort(pair.ravel(), kind="stable")]
+        return np.split(together, np.cumsum(counts)[:-1]) if edges.size else []
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
@@ -263,11 +332,15 @@ def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
     return np.asarray(inside)
 
 
-def _sampled(way: NDArray[np.floating], count: int) -> NDArray[np.floating]:
-    """Return [S, 3] m, places evenly along a polyline [K, 3] m."""
-    marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-    along = np.linspace(0.0, marks[-1], count)
-    return np.stack([np.interp(along, marks, axis) for axis in way.T], axis=1)
+def _tracks(polylines: Sequence[NDArray[np.floating]], count: int) -> NDArray[np.float32]:
+    """Return [B, S, 3] m, places evenly along polylines [K, 3] m."""
+
+    def sampled(line: NDArray[np.floating]) -> NDArray[np.floating]:
+        marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        along = np.linspace(0.0, marks[-1], count)
+        return np.stack([np.interp(along, marks, axis) for axis in line.T], axis=1)
+
+    return np.stack([sampled(line) for line in polylines]).astype(np.float32)
 
 
 @jax.tree_util.register_dataclass
@@ -305,13 +378,13 @@ def _unhindered(tracks: Any, departs: Any, world: _World) -> tuple[jax.Array]:
     """Time [E] s over tracks [E, K + 1, 3] m at the best depths of the box, taken at will."""
 
     def one(track: jax.Array, depart: jax.Array, current: Current) -> jax.Array:
-        way, middle = jnp.diff(track, axis=0), 0.5 * (track[1:] + track[:-1])
-        gap = jnp.sqrt((way * way).sum(axis=1) + TINY)
+        step, middle = jnp.diff(track, axis=0), 0.5 * (track[1:] + track[:-1])
+        gap = jnp.sqrt((step * step).sum(axis=1) + TINY)
         when = depart + (jnp.cumsum(gap) - 0.5 * gap) / world.vehicle.speed
         top, bottom = depths_within_reach(track[jnp.asarray([0, -1])], world.sea)
         depth = jnp.linspace(top, bottom, _FREE_LEVELS)[None]
         u, v, _ = current(middle[:, :1], middle[:, 1:2], depth, when[:, None])
-        north, east = way[:, :1] / gap[:, None], way[:, 1:2] / gap[:, None]
+        north, east = step[:, :1] / gap[:, None], step[:, 1:2] / gap[:, None]
         along, across = u * north + v * east, jnp.abs(u * east - v * north)
         ground, _ = along_track(world.config.path.speed_reading, world.vehicle.speed, along, across)
         return (gap / ground.max(axis=1)).sum()

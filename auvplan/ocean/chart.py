@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
-from auvplan.ocean.palette import UNTOLD, ChartColours
+from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, is_traced
 
@@ -92,7 +92,7 @@ class Chart(Raster):
         origin: tuple[float, float] = (0.0, 0.0),
         clusters: int = DEFAULT_CLUSTERS,
         seed: int = 0,
-        colours: ChartColours = UNTOLD,
+        colours: ChartColours = DEFAULT_COLOURS,
     ) -> Self:
         """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify_picture`).
 
@@ -118,7 +118,7 @@ class Chart(Raster):
         origin: tuple[float, float] = (0.0, 0.0),
         clusters: int = DEFAULT_CLUSTERS,
         seed: int = 0,
-        colours: ChartColours = UNTOLD,
+        colours: ChartColours = DEFAULT_COLOURS,
     ) -> Self:
         """Return a chart from a picture file with north up: PNG, JPEG, TIFF, GIF, BMP, WebP or JPEG 2000.
 
@@ -246,12 +246,12 @@ def classify_file(
     path: str | Path,
     clusters: int = DEFAULT_CLUSTERS,
     seed: int = 0,
-    colours: ChartColours = UNTOLD,
+    colours: ChartColours = DEFAULT_COLOURS,
 ) -> Classified:
     """Return what the pixels of a picture file stand for, in doubt or not; arguments as `classify_picture`.
 
     Raises:
-        ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` tells
+        ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` states
             nothing of its greys.
     """
     path = Path(path)

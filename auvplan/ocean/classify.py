@@ -19,7 +19,7 @@ from PIL import ImageColor
 
 from auvplan.ocean.frame import edge_of, find_frame, joined, shade_of, surround
 from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name, shares
-from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, to_hex, to_lab, to_rgb
+from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours, blueness, to_hex, to_lab, to_rgb
 from auvplan.runtime.cache import kept
 
 UNCERTAIN_MAX = 0.35
@@ -81,7 +81,7 @@ def classify_picture(
     blank: NDArray[np.bool_] | None = None,
     clusters: int = DEFAULT_CLUSTERS,
     seed: int = 0,
-    colours: ChartColours = UNTOLD,
+    colours: ChartColours = DEFAULT_COLOURS,
 ) -> Classified:
     """Return what the pixels of a chart picture stand for.
 

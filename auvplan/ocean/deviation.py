@@ -94,7 +94,7 @@ def _planes(line: Array, place: Array, edge: Any) -> tuple[NDArray[np.int_], NDA
 
 
 def _most(values: Array, sizes: Sequence[int]) -> Array:
-    """Return the most of so many values along each axis, from each one on."""
+    """Return the most of a number of values along each axis, from each one on."""
     for axis, size in enumerate(sizes):
         values = ndimage.maximum_filter1d(values, size, axis=axis, origin=-(size // 2), mode="nearest")
     return values

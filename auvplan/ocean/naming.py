@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.ocean.frame import joined
-from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, hue_and_chroma, lab_of
+from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours, blueness, hue_and_chroma, lab_of
 
 COAST, UNCERTAIN, WATER = 0, 1, 2
 #: Names of the classes, by their numbers.
@@ -107,7 +107,9 @@ def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.where(water, WATER, np.where(sea, UNCERTAIN, COAST)).astype(np.uint8)
 
 
-def name(lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartColours = UNTOLD) -> Naming:
+def name(
+    lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartColours = DEFAULT_COLOURS
+) -> Naming:
     """Name clusters by the colours a person gives, and what these leave open by the rules.
 
     Where water and land are both given, every cluster takes the class of the nearest colour given, in CIELAB,

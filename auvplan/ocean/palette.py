@@ -59,7 +59,7 @@ class ChartColours:
 
 
 #: No colour is given.
-UNTOLD = ChartColours()
+DEFAULT_COLOURS = ChartColours()
 
 
 def as_hex(colour: str) -> str:

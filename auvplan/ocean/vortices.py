@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import chex
 import jax
@@ -360,11 +360,20 @@ def random_vortices(
     """
     key = as_key(key)
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
-    sizes = radius, peak_speed, layer_noise, vertical_scale
-    field = _random_vortices(key, *corners, *sizes, count, count=rounded_up(count), layers=layers)
+    kind = _Kind(radius, peak_speed, layer_noise, vertical_scale)
+    field = _random_vortices(key, *corners, kind, count, count=rounded_up(count), layers=layers)
     if field.strength.shape[-1] == count:
         return field
     return (field if isinstance(field.strength, Tracer) else jax.device_get(field)).first(count)
+
+
+class _Kind(NamedTuple):
+    """What random fields have in common, as in `random_vortices`."""
+
+    radius: Any
+    peak_speed: Any
+    layer_noise: Any
+    vertical_scale: Any
 
 
 @partial(compiled, static_argnames=("count", "layers"), quick=True)
@@ -372,10 +381,7 @@ def _random_vortices(
     key: jax.Array,
     low: jax.Array,
     high: jax.Array,
-    radius: tuple[jax.Array, jax.Array],
-    peak_speed: jax.Array,
-    layer_noise: jax.Array,
-    vertical_scale: jax.Array,
+    kind: _Kind,
     present: jax.Array,
     count: int,
     layers: int,
@@ -383,22 +389,23 @@ def _random_vortices(
     """`random_vortices` of `count` places, of which the first `present` are taken."""
     center_key, radius_key, speed_key, sign_key, layer_key = jax.random.split(key, 5)
     first = jax.random.uniform(center_key, (count, 2), minval=low[:2], maxval=high[:2])
-    size = jax.random.uniform(radius_key, (count,), minval=radius[0], maxval=radius[1])
+    size = jax.random.uniform(radius_key, (count,), minval=kind.radius[0], maxval=kind.radius[1])
     speed = jax.random.uniform(speed_key, (count,), minval=0.5, maxval=1.0)
     sign = jax.random.rademacher(sign_key, (count,), float)
     strength = sign * strength_for_peak_speed(speed, size) * (jnp.arange(count) < present)
 
-    noise = jnp.cumsum(jax.random.normal(layer_key, (layers, count, 4)).at[0].set(0.0), axis=0) * layer_noise
+    noise = jnp.cumsum(jax.random.normal(layer_key, (layers, count, 4)).at[0].set(0.0), axis=0)
+    noise = noise * kind.layer_noise
     centers = first + noise[..., :2] * size[:, None]
     radii = size * jnp.exp(noise[..., 2])
     strengths = strength * (1.0 + noise[..., 3])
     depths = jnp.linspace(low[2], high[2], layers) if layers > 1 else low[2:3]
-    field = LambVortices(centers, strengths, radii, depths, vertical_scale)
+    field = LambVortices(centers, strengths, radii, depths, kind.vertical_scale)
 
     axes = [jnp.linspace(low[i], high[i], 64) for i in range(2)]
     x, y = jnp.meshgrid(*axes, indexing="ij")
     u, v, _ = field(x, y, jnp.full_like(x, low[2]), jnp.zeros_like(x))
-    return field.scaled(peak_speed / jnp.sqrt(jnp.max(u * u + v * v)))
+    return field.scaled(kind.peak_speed / jnp.sqrt(jnp.max(u * u + v * v)))
 
 
 @dataclass(frozen=True)

@@ -118,8 +118,8 @@ def _draw_refused(pen: Map, run: MissionRun) -> None:
 
 def _middle(line: Array) -> int:
     """Index of the point of [n, 2] nearest to half the way."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    return int(np.searchsorted(way, 0.5 * way[-1]))
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return int(np.searchsorted(arc, 0.5 * arc[-1]))
 
 
 def _draw_labels(pen: Map, run: MissionRun, executed: list[LegRecord], marks: dict[int, str]) -> None:

@@ -85,7 +85,7 @@ class Painter:
         self._draw_what_is_left()
         if self.server is not None:
             self.server.join()
-            self._draw_what_is_left()  # what the process had begun where it ended on the way
+            self._draw_what_is_left()  # what the process had begun where it ended early
         if self._error is not None:
             raise self._error
         return sorted(self._drawn, key=lambda path: _NAMES.index(path.name))

@@ -102,7 +102,7 @@ def plot_currents(
 
 
 def _draw_paths(pen: Map, leg: LegRecord, index: int) -> None:
-    """The plan of one panel, those before it, and the way taken so far."""
+    """The plan of one panel, those before it, and the path taken so far."""
     for plan in leg.plans[:index]:
         pen.line(plan.positions, color=style.RED, ls="--", lw=1.3, path_effects=style.halo(2.4), zorder=3)
     plan, first = leg.plans[index], leg.plans[0].positions

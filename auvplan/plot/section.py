@@ -58,7 +58,7 @@ def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None
             axes.plot(line[:, 0] / metres, line[:, 1], zorder=3, **kind)
             handles["earlier"] = style.line("earlier plan, in the section", **kind)
         axes.plot(
-            section.way[:, 0] / metres, section.way[:, 1], color="black", lw=2.0,
+            section.path[:, 0] / metres, section.path[:, 1], color="black", lw=2.0,
             path_effects=style.halo(3.4), zorder=4,
         )  # fmt: skip
     axes.set(

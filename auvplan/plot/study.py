@@ -242,11 +242,11 @@ def _visited(one: xr.Dataset, made: Iterable[int]) -> list[list[int]]:
     """Return, for each route, the waypoints from the start to where the vehicle was when it was made."""
     reached = one["leg_arrived"].values == 1
     stops = [_nodes(one, route)[0] for route in made]
-    way = [stops[0], *(int(node) for node in one["leg_to"].values[reached])]
+    visited = [stops[0], *(int(node) for node in one["leg_to"].values[reached])]
     found, legs = [], 0
     for here in stops:
-        legs = next((k for k in range(legs, len(way)) if way[k] == here), legs)
-        found.append(way[: legs + 1])
+        legs = next((k for k in range(legs, len(visited)) if visited[k] == here), legs)
+        found.append(visited[: legs + 1])
     return found
 
 
@@ -294,7 +294,8 @@ def _label_route(pen: Map, one: xr.Dataset, route: int, done: list[int]) -> None
     places = one["waypoint_position"].values[:, :2]
     nodes, share = _nodes(one, route), np.linspace(0.0, 1.0, 20)[:, None, None]
     lines = [
-        (places[way][:-1] + share * np.diff(places[way], axis=0)).reshape(-1, 2) for way in (nodes, done)
+        (places[visited][:-1] + share * np.diff(places[visited], axis=0)).reshape(-1, 2)
+        for visited in (nodes, done)
     ]
     taken = np.concatenate([places[np.isfinite(places).all(axis=-1)], *lines])
     pen.labels(places[nodes], [str(node) for node in nodes], taken, zorder=8)

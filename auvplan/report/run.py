@@ -41,16 +41,16 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         summary: of the run, as it is saved; its "sheet" is made if absent.
     """
     stated = summary.get("sheet") or sheet_of(run).plain()
-    way = _Way.of(run)
-    legs = [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
+    records = _Records.of(run)
+    legs = [_leg(run, leg, records, part) for leg, part in zip(run.legs, records.parts, strict=True)]
     planned = [scene.as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
-    points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
+    points = np.concatenate([np.asarray(run.graph.positions, float), records.places, *planned])
     low, high = scene.window(points, 0.07, run.chart, slender=0.55, least=200.0)
-    least, safety = way.margins.least(), run.safety
+    least, safety = records.margins.least(), run.safety
     margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
     margins["bed"] = safety.seabed
     begin = float(min((route.made_at for route in run.routes), default=0.0))
-    begin = float(way.times[0]) if len(way.times) else begin
+    begin = float(records.times[0]) if len(records.times) else begin
     return {
         "kind": "leg" if len(run.graph.positions) == 2 else "mission" if run.simulated else "plan",
         "name": str(run.scenario.get("name") or "mission"),
@@ -60,7 +60,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "reason": run.reason,
         "seed": run.seed,
         "begin": begin,
-        "end": max([begin, run.t_mission, *way.times[-1:]]),
+        "end": max([begin, run.t_mission, *records.times[-1:]]),
         "available": run.t_available,
         "epoch": None if run.site is None else run.site.epoch,
         "figures": {name: summary[name] for name in _FIGURES},
@@ -68,12 +68,12 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "map": map_data(low, high, run.coast, run.seabed, run.site),
         "accuracy": stated.get("accuracy", 0.0),
         "reach": None if np.isinf(run.coast_reach) else run.coast_reach,
-        "current": current_data(run, low, high, way.times, way.places[:, 2]),
+        "current": current_data(run, low, high, records.times, records.places[:, 2]),
         "section": section_data(run),
         "waypoints": _waypoints(run),
         "start": run.start,
         "goal": run.goal,
-        "track": _track(way),
+        "track": _track(records),
         "legs": legs,
         "plans": [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans],
         "doing": doings(run),
@@ -101,7 +101,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Records:
     """The legs as executed, or as planned, in a row: n records.
 
     Attributes:
@@ -117,7 +117,7 @@ class _Way:
     parts: list[slice]
 
     @classmethod
-    def of(cls, run: MissionRun) -> "_Way":
+    def of(cls, run: MissionRun) -> "_Records":
         times = np.concatenate([np.zeros(0), *(leg.times for leg in run.legs)])
         places = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in run.legs)])
         margins = Margins.joined([Margins.of(run, leg) for leg in run.legs])
@@ -135,13 +135,13 @@ def _kept(count: int, stride: int) -> NDArray[np.int_]:
     return np.unique(np.append(np.arange(0, count, stride), count - 1)) if count else np.zeros(0, int)
 
 
-def _track(way: _Way) -> dict[str, Any]:
-    """The way with what lies beside it and below."""
-    kept = [part.start + _kept(part.stop - part.start, way.stride) for part in way.parts]
+def _track(records: _Records) -> dict[str, Any]:
+    """The track with what lies beside it and below."""
+    kept = [part.start + _kept(part.stop - part.start, records.stride) for part in records.parts]
     rows = np.concatenate([np.zeros(0, int), *kept])
-    north, east, depth = way.places[rows].T
-    found = {"time": way.times[rows], "north": north, "east": east, "depth": depth}
-    for name, values in vars(way.margins).items():
+    north, east, depth = records.places[rows].T
+    found = {"time": records.times[rows], "north": north, "east": east, "depth": depth}
+    for name, values in vars(records.margins).items():
         if len(rows) and np.isfinite(values).any():
             found[name] = np.round(values[rows], 1)
     return {name: packed(values) for name, values in found.items()}
@@ -160,7 +160,7 @@ def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
     ]
 
 
-def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, Any]:
+def _leg(run: MissionRun, leg: LegRecord, records: _Records, part: slice) -> dict[str, Any]:
     causes = [plan.cause for plan in leg.plans if plan.cause != "leg"]
     executed = len(leg.times) > 0
     return {
@@ -175,11 +175,11 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "executed": leg.t_path if executed else None,
         "task": leg.t_task,
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
-        "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
-        "depths": np.round(leg_depths(leg.times, way.places[part]), 1) if executed else None,
-        **way.margins.least(part),
+        "length": float(np.linalg.norm(np.diff(records.places[part], axis=0), axis=1).sum()),
+        "depths": np.round(leg_depths(leg.times, records.places[part]), 1) if executed else None,
+        **records.margins.least(part),
         "followed": leg.followed_numbers,
-        "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
+        "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * records.stride)),
     }
 
 
@@ -268,16 +268,16 @@ def _unvisited(run: MissionRun) -> list[tuple[str, float, str]]:
     priority = np.asarray(run.graph.priority, float).max(axis=0)
     travel = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = travel - np.asarray(run.graph.duration)
-    ways = shortest_times(travel)
+    shortest = shortest_times(travel)
     rows = []
     for node in sorted(set(range(len(travel))) - set(run.route)):
-        detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(run.route)]
+        detours = [shortest[i, node] + shortest[node, j] - travel[i, j] for i, j in pairwise(run.route)]
         extra = float(min(detours, default=np.inf))
         detour = f"the detour takes about {hours(extra)} in still water" if np.isfinite(extra) else ""
         if not run.arrived:
             why = "the mission ended before"
         elif not detour:
-            why = "no way leads there"
+            why = "no path leads there"
         elif extra > run.t_residual:
             why = f"{detour}, {hours(run.t_residual)} were left"
         else:

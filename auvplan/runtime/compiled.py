@@ -410,13 +410,13 @@ def drop_programs() -> None:
 
 
 @contextmanager
-def listening(tell: Callable[..., None]) -> Iterator[None]:
-    """Call `tell(begun=, done=)` with numbers of programs whenever one to be stored is compiled."""
-    _listeners.append(tell)
+def listening(report: Callable[..., None]) -> Iterator[None]:
+    """Call `report(begun=, done=)` with numbers of programs whenever one to be stored is compiled."""
+    _listeners.append(report)
     try:
         yield
     finally:
-        _listeners.remove(tell)
+        _listeners.remove(report)
 
 
 def _announce(begun: int = 0, done: int = 0) -> None:
@@ -425,8 +425,8 @@ def _announce(begun: int = 0, done: int = 0) -> None:
         _counts.begun += begun
         _counts.done += done
         now = {"begun": _counts.begun, "done": _counts.done}
-    for tell in tuple(_listeners):
-        tell(**now)
+    for report in tuple(_listeners):
+        report(**now)
 
 
 @contextmanager

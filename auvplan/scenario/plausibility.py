@@ -31,11 +31,13 @@ def implausible(scenario: Scenario, document: Document) -> list[Finding]:
 
 def unreachable(scenario: Scenario) -> str:
     """Return why the goal cannot be reached in time whatever the current does; or an empty string."""
-    way, mission, fastest = _straight(scenario), scenario.mission, scenario.vehicle.surge_max
-    if way is None or mission.time_available >= way / fastest:
+    length, mission, fastest = _straight(scenario), scenario.mission, scenario.vehicle.surge_max
+    if length is None or mission.time_available >= length / fastest:
         return ""
-    line = f"{mission.time_available:g} s are too short: the straight way from start to goal, {way:,.0f} m, "
-    line += f"takes {way / fastest:,.0f} s at vehicle.surge_max, {fastest:g} m/s"
+    line = (
+        f"{mission.time_available:g} s are too short: the straight line from start to goal, {length:,.0f} m, "
+    )
+    line += f"takes {length / fastest:,.0f} s at vehicle.surge_max, {fastest:g} m/s"
     return line + _as_hours(mission.time_available)
 
 
@@ -83,13 +85,13 @@ def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[
 
 def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     """Yield a time available that no mission has."""
-    mission, way = scenario.mission, _straight(scenario)
+    mission, length = scenario.mission, _straight(scenario)
     path = ("mission", "time_available")
     speed, time = scenario.vehicle.speed, mission.time_available
-    if way is not None and time < way / speed:
-        line = f"{time:g} s are less than the straight way from start to goal takes in still water, "
-        yield path, f"{line}{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}"
-    elif way is None and time <= _HOURS:
+    if length is not None and time < length / speed:
+        line = f"{time:g} s are less than the straight line from start to goal takes in still water, "
+        yield path, f"{line}{length:,.0f} m at {speed:g} m/s, {length / speed:,.0f} s{_as_hours(time)}"
+    elif length is None and time <= _HOURS:
         yield path, f"{time:g} s is very short for a mission{_as_hours(time)}"
 
 

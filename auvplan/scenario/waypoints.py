@@ -8,12 +8,12 @@ import numpy as np
 
 from auvplan.errors import ScenarioError, blaming
 from auvplan.mission.graph import MissionGraph, random_graph
-from auvplan.mission.jobs import NEIGHBOURS, JobPoint, Jobs, jobs_graph, task_hours
+from auvplan.mission.jobs import NEIGHBOURS, JobPoint, Jobs, Terrain, jobs_graph, task_hours
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.detours import DetourFinder, clear_lines
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.ways import WaysAround, clear_lines
 
 #: m, apart that far two waypoints are at one place.
 _ONE_PLACE = 0.01
@@ -23,20 +23,20 @@ _TRIES = 200
 
 
 def make_graph(
-    scenario: Scenario, area: OperatingArea, rng: np.random.Generator, ways: WaysAround | None = None
+    scenario: Scenario, area: OperatingArea, rng: np.random.Generator, detours: DetourFinder | None = None
 ) -> tuple[MissionGraph, list[str]]:
     """Waypoints in the water, the edges between them whose straight line is clear, and the waypoints' names.
 
     Waypoint 0 is the start, the last one the destination. The names are empty where waypoints are drawn. Two
-    waypoints are one leg, without a task. Between jobs a path round what is in the way is an edge too, known
-    to `ways` from then on.
+    waypoints are one leg, without a task. Between jobs a path round what lies between them is an edge too,
+    known to `detours` from then on.
 
     Raises:
         ScenarioError: a given start, goal or job lies on land or too deep, or no connected set of waypoints
             was found.
 
     Differences from the paper:
-        It draws waypoints over the whole area once for all runs in section 2, and anew for every run
+        It draws waypoints over the whole area once for all runs in section 2, and again for every run
         in 4.2: the latter is done here, and they keep a clearance to the coast. It does not say which
         waypoints have an edge; each has one to its nearest that a straight line over water reaches.
     """
@@ -46,7 +46,7 @@ def make_graph(
             raise ScenarioError(f"{point} {fault}", field=f"mission.{name}")
     if area.jobs is not None:
         with blaming("mission", "jobs"):
-            return _jobs_graph(scenario, area, area.jobs, ways or WaysAround(scenario, area))
+            return _jobs_graph(scenario, area, area.jobs, detours or DetourFinder(scenario, area))
     ends = {0: settings.start, settings.waypoints - 1: settings.goal}
     for _ in range(_TRIES):
         positions = _drawn_waypoints(scenario, area, rng)
@@ -78,8 +78,8 @@ def slope_warnings(scenario: Scenario, graph: MissionGraph, names: Sequence[str]
     for node in range(graph.size):
         found = []
         for other in np.flatnonzero(graph.adjacency[:, node]).tolist():
-            way = graph.positions[node] - graph.positions[other]
-            length, down = max(float(np.linalg.norm(way)), _ONE_PLACE), float(way[2])
+            step = graph.positions[node] - graph.positions[other]
+            length, down = max(float(np.linalg.norm(step)), _ONE_PLACE), float(step[2])
             angle, field = limits[down > 0.0]
             needed = abs(down) / math.sin(angle)
             slope = math.degrees(math.asin(min(abs(down) / length, 1.0)))
@@ -132,7 +132,7 @@ def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Gen
 
 
 def _jobs_graph(
-    scenario: Scenario, area: OperatingArea, jobs: Jobs, ways: WaysAround
+    scenario: Scenario, area: OperatingArea, jobs: Jobs, detours: DetourFinder
 ) -> tuple[MissionGraph, list[str]]:
     """Return the graph of the jobs of a file."""
     settings, source = scenario.mission, scenario.mission.jobs
@@ -148,17 +148,17 @@ def _jobs_graph(
             settings.start,
             settings.goal,
             neighbours=settings.neighbours,
-            clear=lambda positions: lines_clear(positions, scenario, area),
             whole=settings.lines == "whole",
-            around=ways,
-            length=ways.length,
+            terrain=Terrain(
+                lambda positions: lines_clear(positions, scenario, area), detours, detours.length
+            ),
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
     positions, travel_time = np.asarray(graph.positions), np.array(graph.travel_time)
     blocked = np.asarray(graph.adjacency) & ~lines_clear(positions, scenario, area)
     for i, j in np.argwhere(np.triu(blocked)):
-        seconds = ways.length(positions[i], positions[j]) / scenario.vehicle.speed
+        seconds = detours.length(positions[i], positions[j]) / scenario.vehicle.speed
         if np.isfinite(seconds):  # what of a survey line nothing leads round is not passed
             travel_time[i, j] = travel_time[j, i] = seconds
     graph = replace(graph, travel_time=travel_time)
@@ -172,8 +172,8 @@ def _jobs_graph(
 def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> JobPoint:
     """Return a job with windows that leave time to be out of an area before it closes.
 
-    That takes the way out at half the vehicle's speed, and the time between two departures of the arrival
-    functions, for which an edge counts as closed before it is.
+    That takes the transit there at half the vehicle's speed, and the time between two departures of the
+    arrival functions, for which an edge counts as closed before it is.
     """
     north, east, _ = point.position
     step = scenario.mission.time_available / max(scenario.planning.resolved.departures - 1, 1)
@@ -222,7 +222,7 @@ def _deepest(positions: np.ndarray, seabed: Seabed) -> np.ndarray:
 def lines_clear(positions: np.ndarray, scenario: Scenario, area: OperatingArea) -> np.ndarray:
     """[N, N] bool: whether the straight line between two waypoints keeps clear of coast and shallows."""
     size = len(positions)
-    if size == 2:  # two waypoints are a single leg: the path planner finds the way round
+    if size == 2:  # two waypoints are a single leg: the path planner finds the path round
         return np.ones((size, size), bool)
     clear = clear_lines(positions[:, None], positions[None], scenario, area)
     return clear & clear.T

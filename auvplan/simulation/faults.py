@@ -110,7 +110,7 @@ class TakenOver(_At):
 
 
 class Restarts(_At):
-    """The vehicle's computer starts anew, and has no plan."""
+    """The vehicle's computer restarts, and has no plan."""
 
 
 #: What strikes vehicles on a link alone.

@@ -114,7 +114,7 @@ class ModelSea(Sea):
     def along(self, positions: np.ndarray, times: np.ndarray, mean: bool = False) -> np.ndarray:
         """Return the true current [n, 2] m/s north and east along a track, at [n, 3] m and [n] s.
 
-        `mean`: in the middle of the way to the next place instead; of the last one, at its place.
+        `mean`: in the middle between it and the next place instead; of the last one, at its place.
         """
         places, moments = np.asarray(positions, float), np.asarray(times, float)
         if mean:

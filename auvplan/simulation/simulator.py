@@ -6,7 +6,7 @@ All B missions advance together; arrays carry a leading axis B, and a mission th
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -81,8 +81,12 @@ class Course(NamedTuple):
     share: float = 1.0
 
 
+#: Fields of a course that are numbers.
+_ROWS = ("arc", "moving", "now", "share")
+
+
 def simulate(courses: Sequence[Course], vehicle: Vehicle, samples: int, steps: int) -> list[Transit]:
-    """Simulate so many steps of vehicles together; tracks have `samples` places or, on detours, more."""
+    """Simulate `steps` of vehicles together; tracks have `samples` places or, on detours, more."""
     obstacles, found = [[padded_rows(part) for part in course.obstacles] for course in courses], []
     for index, real in padded_batches(len(courses), (WIDTH,)):
         batch = [courses[k] for k in index]
@@ -90,20 +94,14 @@ def simulate(courses: Sequence[Course], vehicle: Vehicle, samples: int, steps: i
         if most > samples:  # of few shapes
             most = samples * 2 ** int(np.ceil(np.log2(most / samples)))
         tracks = [np.pad(one.track, ((0, most - len(one.track)), (0, 0)), mode="edge") for one in batch]
-        out: Transit = jax.device_get(
-            transit(
-                np.stack(tracks),  # type: ignore[arg-type]
-                *(
-                    np.asarray([getattr(course, name) for course in batch])
-                    for name in ("arc", "moving", "now")
-                ),
-                stacked([course.current for course in batch]),
-                tuple(np.stack(part) for part in zip(*(obstacles[k] for k in index), strict=True)),
-                vehicle,
-                np.asarray([course.share for course in batch]),
-                steps=steps,
-            )
+        rows: dict[str, Any] = {name: np.asarray([getattr(one, name) for one in batch]) for name in _ROWS}
+        rows["obstacles"] = tuple(map(np.stack, zip(*(obstacles[k] for k in index), strict=True)))
+        together = Course(
+            track=np.stack(tracks),
+            current=stacked([course.current for course in batch]),
+            **rows,
         )
+        out: Transit = jax.device_get(transit(together, vehicle, steps=steps))
         for row in range(real):
             one, present = jax.tree.map(lambda part, row=row: part[row], out), len(batch[row].obstacles[2])
             found.append(replace(one, obstacles=one.obstacles[:, :present], moves=one.moves[:present]))
@@ -111,39 +109,22 @@ def simulate(courses: Sequence[Course], vehicle: Vehicle, samples: int, steps: i
 
 
 @partial(compiled, static_argnames=("steps",))
-def transit(
-    track: jax.Array,
-    arc: jax.Array,
-    moving: jax.Array,
-    now: jax.Array,
-    current: Current,
-    obstacles: tuple[jax.Array, jax.Array, jax.Array],
-    vehicle: Vehicle,
-    share: jax.Array | None = None,
-    *,
-    steps: int,
-) -> Transit:
+def transit(courses: Course, vehicle: Vehicle, *, steps: int) -> Transit:
     """Follow given tracks in the true current for `steps` time steps.
 
     The vehicle crabs to hold its track; where the current beats it, it makes the least progress that travel
     times assume, and `Transit.shortfall` is that amount.
 
     Args:
-        track: [B, S, 3] m.
-        arc: [B] m already executed along the track.
-        moving: [B] bool; False keeps station while time passes.
-        now: [B] s.
-        current: the truth; the leaves of what is each one's own have a leading axis B.
-        obstacles: true position [B, M, 3] m, own velocity [B, M, 3] m/s, drift [B, M].
+        courses: of B vehicles: all leaves have a leading axis B, of the current those of each one's own.
         vehicle: speed and limits.
-        share: [B], that each makes of the vehicle's speed; all of it if absent.
         steps: number of steps of `TIME_STEP`.
     """
-    shared, each = partition(current)
+    shared, each = partition(courses.current)
 
-    def one(track, arc, moving, now, share, own, position, velocity, drift) -> Transit:
-        current = combine(shared, own)
-        speed = vehicle.speed if share is None else share * vehicle.speed
+    def one(course: Any) -> Transit:
+        track, arc, moving, now, own, (position, velocity, drift), share = course
+        current, speed = combine(shared, own), share * vehicle.speed
         gaps = jnp.sqrt((jnp.diff(track, axis=0) ** 2).sum(axis=1))
         marks = jnp.concatenate([jnp.zeros(1), jnp.cumsum(gaps)])
         total = marks[-1]
@@ -174,7 +155,7 @@ def transit(
         moves = _over_ground(current, position, velocity, drift, now)
         return Transit(positions, times, trace, ground, water, moves, arc, arrived, worst)
 
-    return jax.vmap(one)(track, arc, moving, now, share, each, *obstacles)
+    return jax.vmap(one)(courses._replace(current=each))
 
 
 def _over_ground(

@@ -31,7 +31,7 @@ JAX_SETTINGS = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_t
 
 
 @dataclass
-class _Tally:
+class _Collector:
     """Takes reports: writes missions to the store and keeps count."""
 
     store: Store
@@ -106,7 +106,7 @@ def run_study(
         if resume and store.finished:
             return load_study(out)
         tasks, begin = store.missing(), time.perf_counter()
-        tally = _Tally(store, len(tasks), progress)
+        collector = _Collector(store, len(tasks), progress)
         saves = str((Path(out) / RUNS).resolve()) if save_runs else None
 
         def job(chosen: list[tuple[int, int]]) -> Job:
@@ -114,18 +114,18 @@ def run_study(
 
         count = min(workers or cores.count(), len(tasks))
         if client is not None:
-            run_on_cluster(client, tasks, job, tally.take)
+            run_on_cluster(client, tasks, job, collector.take)
         elif count == 1:
-            run_job(job(tasks), tally.take)
+            run_job(job(tasks), collector.take)
         elif tasks:
-            _run_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
+            _run_on_cores([job(tasks[k::count]) for k in range(count)], collector.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
     dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).area.chart)
     clock = {
         "missions": len(tasks),
         "wall_s": time.perf_counter() - begin,
-        "compile_s": tally.compile_seconds,
+        "compile_s": collector.compile_seconds,
         "workers": count if dask is None else dask,
     }
     store.finish(dataset, summarise(dataset) | {"clock": clock})

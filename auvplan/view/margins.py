@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.check.track import Coast, Walk
+from auvplan.check.track import Coast, SampledTrack
 from auvplan.records import LegRecord, MissionRun
 from auvplan.view.scene import FAR, true_obstacles
 
@@ -16,7 +16,7 @@ Array = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Margins:
-    """Least distances on the straight way from each of n records to the next, m; of the last, at its place.
+    """Least distances on the straight line from each of n records to the next, m; of the last, at its place.
 
     Attributes:
         coast: [n] to the edge of the nearest pixel of land, at most `MissionRun.coast_reach`; 0 on land.
@@ -61,13 +61,13 @@ class Margins:
         nothing = np.full(len(times), np.inf)
         if not len(times):
             return cls(nothing, nothing, nothing, nothing)
-        walk = Walk.of(times, places, np.zeros((len(times), 0, 3)) if tracks is None else tracks)
-        record = np.clip(np.searchsorted(times, walk.times, side="right") - 1, 0, len(times) - 1)
+        samples = SampledTrack.of(times, places, np.zeros((len(times), 0, 3)) if tracks is None else tracks)
+        record = np.clip(np.searchsorted(times, samples.times, side="right") - 1, 0, len(times) - 1)
 
         def least(values: Array) -> Array:
             found = nothing.copy()
             np.minimum.at(found, record, values)
-            # The way to the next record ends there.
+            # The line to the next record ends there.
             arrivals = values[np.searchsorted(record, np.arange(1, len(times)))]
             return np.minimum(found, np.append(arrivals, np.inf))
 
@@ -75,9 +75,15 @@ class Margins:
         if (chart := run.coast) is not None:
             land, corner = np.asarray(chart.passability) == 0.0, np.asarray(chart.lower, float)
             coast = Coast(land, corner, float(chart.pixel_size), run.coast_reach).distances(places)
-        bed = nothing if run.seabed is None else least(np.asarray(run.seabed.altitude(walk.positions), float))
-        near = [obstacle.distance(walk.positions, walk.times) for obstacle in run.obstacles]
-        near += list((np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - np.asarray(radii)).T)
+        bed = (
+            nothing
+            if run.seabed is None
+            else least(np.asarray(run.seabed.altitude(samples.positions), float))
+        )
+        near = [obstacle.distance(samples.positions, samples.times) for obstacle in run.obstacles]
+        near += list(
+            (np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - np.asarray(radii)).T
+        )
         obstacle = least(np.min(near, axis=0)) if near else nothing
         found = coast, _to_closed(run, times, places), bed, obstacle
         return cls(*(np.where(values < FAR, values, np.inf) for values in found))
@@ -95,15 +101,15 @@ class Margins:
 
 
 def _to_closed(run: MissionRun, times: Array, places: Array) -> Array:
-    """[n] m on the way from each record to the next to areas that are closed then."""
+    """[n] m from the line from each record to the next to areas that are closed then."""
     last = np.concatenate([places[1:], places[-1:]])
-    ways = shapely.linestrings(np.stack([places, last], axis=1)[..., :2])
+    lines = shapely.linestrings(np.stack([places, last], axis=1)[..., :2])
     until = np.append(times[1:], times[-1])
     found = np.full(len(times), np.inf)
     for zone in run.zones:
-        found = np.minimum(found, shapely.distance(ways, zone.polygon))
+        found = np.minimum(found, shapely.distance(lines, zone.polygon))
     for closure in run.stated_closures:
         area = shapely.union_all([shapely.Polygon(ring) for ring in closure.rings])
         shut = np.any([(until >= begins) & (times <= ends) for begins, ends in closure.spans], axis=0)
-        found = np.where(shut, np.minimum(found, shapely.distance(ways, area)), found)
+        found = np.where(shut, np.minimum(found, shapely.distance(lines, area)), found)
     return found

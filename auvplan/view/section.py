@@ -1,4 +1,4 @@
-"""The vertical section along a way: current, sea bed and obstacles, as they are when it passes them."""
+"""The vertical section along a path: current, sea bed and obstacles, as they are when it passes them."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from auvplan.view.scene import as_filed, grown, planned_obstacles, shown_obstacl
 Array = NDArray[np.floating]
 Velocity = Callable[..., Sequence[Array]]
 
-#: Rows of the raster, its columns in all and on a way at least, and places to a column.
+#: Rows of the raster, its columns in all and on a path at least, and places to a column.
 _ROWS, _COLUMNS, _FEWEST, PARTS = 32, 360, 10, 4
 #: m and m/s: what differs by less with depth does not differ.
 _LEVEL, _SHEAR = 1.0, 0.02
-#: A section reaches at most so far below the deepest place of the way: a factor and m.
+#: A section reaches at most so far below the deepest place of the path: a factor and m.
 _BELOW = 6.0, 60.0
 #: m; no water is deeper.
 _DEEP = 12_000.0
@@ -46,19 +46,19 @@ class Cut:
 
 @dataclass(frozen=True)
 class Section:
-    """A vertical section along a way, at k places in equal distances, from the beginning of the first leg.
+    """A vertical section along a path, at k places in equal distances, from the beginning of the first leg.
 
     Attributes:
         distance: [k] m in the plan view, rising.
-        time: [k] s, when the way is there.
+        time: [k] s, when the path is there.
         depth: [m + 1] m, rising, edges of the raster's rows.
-        along: [m, n] m/s, current along the way in cells from each `PARTS`-th place to the next, when it is
-            passed; against the way it is negative.
+        along: [m, n] m/s, current along the path in cells from each `PARTS`-th place to the next, when it is
+            passed; against the path it is negative.
         shear: m/s, greatest difference of the current between two depths above the bed.
         bed: [k] m, depth of the sea bed; None where it is not known.
-        way: [r, 2] m, distance and depth.
+        path: [r, 2] m, distance and depth.
         earlier: [s, 2] m, the same of each plan that was given up. From where it was made it is laid over
-            the rest of the way by the share of its length.
+            the rest of the path by the share of its length.
         cuts: obstacles.
         leg: that it is of; None of a path alone.
     """
@@ -69,15 +69,15 @@ class Section:
     along: Array
     shear: float
     bed: Array | None
-    way: Array
+    path: Array
     earlier: tuple[Array, ...]
     cuts: tuple[Cut, ...]
     leg: LegRecord | None
 
 
 @dataclass(frozen=True)
-class _Way:
-    """A way: `row`, `times` [r], `places` [r, 3] as given; `distance`, `time` [k], `at` [k, 3] as sampled."""
+class _Path:
+    """`row`, `times` [r], `places` [r, 3] as given; `distance`, `time` [k], `at` [k, 3] as sampled."""
 
     row: Array
     times: Array
@@ -87,7 +87,7 @@ class _Way:
     at: Array
 
     @classmethod
-    def of(cls, times: Array, places: Array, cells: int, begin: float = 0.0) -> "_Way":
+    def of(cls, times: Array, places: Array, cells: int, begin: float = 0.0) -> "_Path":
         places = as_filed(places)
         row = begin + _arc(places)
         distance = np.linspace(row[0], row[-1], PARTS * cells + 1)
@@ -108,15 +108,15 @@ def _arc(places: Array) -> Array:
 def plan_section(plan: PathPlan) -> Section | None:
     """Return the section along a planned path; None where nothing in it differs with depth."""
     world = plan.conditions.world()
-    way = _Way.of(np.asarray(plan.times, float), plan.positions, _COLUMNS // 2)
-    met = planned_obstacles(world, way.time)
-    cuts = [_cut("obstacle", way, one.track, one.radius, one.boundary) for one in met]
+    path = _Path.of(np.asarray(plan.times, float), plan.positions, _COLUMNS // 2)
+    met = planned_obstacles(world, path.time)
+    cuts = [_cut("obstacle", path, one.track, one.radius, one.boundary) for one in met]
 
     def velocity(*where: Array) -> Sequence[Array]:
         return evaluated(world.current, *where)
 
     reach = float(world.lower[2]), float(world.upper[2])
-    return next(iter(_sections([(None, way, velocity, cuts)], world.seabed, reach)), None)
+    return next(iter(_sections([(None, path, velocity, cuts)], world.seabed, reach)), None)
 
 
 def run_sections(run: MissionRun) -> list[Section]:
@@ -127,29 +127,29 @@ def run_sections(run: MissionRun) -> list[Section]:
     for leg, length in legs:
         if length > 0.0:
             cells = max(_FEWEST, round(_COLUMNS * length / total))
-            way = _Way.of(leg.times, leg.positions, cells, begin)
-            parts.append((leg, way, true_current(leg.plans), _leg_cuts(run, leg, way)))
+            path = _Path.of(leg.times, leg.positions, cells, begin)
+            parts.append((leg, path, true_current(leg.plans), _leg_cuts(run, leg, path)))
             begin += length
     lower, upper = Scenario.model_validate(dict(run.scenario)).box
     return _sections(parts, run.seabed, (lower[2], upper[2]))
 
 
 def _sections(
-    parts: Sequence[tuple[LegRecord | None, _Way, Velocity, Sequence[Cut]]],
+    parts: Sequence[tuple[LegRecord | None, _Path, Velocity, Sequence[Cut]]],
     seabed: Seabed | None,
     reach: tuple[float, float],
 ) -> list[Section]:
     """Sections with rows in common; none where nothing differs with depth.
 
     Args:
-        parts: of each its leg, or None, its way, the current there and cuts.
+        parts: of each its leg, or None, its path, the current there and cuts.
         seabed: or None.
         reach: m, least and greatest depth that the vehicle may go to.
     """
     if not parts or reach[0] >= reach[1]:
         return []
-    beds = [None if seabed is None else seabed.altitude(way.at * [1.0, 1.0, 0.0]) for _, way, *_ in parts]
-    lines = [line for leg, way, *_ in parts for line in (way.line, *_earlier(leg, way))]
+    beds = [None if seabed is None else seabed.altitude(path.at * [1.0, 1.0, 0.0]) for _, path, *_ in parts]
+    lines = [line for leg, path, *_ in parts for line in (path.line, *_earlier(leg, path))]
     levels = np.concatenate([line[:, 1] for line in lines])
     depth = np.linspace(min(0.0, levels.min()), _floor(float(levels.max()), reach[1], beds), _ROWS + 1)
     found = [_section(*part, depth, bed) for part, bed in zip(parts, beds, strict=True)]
@@ -167,36 +167,41 @@ def _floor(deepest: float, reach: float, beds: Sequence[Array | None]) -> float:
 
 
 def _section(
-    leg: LegRecord | None, way: _Way, velocity: Velocity, cuts: Sequence[Cut], depth: Array, bed: Array | None
+    leg: LegRecord | None,
+    path: _Path,
+    velocity: Velocity,
+    cuts: Sequence[Cut],
+    depth: Array,
+    bed: Array | None,
 ) -> Section:
     """Return one section: the current is looked up in the middle of each cell."""
     middle = slice(PARTS // 2, None, PARTS)
-    step = np.diff(way.at[::PARTS, :2], axis=0)
+    step = np.diff(path.at[::PARTS, :2], axis=0)
     course = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
     levels = 0.5 * (depth[:-1] + depth[1:])
     shape = len(levels), len(step)
-    x, y, t = (np.broadcast_to(values, shape) for values in (*way.at[middle, :2].T, way.time[middle]))
+    x, y, t = (np.broadcast_to(values, shape) for values in (*path.at[middle, :2].T, path.time[middle]))
     u, v, _ = velocity(x, y, np.broadcast_to(levels[:, None], shape), t)
     water = np.isfinite(u) & (True if bed is None else levels[:, None] < bed[middle])
     both = np.stack([u, v], axis=-1)
     shear = [np.ptp(both[rows, k], axis=0).max() for k, rows in enumerate(water.T) if rows.any()]
-    return Section(
-        way.distance, way.time, depth, u * course[:, 0] + v * course[:, 1], float(max(shear, default=0.0)),
-        bed, way.line, _earlier(leg, way), tuple(cut for cut in cuts if np.isfinite(cut.boundary).any()), leg,
-    )  # fmt: skip
+    cuts = tuple(cut for cut in cuts if np.isfinite(cut.boundary).any())
+    along, steepest = u * course[:, 0] + v * course[:, 1], float(max(shear, default=0.0))
+    earlier = _earlier(leg, path)
+    return Section(path.distance, path.time, depth, along, steepest, bed, path.line, earlier, cuts, leg)
 
 
-def _cut(kind: str, way: _Way, centre: Array, radius: float, grown: ArrayLike) -> Cut:
-    """Return where the vertical below and above each place of a way cuts a sphere: the ends of its chord.
+def _cut(kind: str, path: _Path, centre: Array, radius: float, grown: ArrayLike) -> Cut:
+    """Return where the vertical below and above each place of a path cuts a sphere: the ends of its chord.
 
     Args:
         kind: of the obstacle.
-        way: with k places.
+        path: with k places.
         centre: [k, 3] m.
         radius: m, of the obstacle.
         grown: [k] m, of its collision boundary.
     """
-    apart = ((centre - way.at)[:, :2] ** 2).sum(axis=1)
+    apart = ((centre - path.at)[:, :2] ** 2).sum(axis=1)
 
     def ends(size: ArrayLike) -> Array:
         rest = np.broadcast_to(np.square(size), apart.shape) - apart
@@ -206,16 +211,16 @@ def _cut(kind: str, way: _Way, centre: Array, radius: float, grown: ArrayLike) -
     return Cut(kind, ends(radius), ends(grown))
 
 
-def _leg_cuts(run: MissionRun, leg: LegRecord, way: _Way) -> list[Cut]:
+def _leg_cuts(run: MissionRun, leg: LegRecord, path: _Path) -> list[Cut]:
     """Obstacles of a leg, the true ones, and those known beforehand, upright cylinders."""
-    (tracks, radii), margins = true_obstacles(leg), grown(run, leg, way.time)
+    (tracks, radii), margins = true_obstacles(leg), grown(run, leg, path.time)
     found = []
     for m, number in enumerate(shown_obstacles(leg)):
-        centre = track_at(leg, tracks[:, m], way.time)
-        found.append(_cut(leg.obstacle_kinds[number], way, centre, radii[m], radii[m] + margins[:, m]))
+        centre = track_at(leg, tracks[:, m], path.time)
+        found.append(_cut(leg.obstacle_kinds[number], path, centre, radii[m], radii[m] + margins[:, m]))
     for known in run.obstacles:
-        centre = np.asarray(known.position) + way.time[:, None] * np.asarray(known.velocity)
-        inside = np.linalg.norm(centre - way.at[:, :2], axis=1) < known.radius
+        centre = np.asarray(known.position) + path.time[:, None] * np.asarray(known.velocity)
+        inside = np.linalg.norm(centre - path.at[:, :2], axis=1) < known.radius
         ends = np.where(inside, np.minimum([[known.depth_min], [known.depth_max]], _DEEP), np.nan)
         found.append(Cut(KNOWN, ends, ends))
     return found
@@ -237,7 +242,7 @@ def true_current(plans: Iterable[PlanRecord]) -> Velocity:
     return velocity
 
 
-def _earlier(leg: LegRecord | None, way: _Way) -> tuple[Array, ...]:
+def _earlier(leg: LegRecord | None, path: _Path) -> tuple[Array, ...]:
     """Plans of a leg that were given up, [s, 2] m distance and depth each."""
     if leg is None:
         return ()
@@ -246,7 +251,7 @@ def _earlier(leg: LegRecord | None, way: _Way) -> tuple[Array, ...]:
         if number not in leg.followed_numbers[-1:]:
             places = as_filed(plan.positions)
             arc = _arc(places)
-            begin = float(np.interp(plan.made_at, way.times, way.row))
+            begin = float(np.interp(plan.made_at, path.times, path.row))
             share = arc / max(arc[-1], 1e-9)
-            found.append(np.stack([begin + share * (way.row[-1] - begin), places[:, 2]], axis=1))
+            found.append(np.stack([begin + share * (path.row[-1] - begin), places[:, 2]], axis=1))
     return tuple(found)

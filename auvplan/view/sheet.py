@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission.graph import shortest_times, shortest_way, time_to_go
+from auvplan.mission.graph import shortest_path, shortest_times, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
@@ -334,7 +334,7 @@ def leg_depths(times: NDArray, places: NDArray) -> tuple[float, float, float]:
 
 
 def _transits(stops: Sequence[Stop]) -> list[str]:
-    """Return the depths of the way to each stop with their mean; nothing where all are as deep as these."""
+    """Return the depths of the path to each stop with their mean; nothing where all are as deep as these."""
 
     def words(stop: Stop) -> str:
         least, mean, greatest = stop.transit or (0.0, 0.0, 0.0)
@@ -400,7 +400,7 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
         return "its waypoints are passed, not the line between them"
     with_it = _with_job(run, nodes)
     if with_it is None:
-        return "no open way leads there: the current, the coast or the sea bed closes every leg"
+        return "no open path leads there: the current, the coast or the sea bed closes every leg"
     if not np.isfinite(with_it.ends[-1]):
         if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], shortest_times(times))):
             return why
@@ -425,7 +425,7 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
         return f"{more} {hours(end)}, {hours(run.t_available)} are available: {needed:.0f} s would do"
     return (
         f"{more} {hours(end)} of {hours(run.t_available)}, too long for the reserve and the margin that are "
-        f"kept for the way back: {needed:.0f} s would do"
+        f"kept for the return: {needed:.0f} s would do"
     )
 
 
@@ -454,7 +454,7 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
     back = (1.0 + first.return_margin) * time_to_go(times, first.goal)
     found: _WithJob | None = None
     for k, job in product(range(1, len(route)), {tuple(nodes), tuple(nodes[::-1])}):
-        legs = [shortest_way(times, i, j) for i, j in ((route[k - 1], job[0]), (job[-1], route[k]))]
+        legs = [shortest_path(times, i, j) for i, j in ((route[k - 1], job[0]), (job[-1], route[k]))]
         if not all(legs):
             continue
         onward = legs[1] if len(job) > 1 else legs[1][1:]
@@ -472,13 +472,13 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
     return found
 
 
-def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
+def _out_of_window(run: MissionRun, node: int, shortest: NDArray) -> str:
     """Return how a task's windows miss the route, or an empty string where a detour comes in time for one.
 
     Args:
         run: with its route.
         node: of the task.
-        ways: [N, N] s, shortest times between waypoints, tasks included.
+        shortest: [N, N] s, shortest times between waypoints, tasks included.
     """
     table = run.graph.timetable
     if table is None or not _windows(run, node):
@@ -486,7 +486,7 @@ def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
     stay = float(np.asarray(run.graph.waypoint_duration)[node])
     ends = [(run.start, 0.0)]
     ends += [(leg.goal, float(leg.times[-1]) + leg.t_wait + leg.t_task) for leg in run.done]
-    reach = [(seconds + ways[i, node] - stay, i) for i, seconds in ends if i != run.goal]
+    reach = [(seconds + shortest[i, node] - stay, i) for i, seconds in ends if i != run.goal]
     begins = [table.begins(i, node, arrival) - arrival for arrival, i in reach]
     arrival, i = min(reach)
     if not np.isfinite(begins).any():

@@ -5,14 +5,14 @@ import pytest
 import xarray as xr
 from scipy import ndimage
 
-from auvplan.check.track import Bed, Coast, Walk, events
+from auvplan.check.track import Bed, Coast, SampledTrack, events
 
 
 def test_walk_takes_steps_of_a_metre_at_most():
     times = np.array([0.0, 3.0, 6.0, 9.0])
     positions = np.array([[0.0, 0, 0], [7.4, 0, 0], [7.4, 0, 0], [7.4, 3.2, 1.0]])
     obstacles = np.array([[[0.0, 0, 0]], [[0.0, 0, 0]], [[0.0, 12.5, 0]], [[0.0, 12.5, 0]]])
-    walk = Walk.of(times, positions, obstacles)
+    walk = SampledTrack.of(times, positions, obstacles)
     assert walk.metres.max() <= 1.0
     assert np.linalg.norm(np.diff(walk.obstacles[:, 0], axis=0), axis=1).max() <= 1.0
     assert walk.metres.sum() == pytest.approx(7.4 + np.hypot(3.2, 1.0))

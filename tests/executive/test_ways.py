@@ -6,15 +6,15 @@ from scipy.ndimage import gaussian_filter
 
 import auvplan as ap
 from auvplan.mission.jobs import JobPoint, Jobs, jobs_of
-from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import Detours, TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario import OperatingArea, Scenario
+from auvplan.scenario.detours import Clearance, DetourFinder, clear_lines
 from auvplan.scenario.waypoints import lines_clear, make_graph
-from auvplan.scenario.ways import Clearance, WaysAround, clear_lines
 from benchmarks import detours
 
 #: A bay within a spit of land with a mouth in the north: 4 km by 4 km, pixels of 20 m.
@@ -67,18 +67,18 @@ def test_a_job_behind_land_is_joined_by_a_way_around(mouth):
 
 
 def test_water_without_an_outlet_is_still_refused():
-    with pytest.raises(ValueError, match="no clear line and no way around leads from the start to 'inside'"):
+    with pytest.raises(ValueError, match="no clear line and no detour leads from the start to 'inside'"):
         make_graph(settings(), bay(0), np.random.default_rng(0))
 
 
 def test_the_waypoints_of_a_way_see_each_other():
     area, scenario = bay(20), settings()
     ends = np.array([[500.0, 500.0, 5.0], [500.0, 3500.0, 15.0]])
-    way = WaysAround(scenario, area)(*ends)
+    way = DetourFinder(scenario, area)(*ends)
     places = np.concatenate([ends[:1], way, ends[1:]])
     assert clear_lines(places[:-1], places[1:], scenario, area).all()
     assert ((places[:, 2] >= 5.0) & (places[:, 2] <= 15.0)).all()
-    assert WaysAround(scenario, bay(0))(*ends) is None
+    assert DetourFinder(scenario, bay(0))(*ends) is None
 
 
 def exercise_area(**closed) -> OperatingArea:
@@ -97,7 +97,7 @@ def round_the_corners(margin: float) -> float:
 
 def test_a_path_round_an_area_in_open_water_is_taut():
     ends = np.array([[2000.0, 1000.0, 5.0], [2000.0, 3000.0, 5.0]])
-    ways = WaysAround(settings(), exercise_area())
+    ways = DetourFinder(settings(), exercise_area())
     ((way, clear),) = ways.paths(*ends)
     assert clear
     margin = settings().safety.coast
@@ -117,15 +117,9 @@ def test_an_edge_is_timed_round_an_area_while_it_is_closed_and_through_it_before
     box = (np.asarray(corner, float) for corner in settings().box)
     env = Environment(UniformCurrent(0.0, 0.0), None, None, *box, closures=area.closures)
     vehicle, departs = ap.Vehicle(speed=2.0), np.array([0.0, 4000.0, 9500.0])
-    seconds, passable = travel_times(
-        np.tile(ends[0], (3, 1)),
-        np.tile(ends[1], (3, 1)),
-        env,
-        vehicle,
-        departs,
-        TravelTimeConfig(),
-        around=WaysAround(settings(), area).paths,
-    )
+    trips = Trips(*(np.tile(end, (3, 1)) for end in ends), departs)
+    detours = Detours(DetourFinder(settings(), area).paths)
+    seconds, passable = travel_times(trips, env, vehicle, TravelTimeConfig(), detours=detours)
     assert passable.all()
     margin = settings().safety.coast
     assert seconds[[0, 2]] == pytest.approx(1000.0, rel=1e-3)
@@ -172,14 +166,14 @@ def test_a_way_past_a_bank_is_one_that_times_can_be_sampled_along():
     area = OperatingArea(seabed=Seabed.from_depth(depth, 40.0, clearance=3.0))
     scenario = settings()
     ends = np.array([[1500.0, 400.0, 5.0], [2400.0, 3600.0, 5.0]])
-    ways = WaysAround(scenario, area)
+    ways = DetourFinder(scenario, area)
     ((way, _),) = ways.paths(*ends)
     box = (np.asarray(corner, float) for corner in scenario.box)
     env = Environment(UniformCurrent(0.0, 0.0), None, None, *box, area.seabed)
     few = TravelTimeConfig(detours=1, detour_steps=0)
-    times = (np.zeros(1), few)
-    _, straight = travel_times(*ends[:, None], env, ap.Vehicle(speed=2.0), *times, detour=False)
-    seconds, passable = travel_times(*ends[:, None], env, ap.Vehicle(speed=2.0), *times, around=ways.paths)
+    asked = (Trips(*ends[:, None], np.zeros(1)), env, ap.Vehicle(speed=2.0), few)
+    _, straight = travel_times(*asked, detours=None)
+    seconds, passable = travel_times(*asked, detours=Detours(ways.paths))
     assert not straight[0]
     assert passable[0]
     assert seconds[0] == pytest.approx(ways.length(*ends) / 2.0, rel=0.01)
@@ -193,4 +187,4 @@ def test_a_channel_of_four_pixels_through_a_shoal_is_found():
     depth[373:377, 238:262] = 30.0
     area = OperatingArea(seabed=Seabed.from_depth(depth, 8.0, clearance=3.0))
     ends = np.array([[3000.0, 500.0, 5.0], [2900.0, 3500.0, 5.0]])
-    assert WaysAround(settings(), area).length(*ends) == pytest.approx(3003.0, rel=1e-3)
+    assert DetourFinder(settings(), area).length(*ends) == pytest.approx(3003.0, rel=1e-3)

@@ -7,7 +7,7 @@ from auvplan.executive import plan_scenario
 from auvplan.executive.context import make_context
 from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.executive.route_calls import plan_routes
-from auvplan.mission.jobs import JobLine, JobPoint, Jobs, ways_off_lines
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, edges_off_lines
 from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
 from tests.executive.small import SMALL, scenario
@@ -48,7 +48,7 @@ def test_a_line_that_cannot_be_finished_is_left():
     mission = start_mission(context, 0, prng.single(seed_keys([0]))[0], 0)
     names = mission.run.names
     start, first, middle, last = (names.index(name) for name in ("start", "line[1]", "line[2]", "line[3]"))
-    off = ways_off_lines(names, np.asarray(mission.run.graph.adjacency))
+    off = edges_off_lines(names, np.asarray(mission.run.graph.adjacency))
     assert off
     assert not any(mission.graph.adjacency[edge] for edge in off)
     mission.here, mission.visited = middle, {start, first, middle}

@@ -163,7 +163,7 @@ REFUSED = {
     # the scenario: numbers
     "hours for seconds": (sections(mission={"time_available": 3}), "time_available", "is this hours?"),
     "minutes for seconds": (sections(mission={"time_available": 120}),
-                            "time_available", "straight way", "surge_max"),
+                            "time_available", "straight line", "surge_max"),
     "time of day for seconds": (text("available: 3600", "available: 1:00"), "time_available", "base 60"),
     "truth for a number": (text("available: 3600", "available: yes"), "time_available", "true or false"),
     "range the wrong way": (sections(simulation={"obstacles": {"radius": [60, 20]}}),

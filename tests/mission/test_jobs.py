@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from auvplan.mission.jobs import JobLine, JobPoint, jobs_graph, ways_off_lines
+from auvplan.mission.jobs import JobLine, JobPoint, Terrain, edges_off_lines, jobs_graph
 from tests.mission.naive import best_priority
 
 START, GOAL = (0.0, 0.0, 5.0), (1000.0, 300.0, 5.0)
@@ -34,7 +34,7 @@ def test_nodes_and_tasks():
 def test_without_ways_off_its_line_a_survey_is_whole_or_none():
     """By every route there is: with less time than the whole line needs, none of it is done."""
     graph, names = jobs_graph(POINTS, [LINE], START, GOAL, whole=True)
-    off = ways_off_lines(names, graph.adjacency)
+    off = edges_off_lines(names, graph.adjacency)
     assert set(off) == {(4, k) for k in (0, 1, 2, 6)} | {(k, 4) for k in (0, 1, 2, 6)}
     kept = graph.without_edges(off)
     assert best_priority(graph, 0, 6, 3000.0, 1.0) == best_priority(kept, 0, 6, 3000.0, 1.0)
@@ -49,7 +49,7 @@ def test_ends_of_whole_lines_are_joined_though_their_nearest_are_on_the_line():
     places = [(float(x), 0.0, 5.0) for x in range(0, 100, 10)]
     line = JobLine("dense", tuple(places), 5.0)
     graph, names = jobs_graph([], [line], (0.0, 900.0, 5.0), (90.0, 900.0, 5.0), neighbours=1, whole=True)
-    kept = graph.without_edges(ways_off_lines(names, graph.adjacency))
+    kept = graph.without_edges(edges_off_lines(names, graph.adjacency))
     assert best_priority(kept, 0, len(names) - 1, 1e5, 1.0) == pytest.approx(5.0)
 
 
@@ -115,20 +115,20 @@ def wall(open_at):
 
 
 def test_only_clear_lines_become_edges():
-    graph, names = jobs_graph(POINTS, [LINE], START, GOAL, clear=wall(1.0))
+    graph, names = jobs_graph(POINTS, [LINE], START, GOAL, terrain=Terrain(wall(1.0)))
     edges = {(names[i], names[j]) for i, j in np.argwhere(graph.adjacency)}
     assert ("start", "gate") in edges
     assert ("start", "survey[1]") in edges
     assert ("start", "survey[2]") not in edges
     assert ("reef", "gate") not in edges
     assert graph.priority[2, 1] == 0.0
-    few, _ = jobs_graph(POINTS, [LINE], START, GOAL, clear=wall(1.0), neighbours=1)
+    few, _ = jobs_graph(POINTS, [LINE], START, GOAL, terrain=Terrain(wall(1.0)), neighbours=1)
     assert connected_components(few.adjacency, directed=False)[0] == 1
     assert not (few.adjacency & ~graph.adjacency).any()
 
 
 def test_a_part_of_a_line_is_an_edge_whatever_stands_in_it():
-    graph, names = jobs_graph(POINTS, [DYKE], START, GOAL, clear=wall(1.0))
+    graph, names = jobs_graph(POINTS, [DYKE], START, GOAL, terrain=Terrain(wall(1.0)))
     nodes = [names.index(f"dyke[{k}]") for k in (1, 2, 3)]
     assert graph.adjacency[nodes[:2], nodes[1:]].all()
     assert graph.priority[nodes[1], nodes[2]] > 0.0
@@ -137,13 +137,13 @@ def test_a_part_of_a_line_is_an_edge_whatever_stands_in_it():
 @pytest.mark.parametrize(
     ("lines", "more", "words"),
     [
-        ([LINE], {"clear": wall(-200.0)}, "no clear line and no way around leads from the start to 'gate', "),
+        ([LINE], {"terrain": Terrain(wall(-200.0))}, "and no detour leads from the start to 'gate', "),
         ([JobLine("dot", ((1.0, 2, 3),))], {}, "line 'dot' has 1 vertices"),
         ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, 3)))], {}, "line 'dot': vertices 1 and 2 are in one place"),
         ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, np.nan)))], {}, "'dot': a position is finite"),
         ([JobLine("low", ((1.0, 2, 3), (1.0, 2, 4)), -1.0)], {}, "priority must not be negative"),
         ([], {"neighbours": 0}, "neighbours must be positive"),
-        ([], {"clear": lambda positions: True}, "clear must give"),
+        ([], {"terrain": Terrain(lambda positions: True)}, "clear must give"),
         ([], {"start": (1.0, 2.0)}, "'start': a position is finite"),
     ],
 )  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.mission import MissionGraph
-from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import Detours, TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
@@ -119,9 +119,9 @@ def test_an_edge_goes_round_what_keeps_it_out_of_the_better_layer() -> None:
         asked.append((starts, goals))
         return sketch_paths(starts, goals, departs, env, VEHICLE, CONFIG)
 
-    edges = (*np.repeat(ends, 3, axis=1), env, VEHICLE, 600.0 * np.arange(3.0), config)
-    straight, passable = travel_times(*edges)
-    round_it, open_ = travel_times(*edges, sketch=sketch)
+    trips, detours = Trips(*np.repeat(ends, 3, axis=1), 600.0 * np.arange(3.0)), Detours(sketch=sketch)
+    straight, passable = travel_times(trips, env, VEHICLE, config)
+    round_it, open_ = travel_times(trips, env, VEHICLE, config, detours=detours)
     plan = ap.plan_path(*ends[:, 0], env, VEHICLE, key=jax.random.key(0), config=CONFIG)
     assert passable.all()
     assert open_.all()
@@ -131,7 +131,7 @@ def test_an_edge_goes_round_what_keeps_it_out_of_the_better_layer() -> None:
     assert round_it[0] < 0.95 * straight[0]
     assert plan.travel_time == pytest.approx(round_it[0], rel=0.05)
     # Where the better layer is open all the way, nothing is sketched.
-    deep = travel_times(*edges[:2], over_a_sill(0.0), *edges[3:], sketch=sketch)[0]
+    deep = travel_times(trips, over_a_sill(0.0), VEHICLE, config, detours=detours)[0]
     assert len(asked) == 1
     assert deep[0] < round_it[0]
 
@@ -281,9 +281,10 @@ def test_a_detour_found_at_one_departure_serves_the_others() -> None:
     env = ap.Environment(tide, chart, **BOX)
     departs = np.linspace(0.0, 12_000.0, 5)
     start, goal = (np.tile(place, (5, 1)) for place in ([-1000.0, 0.0, 10.0], [1000.0, 0.0, 10.0]))
-    seconds, passable = travel_times(start, goal, env, VEHICLE, departs, TravelTimeConfig())
+    seconds, passable = travel_times(Trips(start, goal, departs), env, VEHICLE, TravelTimeConfig())
     assert passable.all()
     for k in range(5):
-        alone, _ = travel_times(start[:1], goal[:1], env, VEHICLE, departs[k : k + 1], TravelTimeConfig())
+        one = Trips(start[:1], goal[:1], departs[k : k + 1])
+        alone, _ = travel_times(one, env, VEHICLE, TravelTimeConfig())
         assert seconds[k] == pytest.approx(alone[0], rel=0.02)
     assert np.ptp(seconds) > 0.005 * seconds.mean()

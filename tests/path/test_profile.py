@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.currents import SumCurrent, varies_in_space, varies_with_depth
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path.profile import levels, profiles
@@ -168,7 +168,7 @@ def test_edges_are_timed_at_the_transit_depth():
     ends = np.array([[0.0, 0.0, 10.0]]), np.array([[WAY, 0.0, 10.0]])
     for depth in (20.0, 60.0):
         vehicle = ap.Vehicle(SPEED, transit_depth=depth)
-        seconds, passable = travel_times(*ends, sea(), vehicle, np.zeros(1), TravelTimeConfig())
+        seconds, passable = travel_times(Trips(*ends, np.zeros(1)), sea(), vehicle, TravelTimeConfig())
         plan = plan_of(vehicle, sea(), goal_depth=10.0)
         assert passable.all()
         assert seconds[0] == pytest.approx(plan.travel_time, rel=0.02)

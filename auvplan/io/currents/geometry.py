@@ -318,7 +318,7 @@ def mix(weights: csr_array | Array, *fields: Array) -> tuple[Array, ...]:
 
 
 def along(axis: Array, value: Array) -> tuple[Index, Array, Array]:
-    """Cell [M], share [M] of the way to the next node, and how far beyond the axis's ends [M].
+    """Cell [M], share [M] of the distance to the next node, and how far beyond the axis's ends [M].
 
     Args:
         axis: [n] rising.

@@ -110,8 +110,8 @@ def _downward(source: "Source", axis: str, values: Array) -> Array:
     if positive != "down" and not above and standard.startswith(("height", "altitude")):
         raise series.fail(f"{axis} is {standard}, and positive: depths below the surface are needed")
     if positive == "":
-        way = "up" if above else "down"
-        source.notes.append(f"{axis} does not say which way is positive: {way}, by its values")
+        sense = "up" if above else "down"
+        source.notes.append(f"{axis} does not say which way is positive: {sense}, by its values")
     elif signs and above != (positive == "up"):
         kind, other = ("negative", "up") if above else ("positive", "down")
         raise series.fail(

@@ -456,7 +456,7 @@ def _angle(source: Source, names: Names) -> Callable[[Part], Array] | None:
     if angle is not None:
         return lambda part: angle.ravel()[part.window.used]
     raise series.fail(
-        f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing, and "
+        f"{names.east} and {names.north} may follow the grid's axes: angle, which gives how, is missing, and "
         "so are a grid_mapping and a standard_name of the components: name the model's grid file beside it "
         "in current.files, or write what they are, such as by ncatted -a "
         f"standard_name,{names.east},o,c,eastward_sea_water_velocity"

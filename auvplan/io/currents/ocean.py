@@ -25,7 +25,7 @@ from auvplan.scenario.provenance import ORIGIN
 
 #: More values at once are refused before they are read.
 MAX_VALUES = 300_000_000
-#: So many places are looked at at a time.
+#: Places that are looked up at a time.
 _PLACES = 300_000
 #: Moments beyond the data's by less, in s, are taken to be at its ends.
 _SLACK = 0.5

@@ -127,7 +127,7 @@ def grid_angle(longitude: Array, latitude: Array) -> Array:
 
 
 def _from_east(x: Array, y: Array, to_x: Array, to_y: Array, earth: Geod) -> Array:
-    """Return the angle, rad, from east of the way from one place to another, degrees, amid it."""
+    """Return the angle, rad, from east of the line from one place to another, degrees, in its middle."""
     there, back, _ = earth.inv(x, y, to_x, to_y)
     both = np.exp(1j * np.deg2rad(there)) - np.exp(1j * np.deg2rad(back))
     return np.pi / 2 - np.angle(both)

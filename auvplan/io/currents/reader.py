@@ -38,13 +38,13 @@ _DENSER, _VALUES = 4.0, 1_000_000
 _OFF = 0.05
 #: Share of a spacing that is rounding.
 _SAME = 1e-6
-#: So many values are read at a time.
+#: Values that are read at a time.
 _CHUNK = 4_000_000
 #: A time that lacks this share of the water of other times is missing.
 _LOST = 0.5
-#: So many usual steps between two times are a gap.
+#: Usual steps between two times that are a gap.
 _GAP = 1.5
-#: Water that is faster, m/s, is hardly known; and none is as still everywhere.
+#: Water that is faster, m/s, is implausible; and none is as still everywhere.
 _FAST, _STILL = 6.0, 1e-6
 
 
@@ -265,7 +265,7 @@ def _check_cover(box: _Box, grid: _Grid, land: Land | None) -> None:
             f"{_percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
-        what = "there is land unless a chart tells water, where the nearest" if mesh else "its nearest"
+        what = "there is land unless a chart shows water, where the nearest" if mesh else "its nearest"
         notes.append(f"beyond the data's area, in {_percent(lacking)} of the box, {what} value holds")
     else:
         notes.append(f"{_percent(outside)} of the box lies beyond the data's area, where there is land")
@@ -429,7 +429,7 @@ def _check_values(ocean: OceanData, grid: _Grid, frames: slice, depths: Array, u
         more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
         raise CurrentError(
             f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "
-            "the water that other times have: take such times out of the file, or fetch it anew"
+            "the water that other times have: take such times out of the file, or fetch it again"
         )
 
     def warn_of(nodes: NDArray[np.bool_], what: str, more: str = "") -> None:

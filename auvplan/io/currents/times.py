@@ -82,7 +82,7 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
     if seconds is None and "since" not in units:
         if file.epoch is None:
             raise file.fail(
-                f"{name} does not tell the date that it counts from: say current.epoch, such as "
+                f"{name} does not state the date that it counts from: say current.epoch, such as "
                 "2026-05-01T00:00:00Z"
             )
         if not units:

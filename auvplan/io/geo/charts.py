@@ -23,7 +23,7 @@ from auvplan.io.geo.windows import Hours
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.closures import Closure, Zone
-from auvplan.ocean.palette import UNTOLD, ChartColours
+from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.site import Site, swapped_hint
 
 # Pixels by which a picture's corner pixels may stick out: half of one is the picture's own edge.
@@ -39,7 +39,7 @@ def chart_and_notes(
     *,
     crs: Any = None,
     classes: Mapping[int, float] | None = None,
-    colours: ChartColours = UNTOLD,
+    colours: ChartColours = DEFAULT_COLOURS,
 ) -> tuple[Chart, tuple[str, ...]]:
     """Return a chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 

@@ -350,7 +350,7 @@ def _visit(where: str, number: int, item: dict[str, Any]) -> Feature:
     altitude = params[6] if item.get("Altitude") is None else item["Altitude"]
     place = [params[5], params[4]] + ([] if altitude is None else [altitude])
     if not all(map(_is_number, place)):
-        raise GeoError(f"{where}: params must tell latitude, longitude and altitude as numbers, got {params}")
+        raise GeoError(f"{where}: params must give latitude, longitude and altitude as numbers, got {params}")
     return Feature(where, number, "Point", place, {"duration": params[0] or 0.0})
 
 

@@ -320,7 +320,7 @@ def _identity(path: Path, staging: Path) -> _Identity:
     stated = _head(path, source, UPDATES="IGNORE")
     numbers = [str(stated.get(name, "")).strip() for name in ("DSID_EDTN", "DSID_UPDN")]
     if not all(map(str.isdigit, numbers)):
-        raise GeoError(f"{path}: is damaged: it does not tell its edition and update (DSID)")
+        raise GeoError(f"{path}: is damaged: it does not state its edition and update (DSID)")
     return _Identity(int(numbers[0]), int(numbers[1]), path, stated)
 
 

@@ -259,7 +259,7 @@ def test_curvilinear_components_along_the_grid_are_turned(standard):
     assert check(xr.Dataset(fields | places | turn), *AMID, 0.0, 0.0).kind == "curvilinear"
     data = xr.Dataset(fields | places)
     if not standard:
-        refused(data, "angle, which tells how, is missing")
+        refused(data, "angle, which gives how, is missing")
         return
     ocean = check(data, *AMID, 0.0, 0.0, atol=2e-3)
     assert any("angle is not given" in note for note in ocean.notes)

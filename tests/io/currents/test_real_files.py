@@ -55,7 +55,7 @@ def test_the_current_is_that_of_the_file_at_its_own_points(shared, tmp_path, nam
         (["mom5_access_om2_v"], "v has no partner"),
         (["roms_separate_his"], "u has no longitude: name the model's grid file beside it"),
         (["roms_separate_his", "roms_separate_grid"],
-         r"ocean_time does not tell the date .*: say current\.epoch"),
+         r"ocean_time does not state the date .*: say current\.epoch"),
     ],
 )  # fmt: skip
 def test_files_that_need_another_or_a_setting(shared, names, words):

@@ -203,7 +203,7 @@ def test_faults_are_one_line(tmp_path, name, text, words):
     [
         (item(place=(-20.35, 148.95, 9.0)), "item 1: elevation 9 m is above the sea"),
         (item(frame=10), "item 1: frame 10"),
-        (item(params=[0, 0, 0, None, "x", 148.95, -9]), "item 1: params must tell"),
+        (item(params=[0, 0, 0, None, "x", 148.95, -9]), "item 1: params must give"),
         (item(params=[1]), "item 1: params must be seven"),
         (survey(depth=-50.0), "item 1: elevation 50 m is above the sea"),
         (survey(VisualTransectPoints=[]), "item 1: the survey has no VisualTransectPoints"),

@@ -107,8 +107,8 @@ def clear_lines(starts: Array, ends: Array, scenario: Scenario, area: OperatingA
     return Clearance(scenario, area, 0.3 * scenario.mission.waypoint_clearance).lines(starts, ends)
 
 
-class WaysAround:
-    """Finds ways around land, shallows and closed areas over a grid of the area."""
+class DetourFinder:
+    """Finds detours around land, shallows and closed areas over a grid of the area."""
 
     def __init__(self, scenario: Scenario, area: OperatingArea) -> None:
         self._scenario, self._area = scenario, area
@@ -126,8 +126,8 @@ class WaysAround:
             start: [3] m, north, east, depth.
             goal: [3] m.
         """
-        way = self._path(start, goal, self._roomy)
-        return None if way is None else way[1:-1]
+        line = self._path(start, goal, self._roomy)
+        return None if line is None else line[1:-1]
 
     def paths(self, start: Array, goal: Array) -> list[tuple[Array, bool]]:
         """Return taut polylines [K, 3] m from the one place to the other that have corners.
@@ -135,24 +135,24 @@ class WaysAround:
         All keep clear of the coast; beside each stands whether it keeps clear of areas as well that are
         closed at some hours. What leads farther off than the path planner looks is left out.
         """
-        return [(way, clear) for way, clear in self._taut_ways(start, goal) if len(way) > 2]
+        return [(line, clear) for line, clear in self._taut_lines(start, goal) if len(line) > 2]
 
     def length(self, start: Array, goal: Array) -> float:
         """Return the length of the shortest path clear of the coast, m; infinite where there is none.
 
         Arguments as for `paths`.
         """
-        return min((_length(way) for way, _ in self._taut_ways(start, goal)), default=np.inf)
+        return min((_length(line) for line, _ in self._taut_lines(start, goal)), default=np.inf)
 
-    def _taut_ways(self, start: Array, goal: Array) -> list[tuple[Array, bool]]:
+    def _taut_lines(self, start: Array, goal: Array) -> list[tuple[Array, bool]]:
         key, back = (np.stack(ends).tobytes() for ends in ((start, goal), (goal, start)))
         if back in self._known:
-            return [(way[::-1], clear) for way, clear in self._known[back]]
+            return [(line[::-1], clear) for line, clear in self._known[back]]
         if key not in self._known:
             taut = [(self._path(start, goal, clearance, True), clearance.closed) for clearance in self._tight]
             always = not self._area.closures
             self._known[key] = [
-                (way, always or closed) for way, closed in taut if way is not None and _near(way)
+                (line, always or closed) for line, closed in taut if line is not None and _near(line)
             ]
         return self._known[key]
 
@@ -168,8 +168,8 @@ class WaysAround:
                 continue
             kept = [replace(clearance, window=_WINDOW * _length(cells))] if off_banks else []
             kept.append(clearance)
-            if (way := self._pulled(start, goal, cells, kept)) is not None:
-                return _taut(way, kept[0]) if taut else way
+            if (line := self._pulled(start, goal, cells, kept)) is not None:
+                return _taut(line, kept[0]) if taut else line
         return None
 
     def _pulled(self, start: Array, goal: Array, cells: Array, clearances: list[Clearance]) -> Array | None:
@@ -184,24 +184,26 @@ class WaysAround:
             deepest = shallowest - float(self._area.seabed.clearance) - 0.5
             depths = np.minimum(depths, np.maximum(deepest, self._scenario.box[0][2])[:, None])
         places = np.concatenate([np.concatenate([cells, depths], axis=1), np.asarray(goal)[None]])
-        way, at = [np.asarray(start)], -1
+        line, at = [np.asarray(start)], -1
         while at < len(places) - 1:
             ahead = places[at + 1 :]
-            lines = (np.flatnonzero(clearance.lines(way[-1][None], ahead)) for clearance in clearances)
+            lines = (np.flatnonzero(clearance.lines(line[-1][None], ahead)) for clearance in clearances)
             seen = next((found for found in lines if found.size), None)
             if seen is None:
                 return None
             at += 1 + int(seen[-1])
-            way.append(places[at])
-        return np.array(way)
+            line.append(places[at])
+        return np.array(line)
 
 
-def _taut(way: Array, clearance: Clearance) -> Array:
+def _taut(line: Array, clearance: Clearance) -> Array:
     """Return a clear polyline [K, 3] m pulled taut: corners are cut off as far as clear lines lead."""
     for _ in range(_ROUNDS):
-        length = _length(way)
-        between = way[:-1, None] * (1.0 - _CUTS) + way[1:, None] * _CUTS
-        places = np.concatenate([np.concatenate([way[:-1, None], between], axis=1).reshape(-1, 3), way[-1:]])
+        length = _length(line)
+        between = line[:-1, None] * (1.0 - _CUTS) + line[1:, None] * _CUTS
+        places = np.concatenate(
+            [np.concatenate([line[:-1, None], between], axis=1).reshape(-1, 3), line[-1:]]
+        )
         i, j = np.triu_indices(len(places), 1)
         leg = 1 + _CUTS.shape[1]
         clear = j <= (i // leg + 1) * leg
@@ -211,33 +213,33 @@ def _taut(way: Array, clearance: Clearance) -> Array:
         before, nodes = dijkstra(lines, indices=0, return_predecessors=True)[1], [len(places) - 1]
         while nodes[-1]:
             nodes.append(int(before[nodes[-1]]))
-        way = _corners(places[nodes[::-1]])
-        if _length(way) > (1.0 - _SETTLED) * length:
+        line = _corners(places[nodes[::-1]])
+        if _length(line) > (1.0 - _SETTLED) * length:
             break
-    return way
+    return line
 
 
-def _corners(way: Array) -> Array:
+def _corners(line: Array) -> Array:
     """Return a polyline without the corners that lie on the line between their neighbours."""
     kept = [0]
-    for corner in range(1, len(way) - 1):
-        before, here, after = way[kept[-1]], way[corner], way[corner + 1]
+    for corner in range(1, len(line) - 1):
+        before, here, after = line[kept[-1]], line[corner], line[corner + 1]
         chord = np.linalg.norm(after - before)
         if np.linalg.norm(here - before) + np.linalg.norm(after - here) > chord + 1e-4:
             kept.append(corner)
-    return way[[*kept, len(way) - 1]]
+    return line[[*kept, len(line) - 1]]
 
 
-def _length(way: Array) -> float:
-    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+def _length(line: Array) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
-def _near(way: Array) -> bool:
+def _near(line: Array) -> bool:
     """Return whether a polyline stays within what the path planner looks at between its ends."""
-    ends = way[[0, -1], :2]
-    beyond = SURROUNDINGS * float(np.linalg.norm(way[-1] - way[0]))
+    ends = line[[0, -1], :2]
+    beyond = SURROUNDINGS * float(np.linalg.norm(line[-1] - line[0]))
     low, high = ends.min(axis=0) - beyond, ends.max(axis=0) + beyond
-    return bool(((way[:, :2] >= low) & (way[:, :2] <= high)).all())
+    return bool(((line[:, :2] >= low) & (line[:, :2] <= high)).all())
 
 
 class _Grid:
@@ -280,7 +282,7 @@ class _Grid:
         return connected_components(self._moves, directed=False)[1]
 
     def path(self, start: Array, goal: Array) -> Array | None:
-        """Return the open cells [C, 2] m of the shortest way between two places; None where there is none."""
+        """Return the open cells [C, 2] m of the shortest path between two places; None if none."""
         first, last = (self._nearest_open(np.asarray(place)[:2]) for place in (start, goal))
         if first is None or last is None or self._water[first] != self._water[last]:
             return None
