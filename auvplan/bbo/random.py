@@ -18,12 +18,7 @@ def _mixed(word: jax.Array) -> jax.Array:
 
 
 def uniform(key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
-    """Uniform numbers in (0, 1), in steps of 2^-24, float32.
-
-    Args:
-        key: PRNG key, consumed; equal keys give equal numbers.
-        shape: of the array.
-    """
+    """Uniform numbers in (0, 1), in steps of 2^-24, float32; equal keys give equal ones."""
     words = jax.random.key_data(key)
     count = jnp.arange(math.prod(shape), dtype=jnp.uint32).reshape(shape)
     bits = _mixed(_mixed(count + words[..., 0]) + words[..., -1])

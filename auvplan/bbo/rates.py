@@ -58,9 +58,7 @@ def species_step(probability: Array, immigration: Array, emigration: Array, dt: 
     step of Eq. 4 and its limit for dt to 0.
 
     Args:
-        probability: P_S, [n + 1].
-        immigration: lambda_S, [n + 1], per unit time; lambda_n is not used.
-        emigration: mu_S, [n + 1], per unit time; mu_0 is not used.
+        probability, immigration, emigration: as for `species_derivative`.
         dt: time step; the chance of leaving a state, (lambda_S + mu_S) dt, must not exceed one.
 
     Returns:

@@ -100,13 +100,7 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
 
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
-    """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last.
-
-    Args:
-        population: [P, D].
-        cost: [P].
-        violation: [P].
-    """
+    """Rank a population [P, D] by its cost [P]; one that is not finite becomes infinite and ranks last."""
     cost = worst_unless_finite(cost)
     order = jnp.argsort(cost)
     return State(population[order], cost[order], violation[order])
@@ -170,13 +164,7 @@ def tell(
     """
     cost = worst_unless_finite(cost)
     if config.replacement == "greedy":
-        better = cost < state.cost
-        merged = (
-            jnp.where(better[:, None], candidates, state.population),
-            jnp.where(better, cost, state.cost),
-            jnp.where(better, violation, state.violation),
-        )
-        return init(*merged)
+        return _take_in(state, candidates, cost, violation)
     survivors = config.population - config.elites
     order = jnp.argsort(cost)[:survivors]
     elite = slice(0, config.elites)

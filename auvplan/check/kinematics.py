@@ -238,12 +238,7 @@ def _speed_faults(run: Saved, velocities: Velocities) -> Iterator[str]:
 
 
 def _in_vortices(run: Saved, places: Array, moments: Array) -> Array:
-    """Return the current [n, 2] m/s in the Lamb vortices of every plan, NaN where they had changed (Eqs 1-2).
-
-    Args:
-        places: [n, 3] m.
-        moments: [n] s since the departure.
-    """
+    """Return the current [n, 2] m/s of the plans' Lamb vortices (Eqs 1-2), NaN where they had changed."""
     planning, current = run.section("planning"), run.section("current")
     by_window = planning.get("preset") == "paper" or planning.get("current_updates") == "window"
     made_at, interval = run["plan_made_at"], float(current.get("update_interval", np.inf))

@@ -46,7 +46,7 @@ def task_faults(run: Saved) -> Iterator[str]:
         run.notes.append(
             f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows"
         )
-    book = _book_of(run, jobs, once)
+    account = _tasks_of(run, jobs, once)
     under_way = _under_way(run)
     visited, refused = {int(run.number("start"))}, set()
     total, tasks, slack = 0.0, 0, _PRIORITY_TOLERANCE
@@ -59,7 +59,7 @@ def task_faults(run: Saved) -> Iterator[str]:
         if revisit and once and (path := _path_left(run, leg, visited, refused)):
             yield f"{leg}: waypoint {leg.goal} is visited twice, although {path}"
         share = share_of_line(run, leg)
-        earned = book.earn(leg, revisit, share)
+        earned = account.earn(leg, revisit, share)
         if leg.missed:  # whether its window was, is looked up with the windows
             earned = Earned(0.0, 0.0, 0)
         allowed = _PRIORITY_TOLERANCE + (0.0 if share == 1.0 else _LINE_TOLERANCE * earned.priority)
@@ -79,9 +79,9 @@ def task_faults(run: Saved) -> Iterator[str]:
     yield from _route_faults(run, jobs, once)
 
 
-def _book_of(run: Saved, jobs: list[Job] | None, once: bool) -> "_GraphBook | _JobBook":
+def _tasks_of(run: Saved, jobs: list[Job] | None, once: bool) -> "_GraphTasks | _JobTasks":
     """Return the tasks that are to be done."""
-    return _GraphBook.of(run, once) if jobs is None else _JobBook.of(jobs, run)
+    return _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs, run)
 
 
 def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[str]:
@@ -94,16 +94,16 @@ def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[st
     fastest = float(run.data.attrs.get("vehicle_surge_max", np.inf))
     free = run.get("task_followable", np.ones(run.adjacency.shape))
     for number, made_at in enumerate(run["route_made_at"]):
-        book = _book_of(run, jobs, once)
+        account = _tasks_of(run, jobs, once)
         visited, total = {start}, 0.0
         done = [leg for leg in run.legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
         ahead = _expected_legs(run, number)
         for place, leg in enumerate((*done, *ahead)):
             revisit, share = leg.goal in visited, float(free[leg.start, leg.goal])
             if jobs is not None and place >= len(done):
-                takes = replace(book).earn(leg, revisit, share).duration
+                takes = replace(account).earn(leg, revisit, share).duration
                 leg = replace(leg, times=leg.times - takes)
-            earned = book.earn(leg, revisit, share)
+            earned = account.earn(leg, revisit, share)
             if place >= len(done):
                 total += earned.priority
                 lasts = leg.t_expected - (0.0 if under_way else earned.duration)
@@ -162,7 +162,7 @@ def _path_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, 
 
 
 @dataclass
-class _GraphBook:
+class _GraphTasks:
     """Tasks on the edges of a graph and at its waypoints that are still to be done."""
 
     priority: Array  # [N, N], of the edges alone; s
@@ -173,7 +173,7 @@ class _GraphBook:
     taken: set[frozenset[int]] = field(default_factory=set)  # edges whose tasks are done, either way
 
     @classmethod
-    def of(cls, run: Saved, once: bool) -> "_GraphBook":
+    def of(cls, run: Saved, once: bool) -> "_GraphTasks":
         at = [np.array(run[f"waypoint_{name}"], float) for name in ("priority", "duration")]
         whole = [np.array(run[f"task_{name}"], float) for name in ("priority", "duration")]
         priority, duration = (
@@ -225,7 +225,7 @@ class _Task:
 
 
 @dataclass
-class _JobBook:
+class _JobTasks:
     """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex."""
 
     left: list[_Task]  # tasks still to be done
@@ -233,7 +233,7 @@ class _JobBook:
     start: Array  # [3] m, where a mission begins: what has no name there is never arrived at
 
     @classmethod
-    def of(cls, jobs: list[Job], run: Saved) -> "_JobBook":
+    def of(cls, jobs: list[Job], run: Saved) -> "_JobTasks":
         tasks: list[_Task] = []
         for job in jobs:
             lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)

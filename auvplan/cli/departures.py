@@ -112,12 +112,6 @@ def departures(
 def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str) -> list[float]:
     """Departures, s since the scenario's epoch, from the texts of the options.
 
-    Args:
-        settings: the scenario.
-        folder: that relative paths in it start from.
-        begin, end: dates and times, or hours.
-        step: a duration.
-
     Raises:
         ScenarioError: an option cannot be understood or is out of range; the line names it.
     """

@@ -118,12 +118,7 @@ def points(fence: Fence) -> int:
 def nearest_fences(
     fences: Sequence[Fence], lines: Sequence[Array], most: int
 ) -> tuple[tuple[Fence, ...], str]:
-    """Choose the fences that an autopilot has room for, those nearest to the route first.
-
-    Args:
-        fences: all of them.
-        lines: the route, [n, 3] m north, east, depth each.
-        most: points that the autopilot holds.
+    """Choose the fences that an autopilot with `most` points has room for, those nearest to a route first.
 
     Returns:
         ``(chosen, note)``: in their order, and what was left out; empty where nothing was.

@@ -127,11 +127,7 @@ def load_jobs(
 def load_closures(
     scenario: Scenario, site: Site | None, folder: str | Path, until: float | None = None
 ) -> tuple[Closure, ...]:
-    """Read the areas that are closed at some hours.
-
-    Args:
-        scenario, folder, until: as for `load_area`.
-        site: where and when local coordinates begin.
+    """Read the areas that are closed at some hours; arguments as for `load_area`.
 
     Raises:
         GeoError: one line that names file, feature and reason.

@@ -64,13 +64,9 @@ _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
 def warn_of_contradictions(
     scenario: Scenario, chart: Chart | None, seabed: Seabed | None, currents: "Sequence[CurrentFile | None]"
 ) -> None:
-    """Compare where chart, sea bed and current have land.
+    """Compare where chart without closed areas, sea bed, forecast and true current have land.
 
     Places nearer to a coast than coarse files resolve are left out.
-
-    Args:
-        chart: without closed areas; None for open water.
-        currents: the forecast and the true one; None where they are of no file.
 
     Warns:
         ScenarioWarning: the share of the area on which two contradict each other, and whether the chart seems
@@ -136,11 +132,9 @@ def _sources(
 
 
 def _contradiction(one: Mask, other: Mask, room: NDArray) -> tuple[float, float, float] | None:
-    """Shares of the area that differ, that are land in one alone, and in the other alone; or None.
+    """Shares of the area that differ, that are land in one alone, and in the other; or None.
 
-    Args:
-        one, other: [2, n, m] land, and neither land nor water.
-        room: [2] places north and east, within which of a coast nothing is compared.
+    Within `room` [2] places of a coast nothing is compared.
     """
     sampling = tuple(1.0 / np.maximum(room, 1e-9))
     far = ~(one[1] | other[1])
@@ -157,9 +151,6 @@ def _contradiction(one: Mask, other: Mask, room: NDArray) -> tuple[float, float,
 
 def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
     """Refuse jobs all of which are of another place, and warn of implausible ones.
-
-    Args:
-        site: where local coordinates count from, if anywhere.
 
     Raises:
         ScenarioError: none lies in the area, and they are far off or their coordinates seem swapped.
@@ -197,10 +188,7 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
 def warn_of_idle_obstacles(
     obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None
 ) -> None:
-    """Warn where no obstacle of a file comes near the area, or one stands where no vehicle goes.
-
-    Args:
-        chart: without closed areas; None for open water.
+    """Warn where no obstacle of a file comes near the area, or one stands on the land of a chart.
 
     Warns:
         ScenarioWarning: none reaches into the area at any time of the mission; one lies wholly on land.

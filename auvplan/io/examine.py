@@ -82,14 +82,11 @@ class Examination:
 
 
 def examine_scenario(source: str | Path) -> Examination:
-    """Look for everything that is wrong with a scenario.
+    """Look for everything that is wrong with a scenario, by path or name.
 
     Its text and fields first, and files that are not there. Each file that the scenario names is read, so
     that all their faults show, also where fields of other sections are at fault; then, where the fields are
     sound, start, goal and jobs are looked up in what could be read.
-
-    Args:
-        source: path of a scenario file, or the name of a shipped one.
 
     Raises:
         ScenarioError: the file cannot be read as text; one line that names it.

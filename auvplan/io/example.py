@@ -51,11 +51,7 @@ Array = NDArray[np.float64]
 
 
 def write_example(folder: str | Path, force: bool = False) -> list[Path]:
-    """Write a scenario that runs as it is, with every file that it names; the same wherever and whenever.
-
-    Args:
-        folder: made where it is missing.
-        force: whether files of the same names are replaced.
+    """Write a complete scenario, with every file that it names; the same wherever and whenever.
 
     Returns:
         The files, the scenario first.
@@ -117,13 +113,7 @@ class Beginning:
 def write_example_at(
     folder: str | Path, latitude: float, longitude: float, size: float = 10.0, force: bool = False
 ) -> Beginning:
-    """Write a scenario of an area around a place, with the coast there and jobs in its water.
-
-    Args:
-        folder: made where it is missing.
-        latitude, longitude: of the middle of the area, degrees.
-        size: of its sides, km.
-        force: whether files of the same names are replaced.
+    """Write a scenario of an area around a place, `size` km wide, with the coast there and jobs in its water.
 
     Raises:
         ScenarioError: one line; the place is none, or has too little water around it.

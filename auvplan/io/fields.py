@@ -205,9 +205,9 @@ def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = 
         for name, (values, what, standard_name) in angles.items()
     } | {
         prefix + name: variable(
-            dims, body[..., axis], f"{name}: speed over ground {axis_name} of the hull", "m s-1"
+            dims, body[..., axis], f"{name}: speed over ground {sense} of the hull", "m s-1"
         )
-        for axis, (name, axis_name) in enumerate(_BODY.items())
+        for axis, (name, sense) in enumerate(_BODY.items())
     }
 
 

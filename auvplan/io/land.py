@@ -56,15 +56,7 @@ def read_land(
     file: Any,
     uncertain: Any,
 ) -> Land:
-    """Read a chart's file, as far beyond the area as it and `beyond` do.
-
-    Args:
-        settings: closed areas of a file of their own do not count.
-        site: where local coordinates count from.
-        box: corners of the area, m.
-        current: whose files show where water is, where they are the chart.
-        file, uncertain: paths of the chart's file or picture and of that of reefs, or what is read in their
-            place; None without.
+    """Read a chart's file, or what is given in its place, as far beyond the area as it and `beyond` do.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.

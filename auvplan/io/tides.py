@@ -31,10 +31,6 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
 
     Nodal corrections are those of the middle of the time: in a month they change by less than a hundredth.
 
-    Args:
-        site: has the epoch, and where local metres begin.
-        until: s since the epoch, when missions are over.
-
     Raises:
         CurrentError: one line that names the file and the field.
     """

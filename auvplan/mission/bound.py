@@ -352,16 +352,10 @@ def checked(
 
 
 def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -> Array:
-    """Leg times under which no route is late that keeps a return margin.
+    """Return leg times [N, N] s, infinite off the edges, under which no route that keeps a margin is late.
 
-    A waypoint is entered only if the shortest path from it to the goal, lengthened by the margin, still fits:
-    so the leg to the goal may be counted as that long.
-
-    Args:
-        leg_times: [N, N] s, infinite off the edges.
-        start: index; from there the margin is not asked for.
-        goal: index.
-        margin: share by which the path to the goal is taken to last longer.
+    A waypoint, but for the start, is entered only if the shortest path from it to the goal, lengthened by the
+    margin, still fits: so the leg to the goal may be counted as that long.
 
     Returns:
         [N, N] s, longer on edges into the goal only.

@@ -69,6 +69,7 @@ def search_missions(
         )
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
+        decoded = partial(decoders.decode, decoder=config.decoder, rate_weight=config.rate_weight)
         start_key, run_key = jax.random.split(key)
         population = search.uniform_population(start_key, config.bbo.population, lower, upper)
         if config.plant:
@@ -79,7 +80,7 @@ def search_missions(
             population = _planted(population, mission.known, problem, config)
         result = search.run(
             run_key,
-            partial(_score, config=config),
+            lambda population, problem: _cost(decoded(population, problem), problem, config),
             population,
             lower,
             upper,
@@ -89,8 +90,7 @@ def search_missions(
             config.local_period,
             iterations,
         )
-        best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
-        return result, best, problem.time_to_go[mission.start]
+        return result, decoded(result.x[None], problem), problem.time_to_go[mission.start]
 
     return over_rows(one)(keys, missions)
 
@@ -110,8 +110,8 @@ def search_within(
     share, kind = share_of(budget), (missions.given.shape, missions.known.shape, len(keys))
     seeded = config if share.allows((config, *kind)) else config.replace(seeds=0)
     done = iterations if budget is None else 0
-    begin = partial(search_missions, keys, missions, count=count, config=seeded)
-    result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(done)))
+    first = partial(search_missions, keys, missions, count=count, config=seeded)
+    result, best, least = share.spend((seeded, *kind), partial(first, iterations=np.int32(done)))
     later, chunks = config.replace(seeds=0, plant=False), [search.rows(result.history, slice(0, done + 1))]
     while done < iterations and (chunk := share.units((later, *kind), iterations - done)):
         population = result.state.population
@@ -156,11 +156,6 @@ def _improved(population: jax.Array, problem: Problem, config: MissionConfig) ->
     nodes = local_search.improve(routes.nodes, problem, _gain(problem, config), config.local_rounds)
     changed = routes.reached & (nodes != routes.nodes).any(axis=1)
     return jnp.where(changed[:, None], decoders.encode(nodes, best, config.decoder), best)
-
-
-def _score(population: jax.Array, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:
-    """Cost and violation [P] of habitats."""
-    return _cost(decoders.decode(population, problem, config.decoder, config.rate_weight), problem, config)
 
 
 def _cost(routes: decoders.Decoded, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:

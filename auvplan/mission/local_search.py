@@ -124,7 +124,7 @@ def _by_the_clock(
     arrival = jnp.concatenate([zero[None], done]).T
     lost = jnp.concatenate([zero[None], jnp.cumsum(lost, axis=0)]).T
     at = jnp.maximum(nodes, 0)
-    room = jnp.where(nodes >= 0, problem.deadline - problem.way_back[at] - arrival, jnp.inf)
+    room = jnp.where(nodes >= 0, problem.deadline - problem.return_time[at] - arrival, jnp.inf)
 
     def back(later: jax.Array, place: tuple) -> tuple[jax.Array, jax.Array]:
         room, wait, spare = place
@@ -158,7 +158,7 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
         .set(True, mode="drop")
     )
     # By how much everything from a place on may be delayed.
-    due = problem.deadline - problem.way_back[at]
+    due = problem.deadline - problem.return_time[at]
     slack = jnp.where(inside, due - arrival, jnp.inf)
     slack = jax.lax.cummin(slack, axis=1, reverse=True)
     if places is not None:

@@ -16,8 +16,8 @@ def violation(routes: Decoded, problem: Problem) -> jax.Array:
 
     The time still to go, T_available where there is no path, and what the route takes beyond T_available.
     """
-    no_way = jnp.maximum(problem.time_available, 1.0)
-    return jnp.where(jnp.isfinite(routes.remaining), routes.remaining, no_way) + routes.late
+    unreachable = jnp.maximum(problem.time_available, 1.0)
+    return jnp.where(jnp.isfinite(routes.remaining), routes.remaining, unreachable) + routes.late
 
 
 def total_priority(routes: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
@@ -47,12 +47,6 @@ def total_priority_gain(problem: Problem, time_weight: float = 0.05) -> jax.Arra
 
 def eq15(routes: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
     """Cost [P] of Eq. 15: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) over the tasks.
-
-    Args:
-        routes: decoded population.
-        problem: what they were decoded on.
-        phi1: Phi_1, per second.
-        phi2: Phi_2.
 
     Differences from the paper:
         The path cost of a leg is read as its travel time. A route that does not arrive, or is late, costs

@@ -102,14 +102,7 @@ def look_ahead(
 def sharpened(
     problem: Problem, gain: jax.Array, edges: Onward, charge: jax.Array, known: jax.Array, steps: jax.Array
 ) -> jax.Array:
-    """Return charges [N] under which the best path repeats fewer waypoints, by subgradient steps.
-
-    Args:
-        problem, gain, edges: as above.
-        charge: [N] to begin with.
-        known: total gain of a route.
-        steps: [R] shares of the steps of Polyak's length.
-    """
+    """Return charges [N] by which the best path repeats fewer waypoints, by [R] shares of Polyak's steps."""
     index = jnp.arange(problem.size)
     free = (index == problem.start) | (index == problem.goal)
 

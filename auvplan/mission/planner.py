@@ -102,7 +102,7 @@ def plan_mission(
         raise ValueError(f'method "exact" needs objective "priority", got {config.objective!r}')
     if np.ndim(graph.positions) != 2:
         raise ValueError("plan_mission takes one graph: give stacked graphs to plan_missions")
-    begin = time.perf_counter()
+    started = time.perf_counter()
     routes = plan_missions(
         jax.tree.map(lambda field: np.asarray(field)[None], graph),
         [start],
@@ -118,7 +118,7 @@ def plan_mission(
         budget=budget,
     )
     if budget is not None:
-        time_limit = min(time_limit, max(budget - (time.perf_counter() - begin), 0.01))
+        time_limit = min(time_limit, max(budget - (time.perf_counter() - started), 0.01))
     return certify(routes[0], time_limit) if method == "exact" else routes[0]
 
 
@@ -246,7 +246,8 @@ def plan_missions(
 
     if size == 2:  # there is one route at most: what looks for better ones is not compiled
         config = config.replace(seeds=0, local_rounds=0)
-    legs, iterations, more = graphs.leg_times(rate), config.bbo.iterations, _padded(size) - size
+    legs, iterations = graphs.leg_times(rate), config.bbo.iterations
+    more = next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1]) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
     edges = Edges.of(
@@ -290,11 +291,6 @@ def _speed(vehicle: Vehicle | None, speed: Any) -> Any:
     if not isinstance(vehicle, Vehicle | None):
         raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give a speed as speed=")
     return (vehicle or Vehicle()).speed
-
-
-def _padded(size: int) -> int:
-    """Return the number of waypoints that a graph of `size` of them is padded to."""
-    return next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1])
 
 
 class _Asked(NamedTuple):

@@ -78,7 +78,7 @@ class Problem:
         priority: [N, K] rho_ij; zero where there is no task.
         rate: [N, K] rho_ij / t_ij over its mean on the edges that carry a task.
         latest: [N, K] s, the mission time before which an edge must be entered.
-        way_back: [N] s, time to the goal that is kept in reserve, `time_to_go` and the return margin.
+        return_time: [N] s, time to the goal that is kept in reserve, `time_to_go` and the return margin.
         deadline: s, T_available less the rounding error that a sum of N legs can have.
         time_to_go: [N] s, shortest time to the goal.
         following: [N] the next waypoint on the shortest path to the goal.
@@ -92,7 +92,7 @@ class Problem:
     priority: jax.Array
     rate: jax.Array
     latest: jax.Array
-    way_back: jax.Array
+    return_time: jax.Array
     deadline: jax.Array
     time_to_go: jax.Array
     following: jax.Array
@@ -120,14 +120,7 @@ class Problem:
         return self.schedule is not None and self.schedule.drops.shape[-1] > 0
 
     def lost(self, here: jax.Array, edge: jax.Array, time: jax.Array, lasts: jax.Array) -> jax.Array:
-        """Return by how much the priorities of tasks have fallen when they begin, any shape.
-
-        Args:
-            here: waypoints that edges lead from.
-            edge: places of edges in their lists.
-            time: s, when they are entered.
-            lasts: s from then until their tasks are done.
-        """
+        """Return by how much the priorities of tasks have fallen then; edges by place in lists."""
         assert self.schedule is not None
         begins = time + lasts - self.schedule.duration[here, edge]
         return self.schedule.lost(here, edge, begins)
@@ -182,20 +175,20 @@ def prepare(
     mean = rate.sum() / jnp.maximum((rate > 0.0).sum(), 1)
     time, following = shortest_routes(neighbours, leg_times, goal)
     deadline = time_available * (1.0 - rounding_margin(size, leg_times.dtype))
-    way_back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * time
-    latest = deadline - (leg_times + way_back[neighbours])
+    return_time = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * time
+    latest = deadline - (leg_times + return_time[neighbours])
     if edges.schedule is not None:
         margin = jnp.asarray(return_margin, leg_times.dtype)
         shut = ~jnp.isfinite(leg_times)
         latest, due, following = latest_entries(edges.schedule, neighbours, shut, goal, deadline, margin)
-        way_back = (1.0 + margin) * (deadline - due)
+        return_time = (1.0 + margin) * (deadline - due)
     return Problem(
         neighbours=neighbours,
         leg_times=leg_times,
         priority=priority,
         rate=rate / jnp.where(mean > 0.0, mean, 1.0),
         latest=latest,
-        way_back=way_back,
+        return_time=return_time,
         deadline=deadline,
         time_to_go=time,
         following=following,

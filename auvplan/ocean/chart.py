@@ -278,10 +278,6 @@ def classify_file(
 def settled(found: Classified, what: str | Path) -> Classified:
     """Return a picture's classes where they are not in doubt.
 
-    Args:
-        found: the classes.
-        what: the picture, as messages call it.
-
     Raises:
         ChartError: they are; one line that says why, what to do, and which colours the picture has.
 

@@ -173,11 +173,7 @@ def is_steady(current: Current) -> bool:
 
 
 def varies_with_depth(current: Current) -> bool:
-    """Return whether horizontal components of a current may depend on depth, as far as its program shows.
-
-    Args:
-        current: the shapes of its arrays are enough.
-    """
+    """Return whether horizontal components of a current may depend on depth, by its program alone."""
     if isinstance(current, SumCurrent):
         return any(varies_with_depth(part) for part in current.parts)
     return not getattr(current, "barotropic", False) and axes_used(current)[2]
@@ -191,12 +187,7 @@ def varies_in_space(current: Current) -> bool:
 
 
 def axes_used(current: Current, vertical: bool = False) -> tuple[bool, ...]:
-    """Return whether u or v of a current, or w, is computed from x, from y, from z and from t.
-
-    Args:
-        current: the shapes of its arrays are enough.
-        vertical: whether w counts.
-    """
+    """Return whether u or v of a current, or vertical w, is computed from x, from y, from z and from t."""
     leaves, tree = jax.tree.flatten(current)
     kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
     return _axes_used_by(tree, kinds, vertical)

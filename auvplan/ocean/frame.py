@@ -19,10 +19,6 @@ def find_frame(rgb: NDArray[np.uint8], blank: NDArray[np.bool_]) -> tuple[NDArra
     White and black may be tones of the chart as well, of deep water above all. So they are a frame only where
     they reach the picture's edge and what they leave is one piece with straight sides.
 
-    Args:
-        rgb: [h, w, 3] uint8.
-        blank: [h, w] pixels that are known to show nothing.
-
     Returns:
         ``(frame, shade)``: [h, w] whether a pixel is of the frame, and the frame's shade in words.
     """

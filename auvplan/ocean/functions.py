@@ -51,15 +51,9 @@ class PlainFunction:
 
 
 def as_pytree(given: Any, kind: type[PlainFunction], name: str, returns: str) -> Any:
-    """Return a pytree that is callable as it is, and a plain function of the same signature as one of a kind.
+    """Return a pytree that is callable, and a plain function of the same signature as one of a kind.
 
     A function is traced as planners will, so that one that cannot be is refused where it is given.
-
-    Args:
-        given: pytree or function.
-        kind: the class for a function.
-        name: what it is, such as "current".
-        returns: what it returns, such as "(u, v, w)".
 
     Raises:
         TypeError: it does not take (x, y, z, t), or JAX cannot trace it; one line that says what to do.

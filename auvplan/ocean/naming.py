@@ -89,14 +89,11 @@ class _Clusters:
 
 
 def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Return the class of each cluster, from the colour of its centre alone.
+    """Return the class of each cluster, from the colour [k, 3] of its centre alone.
 
     The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue.
     Sea tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything
     else is coast: warm and green hues, and greys too, because nobody may go where a colour says nothing.
-
-    Args:
-        lab: cluster centres, [k, 3].
 
     Returns:
         [k]: 0 coast, 1 uncertain, 2 water.
@@ -110,17 +107,12 @@ def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
 def name(
     lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartColours = DEFAULT_COLOURS
 ) -> Naming:
-    """Name clusters by the colours a person gives, and what these leave open by the rules.
+    """Name clusters [k, 3] of pixels [h, w] by the colours given, and what these leave open by the rules.
 
     Where water and land are both given, every cluster takes the class of the nearest colour given, in CIELAB,
     and nothing is guessed. Where one of them is missing, only clusters within 15 of a colour take its class:
     a single colour of water would otherwise make everything water. The others keep what the rules propose,
     with those of its doubts that the colours do not settle.
-
-    Args:
-        lab: cluster centres, [k, 3].
-        labels: [h, w] the cluster of each pixel, negative where there is none.
-        colours: given by a person.
     """
     if not colours:
         return _propose(lab, labels)

@@ -63,10 +63,7 @@ DEFAULT_COLOURS = ChartColours()
 
 
 def as_hex(colour: str) -> str:
-    """Return a colour as #rrggbb.
-
-    Args:
-        colour: whatever Pillow knows: a CSS name, #rgb, #rrggbb, rgb(...), hsl(...).
+    """Return a colour that Pillow knows, such as a CSS name, #rgb or hsl(...), as #rrggbb.
 
     Raises:
         ValueError: it is none.
@@ -94,10 +91,7 @@ def lab_of(colours: tuple[str, ...]) -> NDArray[np.float32]:
 
 
 def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """CIELAB (D65) of sRGB colours.
-
-    Args:
-        rgb: [..., 3] uint8.
+    """CIELAB (D65) of sRGB colours [..., 3].
 
     Returns:
         ``(L, a, b)`` on the last axis, [..., 3]; L in 0..100, b negative towards blue.
@@ -125,12 +119,9 @@ def hue_and_chroma(lab: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDA
 
 
 def blueness(lab: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return how blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``.
+    """Return how blue a CIELAB colour [..., 3] is, in [-1, 1]: ``-b / |(L, a, b)|``.
 
     0 for greys, dark blue as much as bright.
-
-    Args:
-        lab: CIELAB colours, [..., 3].
 
     Returns:
         [...].

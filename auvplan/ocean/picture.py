@@ -32,10 +32,7 @@ _CONFIGURATION = {
 def opened(path: Path, fault: type[ValueError], **options: Any) -> Iterator["DatasetReader"]:
     """Open a raster file; its pixels are decoded as they are asked for.
 
-    Args:
-        path: of the file.
-        fault: raised with one line where the file is no raster, or one of too many pixels.
-        options: of GDAL's driver.
+    A `fault` is raised where it is no raster, or has too many pixels; options are those of GDAL's driver.
     """
     # Imported here because GDAL takes a while to load, and only files need it.
     import rasterio
@@ -59,13 +56,7 @@ def opened(path: Path, fault: type[ValueError], **options: Any) -> Iterator["Dat
 def read_pixels(
     path: Path, file: "DatasetReader", fault: type[ValueError], *, numbers: bool = False
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """Read the pixels of a file of one band, or of colours.
-
-    Args:
-        path: of the file, for messages.
-        file: opened.
-        fault: raised with one line where the bands are neither.
-        numbers: whether one band is wanted as it is stored, not as greys or as the colours of its table.
+    """Read the pixels of a file of one band, as `numbers` or greys, or of colours.
 
     Returns:
         [rows, columns] of one band, greys from black to white, or [rows, columns, 3] uint8 red, green and

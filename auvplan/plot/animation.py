@@ -114,13 +114,7 @@ class _Film:
     """One figure, whose moving parts are drawn again over what stays."""
 
     def __init__(self, run: MissionRun, width: int, fade: float) -> None:
-        """Draw what stays.
-
-        Args:
-            run: with an executed leg.
-            width: of the pictures, pixels.
-            fade: s of mission time in which a plan that is given up fades.
-        """
+        """Draw what stays; a plan that is given up fades within `fade` s of mission time."""
         self._run, self._fade = run, fade
         self._legs, self._doings = executed_legs(run), doings(run)
         self._times = np.concatenate([leg.times for leg in self._legs])

@@ -93,12 +93,7 @@ class Map:
         return image
 
     def coast(self, chart: Chart | None, see_through: bool = False) -> None:
-        """Paint coast and uncertain area; nothing without a chart.
-
-        Args:
-            chart: or None for open water.
-            see_through: paint the coast alone, with an outline, over something else.
-        """
+        """Paint coast and uncertain area; nothing without a chart. See-through, the coast alone."""
         if chart is None:
             return
         passability, low, high = self._seen(chart)
@@ -198,10 +193,7 @@ class Map:
     def title(self, title: str, site: Site | None, taken: ArrayLike | None = None) -> None:
         """A title, a compass, and degrees along the edges where the map is somewhere on Earth.
 
-        Args:
-            title: one line.
-            site: or None.
-            taken: [n, >= 2] m, places that the compass keeps off.
+        The compass keeps off the places taken [n, >= 2] m.
         """
         self.axes.set_title(title, fontsize=11, pad=None if site is None else 20.0)
         self.compass(taken)

@@ -1,4 +1,7 @@
-"""Pictures of a Monte Carlo study: use of time, expected times, planning time, routes (Figs 12 to 15)."""
+"""Pictures of a Monte Carlo study: use of time, expected times, planning time, routes (Figs 12 to 15).
+
+Each shows missions of one setting, in order of seed.
+"""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -62,11 +65,7 @@ def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None)
 
 
 def plot_time_use(dataset: xr.Dataset) -> Figure:
-    """Time of every mission against the time available, and what was left of it (Fig. 12).
-
-    Args:
-        dataset: without a sweep, missions in order of seed.
-    """
+    """Time of every mission against the time available, and what was left of it (Fig. 12)."""
     available, used, left = (dataset[f"t_{name}"].values for name in ("available", "mission", "residual"))
     success = dataset["success"].values == 1
     place = np.arange(len(used))
@@ -101,11 +100,7 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
 
 
 def plot_expected_times(dataset: xr.Dataset) -> Figure:
-    """Travel times of legs as expected and as executed, by mission and leg by leg (Fig. 13).
-
-    Args:
-        dataset: without a sweep, missions in order of seed.
-    """
+    """Travel times of legs as expected and as executed, by mission and leg by leg (Fig. 13)."""
     expected, executed = statistics.leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     if not both.any():
@@ -144,11 +139,7 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
 
 
 def plot_planning_time(dataset: xr.Dataset) -> Figure:
-    """CPU time of one path planning call beside that of all planning of its mission (Fig. 14).
-
-    Args:
-        dataset: without a sweep, missions in order of seed.
-    """
+    """CPU time of one path planning call beside that of all planning of its mission (Fig. 14)."""
     calls = statistics.positive(dataset["plan_cpu"].values)
     low, middle, high = statistics.call_times(dataset)
     whole = statistics.positive(statistics.planning_time(dataset))

@@ -67,11 +67,7 @@ MEASURES = (
 
 
 def plot_sweep(dataset: xr.Dataset) -> Figure:
-    """Draw every figure's mean over the missions with its 95 % interval, against the first setting.
-
-    Args:
-        dataset: with one or more leading dimensions of settings; further ones make a line for each value.
-    """
+    """Draw every figure's mean over the missions with its 95 % interval, against the first swept setting."""
     dim, lines = _first_setting(dataset), _line_names(dataset)
     values = dataset[dim].values
     numeric = values.dtype.kind in "iuf"
@@ -103,9 +99,6 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
     """Draw every figure's difference from the first setting's first value, mission by mission.
 
     Boxes hold the middle half of the missions, whiskers 90 %; points are means with their 95 % intervals.
-
-    Args:
-        dataset: with one or more leading dimensions of settings, the first of at least two values.
     """
     dim, lines = _first_setting(dataset), _line_names(dataset)
     values = dataset[dim].values

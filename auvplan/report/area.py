@@ -33,13 +33,7 @@ _STEP = 0.001
 def map_data(
     low: Array, high: Array, chart: Chart | None, seabed: Seabed | None, site: Site | None
 ) -> dict[str, Any]:
-    """Return what a map shows under everything else.
-
-    Args:
-        low, high: [2] m, its corners.
-        chart, seabed: or None.
-        site: or None; with one, the corners' longitude and latitude are given.
-    """
+    """Return what a map between two corners, [2] m, shows under everything else; its place with a site."""
     # South-west, south-east, north-west and north-east.
     north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
     corners = None if site is None else np.stack(site.to_geographic(north, east), axis=1).tolist()
@@ -108,15 +102,9 @@ def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
 def current_data(
     run: MissionRun, low: Array, high: Array, times: Array, depths: Array
 ) -> dict[str, Any] | None:
-    """Return the true current in a frame over time, at the depth at which the vehicle is then.
+    """Return the true current between two corners, [2] m, over time, at the depth of the track then.
 
     At each moment it is the current of the latest plan; None where no path was planned.
-
-    Args:
-        run: with its plans.
-        low, high: [2] m, corners of the frame.
-        times: [n] s, of the track.
-        depths: [n] m, of the track at these times.
     """
     plans = sorted((plan for leg in run.legs for plan in leg.plans), key=lambda plan: plan.made_at)
     if not plans:

@@ -16,12 +16,7 @@ _KINDS: dict[str, type] = {"scenario": dict, "files": list, "notes": list, "vers
 
 
 def departures_data(rows: list[dict[str, Any]], stated: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page of departures shows.
-
-    Args:
-        rows: a departure each, by the names of the table's columns.
-        stated: scenario, seed and what else the departures were planned from.
-    """
+    """Return what the page of departures shows: rows of its table, and what they were planned from."""
     settings = dict(stated.get("scenario", {}))
     return {
         "kind": "departures",

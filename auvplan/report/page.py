@@ -38,12 +38,6 @@ _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", 
 def write_page(kind: str, title: str, data: Mapping[str, Any], path: str | Path) -> Path:
     """Write a page, whole or not at all.
 
-    Args:
-        kind: "run", "study" or "departures".
-        title: of the window.
-        data: that the page's scripts show; see `plain`.
-        path: of the file.
-
     Raises:
         OutputError: the file cannot be written; one line that names it.
     """

@@ -34,12 +34,7 @@ _FIGURES = (
 
 
 def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page of a run shows.
-
-    Args:
-        run: as executed, or a plan; one that failed on the way is fine.
-        summary: of the run, as it is saved; its "sheet" is made if absent.
-    """
+    """Return what the page of a run shows, of its summary as it is saved; a "sheet" is made if absent."""
     stated = summary.get("sheet") or sheet_of(run).plain()
     records = _Records.of(run)
     legs = [_leg(run, leg, records, part) for leg, part in zip(run.legs, records.parts, strict=True)]
@@ -219,13 +214,7 @@ def _bars(bars: Sequence[Bar]) -> list[list[float]]:
 
 
 def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> dict[str, Any]:
-    """Return the true obstacles of a leg that were not known before: places, and when the vehicle saw them.
-
-    Args:
-        run: that the leg belongs to.
-        leg: as executed.
-        rows: [k] records of the leg at which places are given.
-    """
+    """Return the true obstacles of a leg that were not known before: places at some records, and looks."""
     shown = scene.shown_obstacles(leg)
     if not shown or not len(rows):
         return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
@@ -240,12 +229,7 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
 
 
 def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the tasks that were done, in order, and then those that were left.
-
-    Args:
-        run: as executed, or a plan.
-        stated: the run's mission sheet as plain data.
-    """
+    """Return the tasks that were done, in order, and then those left, by the stated sheet."""
     done = [
         {"name": stop["task"], "priority": stop["priority"], "done": True, "at": stop["arrival"],
          "duration": stop["hold"], "why": ""}

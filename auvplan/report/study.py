@@ -30,13 +30,7 @@ _FIGURES = (
 def study_data(
     dataset: xr.Dataset, rehearsal: dict[str, Any] | None = None, runs: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return what the page of a study shows.
-
-    Args:
-        dataset: of many missions, with or without leading dimensions of settings.
-        rehearsal: figures of the plan that the missions rehearse, or None.
-        runs: names of the folders of missions that were saved whole.
-    """
+    """Return what the page of a study shows, with the plan it rehearses and folders of saved missions."""
     dataset = dataset.sortby("seed")
     dims, settings = statistics.sweep_dims(dataset), json.loads(dataset.attrs.get("scenario", "{}"))
     sweeps = [

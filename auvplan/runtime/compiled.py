@@ -448,15 +448,10 @@ def _counted_as_compilation() -> Iterator[None]:
                 _counts.waited += time.perf_counter() - _counts.since
 
 
-def _count_compilation(event: str, duration_secs: float, **_: str | int) -> None:
-    if event == "/jax/core/compile/backend_compile_duration":
-        _counts.compiled += 1
+def _count(event: str, duration_secs: Any = 0.0, **_: Any) -> None:
+    _counts.compiled += event == "/jax/core/compile/backend_compile_duration"
+    _counts.hits += event == "/jax/compilation_cache/cache_hits"
 
 
-def _count_hit(event: str, **_: str | int) -> None:
-    if event == "/jax/compilation_cache/cache_hits":
-        _counts.hits += 1
-
-
-monitoring.register_event_duration_secs_listener(_count_compilation)
-monitoring.register_event_listener(_count_hit)
+monitoring.register_event_duration_secs_listener(_count)
+monitoring.register_event_listener(_count)

@@ -90,9 +90,6 @@ def whole_result(path: str | Path) -> Iterator[Path]:
     Until then the earlier results are as they were, and so they stay where an error or a signal ends the run.
     Files of other names in the folder are left alone.
 
-    Args:
-        path: of the folder, created if needed.
-
     Raises:
         OutputError: one line that names the folder and the reason.
     """
@@ -131,10 +128,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     """Write a file under a temporary name in the same folder and move it into place.
 
     Whoever reads `path` sees the old file or the new one whole, and a failing writer leaves nothing behind.
-
-    Args:
-        path: of the file.
-        write: called with the temporary path, whose suffix is that of `path`.
+    `write` is called with the temporary path, whose suffix is that of `path`.
 
     Returns:
         The path of the file.

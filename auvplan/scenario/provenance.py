@@ -54,12 +54,7 @@ class SourceFile:
 
 
 def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFile, ...]:
-    """Return the files that the settings of a scenario name; those that are gone are left out.
-
-    Args:
-        settings: a scenario as plain data.
-        folder: that relative paths start from.
-    """
+    """Return the files that plain settings of a scenario name; those that are gone are left out."""
     return tuple(
         SourceFile(
             name, path.name, folder_size(path), "" if path.is_dir() else digest(path), _origin(name, path)
@@ -69,12 +64,7 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
 
 
 def source_digests(settings: dict[str, Any], folder: str | Path) -> list[dict[str, Any]]:
-    """Return field, path, size in bytes and SHA-256 of the files that settings name, as a run saves them.
-
-    Args:
-        settings: a scenario as plain data.
-        folder: that relative paths start from.
-    """
+    """Return field, path, size in bytes and SHA-256 of the files that settings name, as a run saves them."""
     return [
         {"field": name, "path": str(path), "size": folder_size(path), "sha256": digest(path)}
         for name, path in _named(settings, Path(folder))
@@ -116,12 +106,7 @@ def _origin(name: str, path: Path) -> dict[str, str]:
 
 
 def changed_settings(settings: dict[str, Any], base: dict[str, Any] | None = None) -> list[dict[str, Any]]:
-    """Return the settings of a scenario that differ from the defaults: field, value, default.
-
-    Args:
-        settings: a scenario as plain data; what it leaves out has its default.
-        base: a scenario to compare with in place of the defaults.
-    """
+    """Return the settings of a scenario that differ from the defaults, or a base: field, value, default."""
     compared = Scenario().model_dump(mode="json") if base is None else base
     found = _differences(settings, compared, "")
     return [row for row in found if row["field"] not in ("name", "description")]

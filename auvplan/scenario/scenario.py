@@ -206,10 +206,7 @@ def change_scenario(
 ) -> Scenario:
     """Return a scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
 
-    Args:
-        changes: values by "section.field", or of a whole section by its name.
-        source: that an error names.
-        sources: what an error names instead, by field.
+    An error names the `source`, or that of its field in `sources`.
 
     Raises:
         ScenarioError: a field is not known or a value does not fit; one line that names source and field.

@@ -110,15 +110,10 @@ def simulate(courses: Sequence[Course], vehicle: Vehicle, samples: int, steps: i
 
 @partial(compiled, static_argnames=("steps",))
 def transit(courses: Course, vehicle: Vehicle, *, steps: int) -> Transit:
-    """Follow given tracks in the true current for `steps` time steps.
+    """Follow B tracks, stacked, in the true current for `steps` of `TIME_STEP`.
 
     The vehicle crabs to hold its track; where the current beats it, it makes the least progress that travel
     times assume, and `Transit.shortfall` is that amount.
-
-    Args:
-        courses: of B vehicles: all leaves have a leading axis B, of the current those of each one's own.
-        vehicle: speed and limits.
-        steps: number of steps of `TIME_STEP`.
     """
     shared, each = partition(courses.current)
 

@@ -17,10 +17,7 @@ PATIENCE = "10s"
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
-    """A client of a scheduler.
-
-    Args:
-        address: of the scheduler, such as "tcp://host:8786", or the path of a scheduler file.
+    """A client of a scheduler, by its address, such as "tcp://host:8786", or the path of its file.
 
     Raises:
         StudyError: Dask is not installed, or the scheduler cannot be reached.

@@ -28,11 +28,7 @@ def require_one_sea(scenario: Scenario) -> None:
 
 
 def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
-    """Figures of how often a plan holds, ready for JSON.
-
-    Args:
-        planned: the plan.
-        executed: missions of the same scenario, as `run_study` returns them.
+    """Figures of how often a plan holds in missions of its scenario, ready for JSON.
 
     Returns:
         What `summarise` returns of the missions; the plan's figures; how many missions did each job, and how

@@ -105,7 +105,7 @@ def run_study(
         store = Store(out, design, resume, force)
         if resume and store.finished:
             return load_study(out)
-        tasks, begin = store.missing(), time.perf_counter()
+        tasks, started = store.missing(), time.perf_counter()
         collector = _Collector(store, len(tasks), progress)
         saves = str((Path(out) / RUNS).resolve()) if save_runs else None
 
@@ -124,7 +124,7 @@ def run_study(
     dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).area.chart)
     clock = {
         "missions": len(tasks),
-        "wall_s": time.perf_counter() - begin,
+        "wall_s": time.perf_counter() - started,
         "compile_s": collector.compile_seconds,
         "workers": count if dask is None else dask,
     }

@@ -42,13 +42,7 @@ class Store:
     """
 
     def __init__(self, folder: str | Path, design: Design, resume: bool = False, force: bool = False):
-        """Open a new study, or with `resume` the same one again, or one of more missions.
-
-        Args:
-            folder: with everything in it, created if needed.
-            design: what is run.
-            resume: continue the study in the folder.
-            force: replace the study in the folder.
+        """Open a new study, with `resume` the same again or one of more missions; `force` replaces it.
 
         Raises:
             StudyError: the folder holds a study that is not to be replaced, or to resume another one or none.

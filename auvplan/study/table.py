@@ -140,13 +140,7 @@ def row_of(run: MissionRun) -> Row:
 
 
 def table(design: Design, rows: Sequence[Row], chart: Chart | None) -> xr.Dataset:
-    """Return the dataset of a finished study.
-
-    Args:
-        design: what was run.
-        rows: one for each of `Design.tasks`, in their order.
-        chart: that all missions share, or None.
-    """
+    """Return the dataset of a finished study; `rows` are those of `Design.tasks`, in their order."""
     lead = (*(sweep.dim for sweep in design.sweeps), "mission")
     shape = (*design.shape, design.count)
     variables = {

@@ -235,13 +235,8 @@ def sensing_data(run: MissionRun) -> dict[str, float] | None:
 def grown(run: MissionRun, leg: LegRecord, times: Array, errors: bool = True) -> Array:
     """Return by how much the boundary of each of `shown_obstacles` has grown at times [k] s: [k, M] m.
 
-    It grows from one look to the next; before the first the obstacle counts as seen when the leg began.
-
-    Args:
-        run: that the leg belongs to.
-        leg: as executed.
-        times: of the leg.
-        errors: whether the errors of measurement widen it as well.
+    It grows from one look to the next; before the first the obstacle counts as seen when the leg began. The
+    `errors` of measurement may widen it as well.
     """
     seen, rule = looks(run, leg), sensing_data(run)
     found = np.zeros((len(times), len(seen)))

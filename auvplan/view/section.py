@@ -139,13 +139,7 @@ def _sections(
     seabed: Seabed | None,
     reach: tuple[float, float],
 ) -> list[Section]:
-    """Sections with rows in common; none where nothing differs with depth.
-
-    Args:
-        parts: of each its leg, or None, its path, the current there and cuts.
-        seabed: or None.
-        reach: m, least and greatest depth that the vehicle may go to.
-    """
+    """Sections of parts, with rows in common, within a `reach` of depths, m; none where nothing differs."""
     if not parts or reach[0] >= reach[1]:
         return []
     beds = [None if seabed is None else seabed.altitude(path.at * [1.0, 1.0, 0.0]) for _, path, *_ in parts]
@@ -192,15 +186,7 @@ def _section(
 
 
 def _cut(kind: str, path: _Path, centre: Array, radius: float, grown: ArrayLike) -> Cut:
-    """Return where the vertical below and above each place of a path cuts a sphere: the ends of its chord.
-
-    Args:
-        kind: of the obstacle.
-        path: with k places.
-        centre: [k, 3] m.
-        radius: m, of the obstacle.
-        grown: [k] m, of its collision boundary.
-    """
+    """Return where the vertical below and above each place of a path cuts a sphere [k, 3] m."""
     apart = ((centre - path.at)[:, :2] ** 2).sum(axis=1)
 
     def ends(size: ArrayLike) -> Array:

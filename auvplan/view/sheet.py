@@ -473,13 +473,7 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
 
 
 def _out_of_window(run: MissionRun, node: int, shortest: NDArray) -> str:
-    """Return how a task's windows miss the route, or an empty string where a detour comes in time for one.
-
-    Args:
-        run: with its route.
-        node: of the task.
-        shortest: [N, N] s, shortest times between waypoints, tasks included.
-    """
+    """Return how a task's windows miss the route, by shortest times; empty where a detour is in time."""
     table = run.graph.timetable
     if table is None or not _windows(run, node):
         return ""
@@ -516,12 +510,7 @@ def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
 
 
 def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None) -> Path:
-    """Write the sheet as a page that needs nothing else.
-
-    Args:
-        sheet: to be written.
-        path: of the file.
-        picture: name of a picture beside it.
+    """Write the sheet as a page that needs nothing else but, beside it, the picture.
 
     Raises:
         OutputError: the file cannot be written.

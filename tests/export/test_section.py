@@ -72,7 +72,7 @@ def test_after_a_replan_the_current_is_that_of_the_replan(run):
     np.testing.assert_allclose(section.along[:, after], 0.5 * north, atol=1e-5)
     assert np.ptp(section.along[:, ~after], axis=0).min() > 0.1
     assert len(section.earlier) == 1
-    np.testing.assert_allclose(section.earlier[0][[0, -1]], section.way[[0, -1]], atol=1e-6)
+    np.testing.assert_allclose(section.earlier[0][[0, -1]], section.path[[0, -1]], atol=1e-6)
 
 
 def test_the_bed_line_is_the_sea_bed(run):

@@ -125,10 +125,7 @@ class File:
         return values
 
     def coordinate(self, name: str, missing: bool = False) -> Array:
-        """Return all values of a coordinate.
-
-        Args:
-            missing: whether some may be NaN, as models leave them on land.
+        """Return all values of a coordinate, where some may be `missing`, as models leave them on land.
 
         Raises:
             CurrentError: they are too many, cannot be read, or are not finite.
@@ -199,10 +196,7 @@ def close_all(files: Sequence[File]) -> None:
 
 
 def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tuple[File, ...]:
-    """Open one file, all files of a glob pattern, a dataset, or a list of these.
-
-    Args:
-        crs, epoch: as in `File`.
+    """Open one file, all of a glob pattern, a dataset, or a list of these; `crs` and `epoch` as in `File`.
 
     Raises:
         CurrentError: there is no such file, or one is no readable NetCDF file or Zarr folder.

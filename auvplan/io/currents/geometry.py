@@ -333,13 +333,7 @@ def along(axis: Array, value: Array) -> tuple[Index, Array, Array]:
 
 
 def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
-    """Weights within triangles; a place in none of them is given to the nearest point.
-
-    Args:
-        points: [P, 2] m north and east.
-        triangles: [N, 3] points.
-        places: [M, 2] m north and east.
-    """
+    """Weights of places [M, 2] m in triangles [N, 3] of points [P, 2] m; the nearest point in none."""
     found = find_triangle(points, triangles, places)
     inside = found >= 0
     corners = triangles[np.where(inside, found, 0)]

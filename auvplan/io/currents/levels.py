@@ -41,10 +41,7 @@ class Levels:
 
 
 def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
-    """Return the levels of a velocity component.
-
-    Args:
-        dim: of its levels; None where it has none.
+    """Return the levels of a velocity component, along a dimension if it has one.
 
     Raises:
         CurrentError: the levels have no depths, or such as contradict themselves.

@@ -194,10 +194,7 @@ def require_field(file: File) -> None:
 
 
 def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, str]:
-    """Return the longitude and latitude of a variable's points.
-
-    Args:
-        staggered: whether the places are those of ROMS' rho points, not of the variable itself.
+    """Return the longitude and latitude of a variable's points; staggered, of ROMS' rho points.
 
     Raises:
         CurrentError: they are missing.

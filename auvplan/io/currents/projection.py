@@ -33,9 +33,6 @@ def as_crs(given: Any, fault: type[AuvplanError]) -> CRS:
 def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS | None]:
     """Read longitude and latitude of coordinates in degrees, or in metres of a projection.
 
-    Args:
-        places: names of longitude and latitude, or of x and y; of one dimension each or of two.
-
     Returns:
         Longitude and latitude, degrees, of the coordinates' own shape or, for x and y along dimensions of
         their own, [y, x]; and the projection, None for degrees.

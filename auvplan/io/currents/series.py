@@ -228,11 +228,7 @@ def _first_edge(file: File, edges: str, middles: str, size: int, count: int) -> 
 
 
 def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tuple[Series, list[str]]:
-    """Join files of one model run that follow each other in time.
-
-    Args:
-        name: of a velocity component, whose dimensions show which is time.
-        coordinates: variables that must be the same in all files.
+    """Join files of one run, with velocity component `name`, the same coordinates, and times in order.
 
     Returns:
         The files as one, with `times`; what is given twice is taken from the earlier file. And notes.

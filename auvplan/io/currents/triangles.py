@@ -160,7 +160,10 @@ class Triangles:
             beyond[held >= 0] = 0.0
             dry = held < 0
         weight[dry] = 0.0
-        beyond[dry & self._in_hull(longitude, latitude)] = 0.0
+        if len(self._hull):
+            outward = self._about_middle(longitude, latitude) @ self._hull[:, :2].T + self._hull[:, 2]
+            inside = (outward <= 0.01).all(axis=1)
+            beyond[dry & inside] = 0.0
         return Weights(index, weight, beyond)
 
     def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
@@ -175,13 +178,6 @@ class Triangles:
         points = metres(middle, cells.longitude[used], cells.latitude[used])
         found = find_triangle(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
         return np.where(found >= 0, cells.cell[near[found]], -1)
-
-    def _in_hull(self, longitude: Array, latitude: Array) -> NDArray[np.bool_]:
-        hull = self._hull
-        if not len(hull):
-            return np.zeros(len(longitude), bool)
-        beyond = self._about_middle(longitude, latitude) @ hull[:, :2].T + hull[:, 2]
-        return np.asarray((beyond <= 0.01).all(axis=1))
 
     def window(self, index: Index) -> Window:
         """Just the points."""
@@ -207,10 +203,7 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
 def find_triangles(
     file: File, name: str, places: tuple[str, str] | None, notes: list[str]
 ) -> tuple[Triangles, str, CRS | None] | None:
-    """Return the geometry of a variable along one dimension, or None where the file has no places for it.
-
-    Args:
-        places: longitude and latitude of its values; None where they are not given.
+    """Return the geometry of a variable along one dimension; None where the file has no places for it.
 
     Returns:
         The geometry; the file's dimension of the points; and the projection that its coordinates count along,

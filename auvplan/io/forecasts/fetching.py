@@ -69,11 +69,7 @@ def fetch_current(
 ) -> Fetched:
     """Fetch a current from a server and write it as NetCDF, with where it is from.
 
-    Args:
-        request: what is asked for.
-        path: of the file.
-        timeout: s that the server may be silent.
-        progress: called with the share that is done and words for it.
+    The server may be silent for `timeout` s; `progress` is called with the share that is done and words.
 
     Raises:
         ForecastError: one line on what is wrong and what would do.

@@ -183,10 +183,6 @@ def read_zones(source: Features, site: Site, extent: Extent | None = None) -> li
 
     One that is closed at some hours only states them by `from` and `to`, or by `windows`, as jobs do.
 
-    Args:
-        site: where local coordinates count from.
-        extent: of the area that they are for; None where it is not known.
-
     Raises:
         GeoError: one line that names the file and the number of the feature that is at fault.
 
@@ -341,14 +337,3 @@ def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:
     if not shape.is_valid:
         raise GeoError(f"{what}: {shapely.is_valid_reason(shape)}")
     return shape
-
-
-__all__ = [
-    "ChartError",
-    "Zone",
-    "chart_from_polygons",
-    "chart_from_raster",
-    "closures_of",
-    "read_zones",
-    "with_no_go",
-]

@@ -47,12 +47,7 @@ class Faults:
             self.lines += error.lines
 
     def refuse(self, places: int = 0, kind: type[AuvplanError] = GeoError) -> None:
-        """Raise what was kept, if anything.
-
-        Args:
-            places: how many parts of the file have a place; where longitude and latitude are swapped in all
-                of them, that is said once.
-        """
+        """Raise what was kept, if anything; once where all `places` of a file are swapped."""
         swapped = self.swapped
         if 1 < len(swapped) == places:
             swapped = [f"{swapped[0]} (so in all {places} places of the file)"]
@@ -84,10 +79,7 @@ def label(source: Any) -> str:
 
 
 def read_text(path: str | Path, limit: int) -> str:
-    """Return the text of a UTF-8 file, with or without a byte order mark.
-
-    Args:
-        limit: bytes; a larger file is refused.
+    """Return the text of a UTF-8 file, with or without a byte order mark, of `limit` bytes at most.
 
     Raises:
         GeoError: the file is missing, larger, or not UTF-8.

@@ -398,10 +398,6 @@ def read_layer(
     """Return the features of a layer of `source`, with its own names of properties, and its reference system.
 
     Shapes are valid or not, and None where there is none; kinds are the layer's name.
-
-    Args:
-        path: of the file, for messages.
-        options: of GDAL's driver.
     """
     meta, _, geometries, columns = gdal(path).raw.read(source, layer=layer, force_2d=True, **options)
     names, found = [str(name) for name in meta["fields"]], []

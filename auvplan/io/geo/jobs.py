@@ -402,11 +402,6 @@ def _number(where: str, stated: dict[str, Any], name: str, least: float = 0.0) -
 def _check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
     """Refuse a name that is all but one that means something, and doubt one that may stand for it.
 
-    Args:
-        where: the file, as messages name it.
-        given: names in the file, in lower case.
-        known: names that mean something, each with its meaning.
-
     Returns:
         By name, what to warn of: it is another word for something that is not given, or asks for what jobs do
         not have; it is ignored.

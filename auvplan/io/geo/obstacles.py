@@ -42,9 +42,6 @@ def read_obstacles(source: Features, site: Site) -> tuple[KnownObstacle, ...]:
     clockwise from north and `speed` m/s over ground where they have them. An obstacle without depths reaches
     from the surface to the bed; one that moves is at its place at the scenario's epoch.
 
-    Args:
-        site: where local coordinates count from.
-
     Raises:
         GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
     """

@@ -73,13 +73,10 @@ class Hours:
         return spans
 
     def falls(self, priority: float) -> tuple[tuple[float, float], ...]:
-        """Return moments and the priority that a job has after each.
+        """Return moments and the priority that a job has after each, before the first its own.
 
         They are stated by `priority_after`, as pairs [moment, priority] or as text, "moment/priority,
         moment/priority".
-
-        Args:
-            priority: before the first of them.
 
         Raises:
             GeoError: a moment or a priority cannot be read, moments do not rise or priorities do not fall.
