@@ -1,4 +1,4 @@
-"""auvplan: mission and path planning for autonomous underwater vehicles in a moving sea, on JAX.
+"""auvplan: mission and path planning for autonomous underwater vehicles in time-varying currents, on JAX.
 
 Local metres, north-east-down; seconds since the scenario's epoch; m/s; rad.
 """

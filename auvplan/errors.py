@@ -57,12 +57,12 @@ def warn(line: str) -> None:
 def reason_of(error: Exception) -> str:
     """Return what an error says, or what a library's own error before it said, on one line."""
     first = error.__cause__ or error
-    said = first.strerror if isinstance(first, OSError) and first.strerror else str(first)
-    return " ".join(said.split())[:300] or f"cannot be read ({type(error).__name__})"
+    text = first.strerror if isinstance(first, OSError) and first.strerror else str(first)
+    return " ".join(text.split())[:300] or f"cannot be read ({type(error).__name__})"
 
 
 @contextmanager
-def blaming(section: str, field: str) -> Iterator[None]:
+def error_context(section: str, field: str) -> Iterator[None]:
     """Put errors within down to a field of a scenario's section, or to that which the error names.
 
     Args:

@@ -84,7 +84,11 @@ def descend(
     def step(_: jax.Array, carry: Any) -> Any:
         unit, memory, best = carry
         (_, scored), gradient = value_and_slope(unit)
-        best = _keep_better(best, (unit, *scored))
+        better = scored[0] < best[1]
+        best = (
+            jnp.where(better[:, None], unit, best[0]),
+            *(jnp.where(better, new, old) for new, old in zip(scored, best[1:], strict=True)),
+        )
         change, memory = optimizer.update(jnp.nan_to_num(gradient), memory)
         return jnp.clip(unit + change, 0.0, 1.0), memory, best
 
@@ -94,11 +98,3 @@ def descend(
     # The last step only scores what the one before it reached.
     _, _, (unit, cost, violation) = jax.lax.fori_loop(0, steps + 1, step, carry)
     return jnp.clip(lower + unit * span, lower, upper), cost, violation
-
-
-def _keep_better(best: tuple[jax.Array, ...], new: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
-    better = new[1] < best[1]
-    return (
-        jnp.where(better[:, None], new[0], best[0]),
-        *(jnp.where(better, b, a) for a, b in zip(best[1:], new[1:], strict=True)),
-    )

@@ -24,8 +24,8 @@ def window_faults(run: Saved) -> Iterator[str]:
         if (line := timed.get(_line_of(names, leg))) is not None:
             begins, ends = float(leg.times[0]), float(leg.times[-1]) + leg.t_task
             if leg.priority > 0.0 and not _within(begins, ends, line.windows):
-                said = f"a part of line {line.name!r} from {begins:.0f} to {ends:.0f} s"
-                yield f"{leg}: {said} is in none of its windows"
+                what = f"a part of line {line.name!r} from {begins:.0f} to {ends:.0f} s"
+                yield f"{leg}: {what} is in none of its windows"
             continue
         point = timed.get(names[leg.goal] if leg.goal < len(names) else "")
         if point is None or point.is_line:
@@ -48,8 +48,8 @@ def _point_faults(run: Saved, leg: Leg, job: Job) -> Iterator[str]:
     begins = arrival + leg.t_wait
     # Without a priority it was done before, or missed.
     if leg.priority > 0.0 and not _within(begins, begins, job.windows):
-        said = f"the task at {job.name!r} from {begins:.0f} to {begins + leg.t_task:.0f} s"
-        yield f"{leg}: {said} is in none of its windows"
+        what = f"the task at {job.name!r} from {begins:.0f} to {begins + leg.t_task:.0f} s"
+        yield f"{leg}: {what} is in none of its windows"
 
 
 def _line_of(names: list[str], leg: Leg) -> str:

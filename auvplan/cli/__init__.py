@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from auvplan.cli import departures, execute, export, mission, pictures, plan, scenario, study, tools
-from auvplan.cli.shared import complain, warned
+from auvplan.cli.shared import print_error, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 
 #: New objects after which garbage is looked for.
@@ -29,7 +29,7 @@ def stoppable(command: Callable[..., None]) -> Callable[..., None]:
             command(*arguments, **options)
         except KeyboardInterrupt as stop:
             words = str(stop) or "interrupted"
-            complain(words)
+            print_error(words)
             raise typer.Exit(130) from None
 
     return run
@@ -38,7 +38,7 @@ def stoppable(command: Callable[..., None]) -> Callable[..., None]:
 app = typer.Typer(
     add_completion=True,
     no_args_is_help=True,
-    help="Mission and path planning for autonomous underwater vehicles in a moving sea.",
+    help="Mission and path planning for autonomous underwater vehicles in time-varying currents.",
     pretty_exceptions_enable=False,
 )
 for command in (
@@ -95,7 +95,7 @@ def _shorten_warnings() -> None:
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, ScenarioWarning):
             warned.add(str(message))
-            complain(f"warning: {message}")
+            print_error(f"warning: {message}")
         else:
             usual(message, category, *place, **more)
 
@@ -112,5 +112,5 @@ def main() -> None:
     try:
         app()
     except AuvplanError as error:
-        complain(" ".join(str(error).split()))  # names of files may hold line breaks
+        print_error(" ".join(str(error).split()))  # names of files may hold line breaks
         sys.exit(2)

@@ -105,7 +105,7 @@ def departures(
         shared.list_files("files", files)
         shared.name_page(files[-1])
     if found.best is None:
-        shared.complain(f"no departure is feasible; {found.moment(0)}: {found.reasons[0]}")
+        shared.print_error(f"no departure is feasible; {found.moment(0)}: {found.reasons[0]}")
         raise typer.Exit(1)
 
 

@@ -139,7 +139,7 @@ def execute(
         )
         shared.say(f"record in {file}")
     if not record.success:
-        shared.complain(f"mission failed: {record.reason}; {record.safe}")
+        shared.print_error(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
 
 

@@ -113,7 +113,7 @@ def _run(
     if certify:
         _print_certificate(run.first_route)
     if not run.success:
-        shared.complain(f"mission failed: {run.reason}")
+        shared.print_error(f"mission failed: {run.reason}")
         raise typer.Exit(1)
 
 

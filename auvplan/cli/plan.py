@@ -104,14 +104,14 @@ def plan(
         if pictures != Pictures.NONE:
             shared.name_page(out / REPORT)
     if not run.success:
-        shared.complain(f"no plan: {run.reason}")
+        shared.print_error(f"no plan: {run.reason}")
         raise typer.Exit(1)
 
 
 def print_sheet(sheet: "MissionSheet") -> None:
     """The mission sheet in the terminal."""
     for line in sheet.warnings:
-        shared.complain(f"warning: {line}")
+        shared.print_error(f"warning: {line}")
     shared.print_facts(sheet.title, sheet.facts.items())
     headings, rows = sheet.table(brief=True)
     stops = Table()

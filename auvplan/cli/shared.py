@@ -149,7 +149,7 @@ def bounded(changes: list[str] | None, wanted: bool) -> list[str] | None:
     return [*(changes or []), "planning.lower_bounds=true"] if wanted else changes
 
 
-def complain(text: str) -> None:
+def print_error(text: str) -> None:
     """Print a line on standard error; names in it may look like markup or, as :100: in a place, emoji."""
     errors.print(f"auvplan: {text}", soft_wrap=True, highlight=False, markup=False, emoji=False)
 
@@ -205,22 +205,22 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
         return
     from auvplan.runtime.compiled import listening
 
-    come, said = None, False
+    share_done, announced = None, False
     with _moving(title, of) as move:
 
         def advance(share: float | None, words: str) -> None:
-            nonlocal come
-            come = share
+            nonlocal share_done
+            share_done = share
             move(share, words)
 
         def compiling(begun: int, done: int) -> None:
-            nonlocal said
-            if not said:
-                said = True
+            nonlocal announced
+            if not announced:
+                announced = True
                 line = "compiling programs for this kind of scenario: up to a minute, once"
                 errors.print(line, highlight=False)
             if done < begun:
-                move(come, f"compiling, {counted(done, 'program')} done")
+                move(share_done, f"compiling, {counted(done, 'program')} done")
 
         with listening(compiling):
             yield advance
@@ -260,7 +260,7 @@ def _lines(title: str, of: str | None) -> Iterator[Advance]:
         while not ended.wait(APART):
             (share, words), now = now_at, time.monotonic()
             if words != stated and (share - before >= 0.1 or now - when >= 60.0):
-                complain(words)
+                print_error(words)
                 stated, when, before = words, now, share
 
     thread = Thread(target=report, daemon=True)

@@ -69,7 +69,7 @@ def montecarlo(
     if failed:
         seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
         named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
-        shared.complain(f"{counted(failed, 'mission')} failed: {named}")
+        shared.print_error(f"{counted(failed, 'mission')} failed: {named}")
         raise typer.Exit(1)
 
 

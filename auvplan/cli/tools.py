@@ -235,11 +235,11 @@ def check(
     from auvplan.check.run import check_run
     from auvplan.study.store import is_study, saved_runs
 
-    study, talks = is_study(folder), not (quiet or as_json)
+    study, verbose = is_study(folder), not (quiet or as_json)
     reports: dict[str, CheckReport] = {}
     for run in saved_runs(folder) if study else [folder]:
         report = reports[run.name] = check_run(run, sources)
-        if talks:
+        if verbose:
             shared.say(f"{run.name}: {_in_a_line(report)}" if study else str(report))
     faulty = sum(not report.ok for report in reports.values())
     length, collisions = (sum(getattr(r, of) for r in reports.values()) for of in ("length", "collisions"))
@@ -247,7 +247,7 @@ def check(
         runs = {name: {"ok": r.ok, "collisions": r.collisions} | asdict(r) for name, r in reports.items()}
         whole = {"ok": not faulty, "collisions": collisions, "length": length, "runs": runs}
         shared.print_json(whole if study else runs[folder.name])
-    elif talks and study:
+    elif verbose and study:
         met = f"{length / 1000.0:,.1f} km, {counted(collisions, 'collision')}"
         shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
     if faulty:

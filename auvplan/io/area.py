@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, blaming
+from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, error_context
 from auvplan.io import currents, geo
 from auvplan.io.cross_checks import check_jobs, warn_of_contradictions, warn_of_idle_obstacles
 from auvplan.io.land import Land, beyond, cropped, degrees_of, in_folder, on_land, pixels_of, read_land
@@ -82,7 +82,7 @@ def load_area(
         ValueError: given: the scenario has no current.files: name it, such as "in memory"
     """
     files = AreaFiles(scenario, folder, until, given=given)
-    with heard() as lines:
+    with gathered_warnings() as lines:
         area = files.area()
     noted = (*scenario.warnings, *scenario.overrides, *lines, *area.notes)
     return replace(area, notes=tuple(dict.fromkeys(noted)))
@@ -114,7 +114,7 @@ def load_jobs(
         assert current is not None
         return np.hypot(*evaluated(current, *place, times)[:2])
 
-    with blaming("mission", "jobs"):
+    with error_context("mission", "jobs"):
         return geo.read_jobs(
             in_folder(folder, scenario.mission.jobs) if given is None else given,
             site,
@@ -145,7 +145,7 @@ def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent |
 
 
 @contextmanager
-def heard(show: bool = True) -> Iterator[list[str]]:
+def gathered_warnings(show: bool = True) -> Iterator[list[str]]:
     """Gather the lines of what is warned of within.
 
     Args:
@@ -344,7 +344,7 @@ class AreaFiles:
         settings = self.scenario.chart
         if settings.no_go is None:
             return ()
-        with blaming("chart", "no_go"):
+        with error_context("chart", "no_go"):
             zones = geo.read_zones(self._source("chart.no_go"), self._on_earth, self._extent())
         if settings.no_go_windows is None:
             return tuple(zones)
@@ -358,7 +358,7 @@ class AreaFiles:
             return ()
         assert self.site is not None
         extent, margin = self._extent(self.scenario.chart.pixel_size), self.scenario.safety.closing
-        with blaming("chart", "no_go"):
+        with error_context("chart", "no_go"):
             return geo.closures_of(self.no_go, self.site, extent, margin=margin, until=self.until)
 
     @_Part
@@ -382,7 +382,7 @@ class AreaFiles:
         constituents = self.scenario.current.constituents
         if constituents is None:
             return None
-        with blaming("current", "constituents"):
+        with error_context("current", "constituents"):
             return read_tide(in_folder(self.home, constituents), self._on_earth, self.until)
 
     @_Part
@@ -392,7 +392,7 @@ class AreaFiles:
         own = self.given.get("mission.jobs")
         jobs = load_jobs(self.scenario, self.site, self.home, self.until, forecast, own)
         if jobs is not None:
-            with blaming("mission", "jobs"):
+            with error_context("mission", "jobs"):
                 check_jobs(jobs, self.site, self.scenario)
         return jobs
 
@@ -401,7 +401,7 @@ class AreaFiles:
         """Known obstacles of a file."""
         if self.scenario.obstacles.file is None:
             return ()
-        with blaming("obstacles", "file"):
+        with error_context("obstacles", "file"):
             named = geo.read_obstacles(self._source("obstacles.file"), self._on_earth)
             warn_of_idle_obstacles(named, self.scenario, self.dry_land)
         return named
@@ -415,7 +415,7 @@ class AreaFiles:
         low, notes = self._low_water()
         if settings.source == "file":
             given = settings.model_dump(include={"variable", "positive", "crs"})
-            with blaming("bathymetry", "file"):
+            with error_context("bathymetry", "file"):
                 path = self._source("bathymetry.file")
                 found = geo.read_bathymetry(path, self._on_earth, self._extent(settings.pixel_size), **given)
                 if not (found.depth > 0.0).any():
@@ -486,7 +486,7 @@ class AreaFiles:
         how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
         how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
         how["times"] = site.epoch and (0.0, self.until)
-        with blaming("current", field):
+        with error_context("current", field):
             found = self._once(
                 lambda: currents.read_current(source, site, land=land, **how),
                 "current", tuple(paths), site, tuple(how.values()), chart,
@@ -512,7 +512,7 @@ class AreaFiles:
         extent = geo.Extent(np.subtract(box[0][:2], more), np.add(box[1][:2], more), size)
 
         def burnt() -> Chart:
-            with blaming("chart", "no_go"):
+            with error_context("chart", "no_go"):
                 closed = geo.with_no_go(wide, always, extent)
             return cropped(closed, settings, box)
 

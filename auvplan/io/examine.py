@@ -99,7 +99,7 @@ def examine_scenario(source: str | Path) -> Examination:
     sections = {str(path[0]) for path in taken if path not in _APART}
     if scenario is None or sections & {"site", "area"}:
         return Examination(str(source), tuple(in_order(found)))
-    from auvplan.io.area import AreaFiles, heard
+    from auvplan.io.area import AreaFiles, gathered_warnings
 
     if ("chart", "uncertain") in missing:
         plain = scenario.chart.model_copy(update={"uncertain": None})
@@ -107,7 +107,7 @@ def examine_scenario(source: str | Path) -> Examination:
     unread = {part for part, section in AreaFiles.PARTS.items() if section in sections}
     unread |= {_PARTS[field] for field in missing.keys() & _PARTS.keys()}
     files = AreaFiles(scenario, folder, unread=unread)
-    with heard(show=False) as lines:
+    with gathered_warnings(show=False) as lines:
         wrong = _attempt(files, document)
         found += [one for one in wrong if one.field.partition(".")[0] not in sections]
         if sound is None:

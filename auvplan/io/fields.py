@@ -34,7 +34,7 @@ _VORTICES = {
 _BODY = {"surge": "forward", "sway": "to starboard", "heave": "downward"}
 
 
-#: m/s, what is slower is nought with the rounding of angles.
+#: m/s, what is slower is zero but for the rounding of angles.
 _ROUNDING = 1e-12
 
 #: Histories of a search, by iteration, with what they are and their units.
@@ -194,7 +194,7 @@ def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = 
     # The course is that of what is filed, so that a run that was read back is filed as it was.
     course = Motion.of_body(np.radians(yaw, dtype=float), np.radians(pitch, dtype=float), body).course
     course = np.degrees(course % (2.0 * np.pi)).astype(np.float32)
-    course = np.where(course >= 360.0, 0.0, course)  # a hair west of north
+    course = np.where(course >= 360.0, 0.0, course)  # just west of north
     angles = {
         "course": (course, "course over ground, from north", "platform_course"),
         "yaw": (yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.errors import ScenarioError, blaming, warn
+from auvplan.errors import ScenarioError, error_context, warn
 from auvplan.io import geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
@@ -69,12 +69,12 @@ def read_land(
     size, notes, cells = settings.pixel_size, (), None
     extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
     if settings.source in ("whitsunday", "image"):
-        with blaming("chart", "image"):
+        with error_context("chart", "image"):
             coast, chart, notes = _picture(settings, file)
     elif settings.source == "enc":
         assert site is not None
         depth, radius = settings.safety_depth, settings.hazard_radius
-        with blaming("chart", "file"):
+        with error_context("chart", "file"):
             cells = geo.read_cells(
                 file, site, extent, deepest=box[1][2], safety_depth=depth, hazard_radius=radius
             )
@@ -84,7 +84,7 @@ def read_land(
         coast = chart = _water_chart(current, box, size)
     else:
         assert site is not None
-        with blaming("chart", "file"):
+        with error_context("chart", "file"):
             if settings.source == "raster":
                 colours = settings.colours.given
                 chart, notes = geo.chart_and_notes(file, site, extent, crs=settings.crs, colours=colours)

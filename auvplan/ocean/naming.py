@@ -46,7 +46,7 @@ _UNLIKE, _UNCLEAR = 25.0, 0.7
 _NEAR = 15.0  # CIELAB distance up to which a named colour means a cluster, where not all classes are named
 
 
-class Doubt(NamedTuple):
+class Concern(NamedTuple):
     """Why a proposal may be wrong, and the clusters that it is about: once these are named it is settled."""
 
     reason: str
@@ -64,7 +64,7 @@ class Naming(NamedTuple):
     """
 
     kinds: NDArray[np.uint8]
-    doubts: tuple[Doubt, ...] = ()
+    doubts: tuple[Concern, ...] = ()
     notes: tuple[str, ...] = ()
     unlike: frozenset[int] = frozenset()
 
@@ -132,7 +132,7 @@ def name(
         doubts = [doubt for doubt in doubts if doubt.clusters]
     for kind, given, what in ((WATER, colours.water, "water"), (COAST, colours.land, "land")):
         if given and not (kinds[meant] == kind).any():
-            doubts.append(Doubt(f"none of its colours is near {' or '.join(given)} of {what}"))
+            doubts.append(Concern(f"none of its colours is near {' or '.join(given)} of {what}"))
     own = distance.min(axis=1)
     other = np.where(classes != classes[nearest][:, None], distance, np.inf).min(axis=1)
     unlike = meant & ((own > _UNLIKE) | (own > _UNCLEAR * other))
@@ -155,55 +155,55 @@ def _propose(lab: NDArray[np.floating], labels: NDArray[np.integer]) -> Naming:
     """Return what the rules make of clusters, and where they are in doubt."""
     kinds, clusters = name_clusters(lab), _Clusters(lab, labels)
     if not (kinds == WATER).any():
-        return Naming(kinds, (Doubt("none of them looks like water"),))
+        return Naming(kinds, (Concern("none of them looks like water"),))
     pale, notes = _pale_water(clusters, kinds), ()
     if isinstance(pale, np.ndarray):
         kinds, found = pale, [_odd_land(clusters, pale), _odd_shape(clusters, pale)]
-        said = "the palest tone is taken for deep water, the pale blue along the land for uncertain area"
-        notes = (said,)
+        note = "the palest tone is taken for deep water, the pale blue along the land for uncertain area"
+        notes = (note,)
     else:
         found = [*(rule(clusters, kinds) for rule in (_odd_water, _odd_land, _odd_shape)), pale]
     return Naming(kinds, tuple(doubt for doubt in found if doubt), notes)
 
 
-def _odd_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
-    """Doubt about the colour of the water itself."""
+def _odd_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Concern | None:
+    """Return a concern about the colour of the water itself."""
     middle, about = clusters.mean(kinds == WATER), _numbers(kinds == WATER)
     hue, chroma = (float(value) for value in hue_and_chroma(middle))
     if middle[0] < _DARK:
-        return Doubt("the bluest tone is so dark that it may be land as well", about)
+        return Concern("the bluest tone is so dark that it may be land as well", about)
     if chroma < _SURE_CHROMA or not _SURE_HUES[0] <= hue <= _SURE_HUES[1]:
-        return Doubt("no tone is clearly blue", about)
+        return Concern("no tone is clearly blue", about)
     return None
 
 
-def _odd_land(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
-    """Doubt about the colours of what is not water."""
+def _odd_land(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Concern | None:
+    """Return a concern about the colours of what is not water."""
     hue, chroma, large = clusters.hue, clusters.chroma, clusters.large
     earthy = (hue >= _LAND_HUES[0]) & (hue <= _LAND_HUES[1]) & (chroma <= _LAND_CHROMA)
     odd = (kinds == COAST) & large & ~earthy & (chroma > _FAINT_CHROMA)
     if odd.any():
-        return Doubt("a tone is neither water's nor land's", _numbers(odd))
+        return Concern("a tone is neither water's nor land's", _numbers(odd))
     if not (kinds == COAST)[large].any() and _spread_of(clusters.lab[large]) > _ONE_TONE:
-        return Doubt("none of them looks like land", _numbers(kinds != COAST))
+        return Concern("none of them looks like land", _numbers(kinds != COAST))
     return None
 
 
-def _odd_shape(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Doubt | None:
-    """Doubt about water that lies in the land as islands do in the sea, or along it as a fringe.
+def _odd_shape(clusters: _Clusters, kinds: NDArray[np.uint8]) -> Concern | None:
+    """Return a concern about water that lies in the land as islands do in the sea, or along it as a fringe.
 
     Or about land that is a fringe between waters of two tones, one of which it may surround as a beach does.
     """
     water, land = clusters.pixels(kinds == WATER), clusters.pixels(kinds == COAST)
     lakes, islands = _inside(water, clusters.shown), _inside(~water, clusters.shown)
     if lakes > islands and lakes > _NOTEWORTHY:
-        return Doubt("the blue areas lie within the others as islands do", _numbers(kinds == WATER))
+        return Concern("the blue areas lie within the others as islands do", _numbers(kinds == WATER))
     if _narrow(water):
-        return Doubt("the blue areas are narrow as a fringe", _numbers(kinds == WATER))
+        return Concern("the blue areas are narrow as a fringe", _numbers(kinds == WATER))
     most = max(clusters.share[kinds == COAST].sum(), _NOTEWORTHY)
     tones = clusters.lab[(kinds != COAST) & (clusters.share >= most)]
     if land.mean() >= _NOTEWORTHY and _narrow(land) and _spread_of(tones) > _ONE_TONE:
-        return Doubt("land is narrow as a fringe between two tones of water", _numbers(kinds != COAST))
+        return Concern("land is narrow as a fringe between two tones of water", _numbers(kinds != COAST))
     return None
 
 
@@ -226,7 +226,7 @@ def _inside(area: NDArray[np.bool_], shown: NDArray[np.bool_]) -> float:
     return float((area & ~brink & ~joined(area & shown, brink)).sum() / max(shown.sum(), 1))
 
 
-def _pale_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> NDArray[np.uint8] | Doubt | None:
+def _pale_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> NDArray[np.uint8] | Concern | None:
     """Other names for a chart whose shallows are pale blue and whose deep water is paler still, or white.
 
     That is so where the pale blue lies between the land and the palest tones nearly all along the coast.
@@ -242,11 +242,11 @@ def _pale_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> NDArray[np.uin
     paler = paper | (_is_sea(clusters.lab) & ~water & (light > tone))
     if tone < _PALE or share[paler].sum() < _NOTEWORTHY:
         return None
-    doubt = Doubt("the palest tone may be deep water as well as land", _numbers(paler))
+    concern = Concern("the palest tone may be deep water as well as land", _numbers(paler))
     # Ink is dark and without hue, and what it mixes with at its edges has small shares.
     land = ~water & ~paler & clusters.large & ((clusters.chroma >= _PAPER[1]) | (light >= _INK))
     if share[land].sum() < _NOTEWORTHY:
-        return doubt
+        return concern
     ashore, blue, white = (clusters.pixels(which) for which in (land, water, paler))
     # The coast's pixels look for the nearest one of either tone: ink may lie between.
     gap, nearest = scipy.ndimage.distance_transform_edt(~(blue | white), return_indices=True)  # type: ignore[misc]
@@ -257,7 +257,7 @@ def _pale_water(clusters: _Clusters, kinds: NDArray[np.uint8]) -> NDArray[np.uin
     if not paper[clusters.large].any() and sandwiched <= 1.0 - _SANDWICHED and deep < shallow:
         return None  # the paler tone is that of the shallows
     if sandwiched < _SANDWICHED or deep <= 1.5 * shallow:
-        return doubt
+        return concern
     return np.where(paler, WATER, np.where(water, UNCERTAIN, kinds)).astype(np.uint8)
 
 

@@ -77,14 +77,6 @@ class LambVortices:
         x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))
         return tuple(component.reshape(shape) for component in _compiled_velocity(self, x, y, z))  # type: ignore[return-value]
 
-    def _layer_weights(self, z: jax.Array) -> jax.Array:
-        """Linear interpolation weights [L, N] of two or more layers at depths z [N] m; they sum to one."""
-        assert self.depths is not None
-        above, below = self.depths[:-1, None], self.depths[1:, None]
-        share = jnp.clip((z - above) / (below - above), 0.0, 1.0)
-        whole = jnp.ones_like(share[:1])
-        return jnp.concatenate([whole, share]) - jnp.concatenate([share, jnp.zeros_like(whole)])
-
     def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating]:
         """Bound the departure from means within boxes, see `auvplan.ocean.deviation`.
 
@@ -261,8 +253,13 @@ def _velocity(field: LambVortices, x: jax.Array, y: jax.Array, z: jax.Array) -> 
         found = _layer(x, y, vortices, gamma)
         return jax.tree.map(lambda sum_, one: sum_ + weight * one, total, found), None
 
+    assert field.depths is not None
+    above, below = field.depths[:-1, None], field.depths[1:, None]
+    share = jnp.clip((z - above) / (below - above), 0.0, 1.0)
+    whole = jnp.ones_like(share[:1])
+    weights = jnp.concatenate([whole, share]) - jnp.concatenate([share, jnp.zeros_like(whole)])
     # One loop in place of a copy for each layer: programs ask for the current in dozens of places.
-    return jax.lax.scan(add, total, (field._layer_weights(z), layers))[0]
+    return jax.lax.scan(add, total, (weights, layers))[0]
 
 
 #: Compiled, or every call outside a compiled program would compile its loops again.

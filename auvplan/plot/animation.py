@@ -381,6 +381,6 @@ def _write_mp4(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> No
             encoder.stdin.close()
         except BrokenPipeError:
             pass  # it says why
-        said = encoder.stderr.read().decode(errors="replace").strip().splitlines()
+        message = encoder.stderr.read().decode(errors="replace").strip().splitlines()
     if encoder.returncode:
-        raise OSError(errno.EIO, f"ffmpeg: {said[-1] if said else 'it failed'}")
+        raise OSError(errno.EIO, f"ffmpeg: {message[-1] if message else 'it failed'}")

@@ -52,7 +52,7 @@ class Painter:
             context = get_context("spawn")
             self._pipe, other = context.Pipe()
             self.process = context.Process(target=_paint, args=(other,), daemon=True)
-            with cores.deaf():
+            with cores.ignoring_interrupts():
                 self.process.start()
             other.close()
         return self

@@ -13,7 +13,7 @@ def count() -> int:
 
 
 @contextmanager
-def deaf() -> Iterator[None]:
+def ignoring_interrupts() -> Iterator[None]:
     """Start processes in it that Ctrl-C does not reach: the one that starts them ends them."""
     if current_thread() is not main_thread():  # only the main thread may set what a signal does
         yield

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auvplan.errors import ScenarioError, blaming
+from auvplan.errors import ScenarioError, error_context
 from auvplan.mission.graph import MissionGraph, random_graph
 from auvplan.mission.jobs import NEIGHBOURS, JobPoint, Jobs, Terrain, jobs_graph, task_hours
 from auvplan.mission.timetable import Timetable
@@ -45,7 +45,7 @@ def make_graph(
         if point is not None and (fault := misplaced(np.asarray(point), scenario, area)):
             raise ScenarioError(f"{point} {fault}", field=f"mission.{name}")
     if area.jobs is not None:
-        with blaming("mission", "jobs"):
+        with error_context("mission", "jobs"):
             return _jobs_graph(scenario, area, area.jobs, detours or DetourFinder(scenario, area))
     ends = {0: settings.start, settings.waypoints - 1: settings.goal}
     for _ in range(_TRIES):

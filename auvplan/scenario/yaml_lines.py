@@ -77,9 +77,9 @@ def read_yaml(text: str) -> Document:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = None if mark is None else (mark.line + 1, mark.column + 1)
-        said = str(error.problem or "cannot be parsed")
-        said = f"{error.context}, {said}" if said.startswith("but ") and error.context else said
-        raise YamlError(" ".join(said.split())[:200], place) from None
+        message = str(error.problem or "cannot be parsed")
+        message = f"{error.context}, {message}" if message.startswith("but ") and error.context else message
+        raise YamlError(" ".join(message.split())[:200], place) from None
     except RecursionError:
         raise YamlError("nested too deeply") from None
     finally:
@@ -109,8 +109,8 @@ def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:
         return loader.construct_object(node)
     except (ValueError, OverflowError, yaml.YAMLError) as error:
         reason = getattr(error, "problem", None) or str(error)
-        said = " ".join(str(reason).split())[:200]
-        document.faults.append((path, f"{short(node.value)} is no value: {said}", _place(node)))
+        message = " ".join(str(reason).split())[:200]
+        document.faults.append((path, f"{short(node.value)} is no value: {message}", _place(node)))
         return None
 
 

@@ -165,7 +165,7 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
             ours, theirs = context.Pipe(duplex=False)
             core = numbers[number % len(numbers)]
             process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
-            with cores.deaf():
+            with cores.ignoring_interrupts():
                 process.start()
             running.append(process)
             theirs.close()

@@ -235,7 +235,7 @@ def flag_names(variable: xr.DataArray) -> list[str]:
 def study_chart(dataset: xr.Dataset) -> Chart | None:
     """Return the chart that all missions share; None for open water.
 
-    Stored steps may miss the values of a chart by a hair.
+    Stored steps may miss the values of a chart by rounding.
     """
     if "passability" not in dataset:
         return None

@@ -49,7 +49,7 @@ class File:
     path: str  # as given, for messages
     variables: Mapping[str, xr.Variable]  # by name; packing and fill values are decoded, times are not
     attributes: Mapping[str, Any]  # of the whole file
-    close: Callable[[], None]  # lets go of the file
+    close: Callable[[], None]  # closes the file
     #: The projection of its coordinates as pyproj takes it, where the file may not name it; or None.
     crs: Any = None
     #: The moment, s since 1970, that its times count from where it does not state it; or None.
@@ -190,7 +190,7 @@ def same_values(one: Array, two: Array, slack: float = 1e-6) -> bool:
 
 
 def close_all(files: Sequence[File]) -> None:
-    """Let go of files."""
+    """Close files."""
     for file in files:
         file.close()
 

@@ -38,12 +38,12 @@ _TYPES = {
 _FAULTS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     "copernicus": (
         (("Credentials", "UsernameOrPassword"),
-         "Copernicus Marine refuses the name or the password ({said}): run `copernicusmarine login`"),
+         "Copernicus Marine refuses the name or the password ({text}): run `copernicusmarine login`"),
         (("DatasetNotFound", "DatasetVersionNotFound", "DatasetVersionPartNotFound"),
          "Copernicus Marine has no such data set: `copernicusmarine describe` lists what there is"),
-        (("CoordinatesOutOfDatasetBounds",), "the request lies outside the data ({said})"),
-        (("Connect", "Timeout", "OSError"), "Copernicus Marine cannot be reached ({said}): try again later"),
-        (("",), "Copernicus Marine's client failed ({kind}: {said})"),
+        (("CoordinatesOutOfDatasetBounds",), "the request lies outside the data ({text})"),
+        (("Connect", "Timeout", "OSError"), "Copernicus Marine cannot be reached ({text}): try again later"),
+        (("",), "Copernicus Marine's client failed ({kind}: {text})"),
     ),
     "http": (
         (("Timeout",), "the server did not answer within {timeout:g} s: try again, or a longer --timeout"),
@@ -57,9 +57,9 @@ _FAULTS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     ),
 }  # fmt: skip
 _STATUS = {
-    **dict.fromkeys((401, 403), "the server wants a login or refuses it (status {status}){said}"),
-    **dict.fromkeys((404, 410), "the server has no such data set (status {status}){said}: look it up there"),
-    413: "the request is too large for the server (status 413){said}: ask for less",
+    **dict.fromkeys((401, 403), "the server wants a login or refuses it (status {status}){text}"),
+    **dict.fromkeys((404, 410), "the server has no such data set (status {status}){text}: look it up there"),
+    413: "the request is too large for the server (status 413){text}: ask for less",
 }
 #: What of an OPeNDAP constraint goes as it is, as other clients send it.
 _PLAIN = ":,.&=<>!~/"
@@ -252,8 +252,8 @@ def _answering(request: Request, timeout: float) -> Iterator[None]:
             kinds.append("ChunkedEncodingError")
         faults = _FAULTS["copernicus" if request.server == "copernicus" else "http"]
         words = next(words for marks, words in faults if any(mark in " ".join(kinds) for mark in marks))
-        said = " ".join(str(error).split())[:_LONGEST] or kinds[0]
-        about = {"kind": kinds[0], "said": said, "why": reason_of(error), "timeout": timeout}
+        text = " ".join(str(error).split())[:_LONGEST] or kinds[0]
+        about = {"kind": kinds[0], "text": text, "why": reason_of(error), "timeout": timeout}
         protocol = "ERDDAP griddap" if request.server == "erddap" else "OPeNDAP"
         raise request.fail(words.format(**about, protocol=protocol)) from None
     finally:
@@ -262,13 +262,13 @@ def _answering(request: Request, timeout: float) -> Iterator[None]:
 
 def _status(error: Any) -> str:
     """Return what to say of a status that is an error, with the words of the server's message."""
-    status, said = 0, ""
+    status, text = 0, ""
     if error.response is not None:
         status, (_, mark, rest) = error.response.status_code, error.response.text.partition('message="')
         words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
-        said = f" ({words[:_LONGEST]})" if mark else ""
-    return _STATUS.get(status, "the server answers with status {status}{said}: try again later").format(
-        status=status, said=said
+        text = f" ({words[:_LONGEST]})" if mark else ""
+    return _STATUS.get(status, "the server answers with status {status}{text}: try again later").format(
+        status=status, text=text
     )
 
 

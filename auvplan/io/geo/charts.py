@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import blaming, warn
+from auvplan.errors import error_context, warn
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.features import Features
 from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
@@ -142,7 +142,7 @@ def chart_from_polygons(
         land = shapes(source, "land", fringe + grid.pixel_size)
         doubtful = touched(land.buffer(fringe), wide) if fringe > 0.0 else np.zeros(wide.shape, bool)
         if uncertain is not None:
-            with blaming("", "uncertain"):
+            with error_context("", "uncertain"):
                 doubtful |= touched(shapes(uncertain, "uncertain area", grid.pixel_size), wide)
         coast = touched(land, wide)
         return wide.chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)))

@@ -305,9 +305,9 @@ def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[
     """The headings, and those of places; the name in messages of each sound row, and its cells by heading."""
     text = read_text(path, MAX_JOBS_BYTES)
     heading = next((line for line in text.splitlines() if line.strip()), "")
-    if said := _SEPARATOR.match(heading):  # as some spreadsheets want it
+    if named := _SEPARATOR.match(heading):  # as some spreadsheets want it
         text = text.replace(heading, "", 1)
-    separator = said[1] if said else next((mark for mark in (";", "\t", "|") if mark in heading), ",")
+    separator = named[1] if named else next((mark for mark in (";", "\t", "|") if mark in heading), ",")
     table = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True))
     filled = [(number, row) for number, row in enumerate(table, 1) if any(cell.strip() for cell in row)]
     if len(filled) < 2:

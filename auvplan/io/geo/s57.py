@@ -275,7 +275,7 @@ def read_cells(
         blocked = shapely.union_all([*found.dry, *found.shut])
         shut = touched(blocked, wide)
         closed = touched(shapely.union_all([zone.polygon for zone in found.closed]), wide)
-        # Of obstacles those that reach into the rectangle, and out of what is closed anyhow.
+        # Of obstacles those that reach into the rectangle, and out of what is closed already.
         discs = np.array([shapely.Point(one.position).buffer(one.radius) for one in found.hazards], object)
         stands = shapely.intersects(discs, grid.box) & ~shapely.covers(blocked, discs)
         hazards = tuple(one for one, there in zip(found.hazards, stands, strict=True) if there)
@@ -421,9 +421,9 @@ def _unharmed(what: str) -> Iterator[None]:
         except Exception as error:
             raise GeoError(f"{what} cannot be read ({reason_of(error)})") from None
     for one in caught:
-        said = " ".join(str(one.message).split())
-        if not any(words in said for words in _HARMLESS):
-            raise GeoError(f"{what} is damaged ({said[:200]})")
+        message = " ".join(str(one.message).split())
+        if not any(words in message for words in _HARMLESS):
+            raise GeoError(f"{what} is damaged ({message[:200]})")
 
 
 def _name(one: Feature, kind: str) -> str:
