@@ -242,7 +242,7 @@ def run(
         period: iterations between two memetic steps; the first comes before the first iteration.
         iterations: how many to make, at most those of the settings; None for these. Later rows of the history
             are zero.
-        feasible: whether a best habitat that has a violation gives way, in the result, to the best candidate
+        feasible: whether a best habitat with a violation is replaced, in the result, by the best candidate
             that had none.
         stop: cost at which the search ends, met without a violation; None to make all iterations. Rows of the
             history after the end repeat the last.

@@ -192,7 +192,7 @@ def _window_faults(run: Saved, job: Job, node: int) -> Iterator[str]:
 
 
 def places_of(run: Saved) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """Return the way from m north and east of a run with a site to longitude and latitude, degrees."""
+    """Return the conversion from m north and east of a run with a site to longitude and latitude, degrees."""
     longitude, latitude = run.number("site_longitude"), run.number("site_latitude")
     frame = f"+proj=aeqd +lon_0={longitude!r} +lat_0={latitude!r} +datum=WGS84 +units=m"
     back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)

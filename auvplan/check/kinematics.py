@@ -15,7 +15,7 @@ _CURVATURE = 0.25
 #: Share of the turn at a corner by which a velocity there may lie off the middle of those beside it.
 _CORNER = 0.6
 #: m/s by which the speed through the water may differ from the vehicle's where the current is known, beyond
-#: what two ways to interpolate a current differ by.
+#: what two interpolations of a current differ by.
 SPEED_TOLERANCE = 0.03
 #: Degrees between the stored course and that of the stored velocity.
 COURSE_TOLERANCE = 0.1

@@ -182,7 +182,7 @@ class _GraphTasks:
         return cls(priority, duration, at[0], at[1], once)
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
-        """Take what a leg that arrived does off the book; of a task along its way a share is done.
+        """Take what a leg that arrived does off the account; of a task along its edge a share is done.
 
         Both tasks, each the first time; none at all where a waypoint is merely passed.
         """

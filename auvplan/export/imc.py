@@ -96,7 +96,7 @@ def plan_specification(itinerary: Itinerary) -> Element:
 
 
 def stay_specification(itinerary: Itinerary, position: Array, name: str) -> Element:
-    """Return the message of a plan to stay at a place, [3] m, until told otherwise."""
+    """Return the message of a plan to stay at a place, [3] m, until commanded otherwise."""
     return _plan(name, "stay", [("stay", _stay(itinerary, position, 0, _LONGEST))])
 
 

@@ -142,7 +142,7 @@ def _item(row: Waypoint, number: int) -> dict[str, Any]:
 
 
 def _end(last: dict[str, Any], behaviour: str) -> dict[str, Any]:
-    """Return what is done at the place of the last item, until told otherwise."""
+    """Return what is done at the place of the last item, until commanded otherwise."""
     depth = 0.0 if behaviour == "surface" else last["Altitude"]
     return last | {
         "command": _ENDS[behaviour], "doJumpId": last["doJumpId"] + 1, "Altitude": depth,

@@ -41,7 +41,7 @@ def itinerary_of(
     if site is None:
         raise ExportError("the scenario has no section site: add one to export geographic formats")
     done = run.done
-    # What is waited for the way on is waited where the vehicle is.
+    # The wait before the next leg is spent where the vehicle is.
     onward = [leg.t_hold for leg in done[1:]] + [0.0]
     holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
     legs = []

@@ -28,13 +28,13 @@ ALIKE = 0.05
 SLOW = 0.5
 
 #: m, lines shorter than this lead from one task to another in the same place.
-_NO_WAY = 0.5
+_NOWHERE = 0.5
 
 #: Degrees, steepest dive of common vehicles.
 STEEPEST = 30.0
 
 #: Degrees by which a line may be steeper: it is as steep as the vehicle's own limit where that binds.
-_HAIR = 0.05
+_ROUNDING = 0.05
 
 
 class Stretch(NamedTuple):
@@ -119,7 +119,7 @@ def ground_share(leg: "PlannedLeg", speed: float) -> float:
     """
     gaps = np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1)
     shares = gaps / np.maximum(np.diff(leg.kept_times), 1e-9) / speed
-    return float(shares[gaps > _NO_WAY].min()) if (gaps > _NO_WAY).any() else 1.0
+    return float(shares[gaps > _NOWHERE].min()) if (gaps > _NOWHERE).any() else 1.0
 
 
 def track_notes(
@@ -162,7 +162,7 @@ def track_notes(
                 "the vehicle leaves its lines"
             )
         angles = np.degrees(np.arctan2(sink, level))
-        steep = np.flatnonzero(angles > steepest + _HAIR)
+        steep = np.flatnonzero(angles > steepest + _ROUNDING)
         if len(steep):
             rate = speed * np.sin(np.radians(angles.max()))
             notes.append(

@@ -118,7 +118,7 @@ def examine_scenario(source: str | Path) -> Examination:
             found.append(finding_at(("mission", "time_available"), short, document))
         if not found:
             try:
-                _graph(files)
+                _check_graph(files)
             except AuvplanError as error:
                 found += _errors(error, "mission", document)
     at_fault = {one.field for one in found}
@@ -236,7 +236,7 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
             yield finding_at(("mission", "jobs"), f"{mission.jobs}: job {name!r} at {wrong}", document)
 
 
-def _graph(files: "AreaFiles") -> None:
+def _check_graph(files: "AreaFiles") -> None:
     """Raise where no graph can be made; warn of legs that are too steep and lines that are blocked."""
     from auvplan.scenario.lines import line_warnings
     from auvplan.scenario.waypoints import make_graph, slope_warnings

@@ -294,8 +294,8 @@ class MissionGraph:
 
         Every edge is timed in both of its directions, whatever was known before; a graph of any size and any
         later call reuse the compiled programs. Edges are removed where no path tried keeps the limits of the
-        path planner: land lies between, the current is too strong. Obstacles belong to a leg and are met on
-        the way: those of `env` are left out.
+        path planner: land lies between, the current is too strong. Obstacles belong to legs and are met
+        there: those of `env` are left out.
 
         Args:
             env: current, chart and box; with `world_per_graph` its current carries a leading axis B.
@@ -475,7 +475,7 @@ def time_to_go(leg_times: NDArray[np.floating], goal: int) -> NDArray[np.float64
 
 
 def shortest_path(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
-    """Waypoints of the quickest way from the start to the goal; empty where there is none.
+    """Waypoints of the quickest path from the start to the goal; empty where there is none.
 
     Args:
         leg_times: [N, N] s, infinite off the edges.
@@ -484,10 +484,10 @@ def shortest_path(leg_times: NDArray[np.floating], start: int, goal: int) -> lis
     times, before = scipy.sparse.csgraph.dijkstra(_sparse(leg_times), indices=start, return_predecessors=True)
     if not np.isfinite(times[goal]):
         return []
-    way = [int(goal)]
-    while way[-1] != start:
-        way.append(int(before[way[-1]]))
-    return way[::-1]
+    path = [int(goal)]
+    while path[-1] != start:
+        path.append(int(before[path[-1]]))
+    return path[::-1]
 
 
 def shortest_times(leg_times: NDArray[np.floating]) -> NDArray[np.float64]:

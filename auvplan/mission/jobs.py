@@ -139,7 +139,7 @@ def jobs_graph(
     In between are the points, the vertices of the lines and the waypoints of detours, in order. A point's
     task is done on arrival, whichever edge leads there. A survey line is a task on each edge between its
     consecutive vertices, in either direction: priority and duration are shared among them by
-    length, so that a line half surveyed earns half. These edges are there whatever stands in their way.
+    length, so that a line half surveyed earns half. These edges are there whatever lies between.
 
     Args:
         points: places to visit.

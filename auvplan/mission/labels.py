@@ -38,7 +38,7 @@ class Clocked:
         open: [N, N] bool, edges that may be taken.
         start, goal: indices.
         end: s; a route takes less.
-        return_margin: share by which the way to the goal is taken to last longer than expected.
+        return_margin: share by which the path to the goal is taken to last longer than expected.
     """
 
     timetable: Timetable
@@ -217,7 +217,7 @@ def _charges(mission: Clocked, grid: _Grid, known: float, least: float, stop: fl
 
 
 def _visits(mission: Clocked, grid: _Grid, ahead: _Ahead) -> Array:
-    """How often the best way from the start visits each waypoint, [N]."""
+    """How often the best path from the start visits each waypoint, [N]."""
     counts, here, moment, before = np.zeros(len(mission.open)), mission.start, 0, -1
     for _ in range(len(grid.at) + len(counts)):
         if here == mission.goal or moment >= len(grid.at):

@@ -378,13 +378,13 @@ def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
     times, waits, lost = found = np.zeros((3, len(nodes), nodes.shape[1] - 1))
     for row, route in enumerate(nodes):
         graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
-        way = graph.itinerary(route[route >= 0], 1.0)
-        count = len(way.ends)
-        times[row, :count] = way.ends - way.departs
+        passed = graph.itinerary(route[route >= 0], 1.0)
+        count = len(passed.ends)
+        times[row, :count] = passed.ends - passed.departs
         with np.errstate(invalid="ignore"):  # from a leg that cannot be done on all is infinite
-            waits[row, :count] = way.begins - way.arrives
+            waits[row, :count] = passed.begins - passed.arrives
         for leg, (i, j) in enumerate(pairwise(route[route >= 0].tolist())):
-            lost[row, leg] = graph.timetable.lost(i, j, way.begins[leg])
+            lost[row, leg] = graph.timetable.lost(i, j, passed.begins[leg])
     return found
 
 

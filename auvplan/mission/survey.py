@@ -96,13 +96,13 @@ class LinePart:
         places = np.asarray(positions, float).reshape(-1, 3)
         if len(places) < 2:
             return Coverage(0.0, 0.0, 0.0)
-        first, way = places[:-1], np.diff(places, axis=0)
+        first, step = places[:-1], np.diff(places, axis=0)
         shares = self.counted(first, places[1:])
         passed = shares[:, 1] > shares[:, 0]
         if not passed.any():
             return Coverage(0.0, 0.0, 0.0)
         looks = np.linspace(shares[passed, 0], shares[passed, 1], _LOOKS, axis=1)
-        along, off = self.across(first[passed, None] + looks[..., None] * way[passed, None])
+        along, off = self.across(first[passed, None] + looks[..., None] * step[passed, None])
         begins, ends = np.sort(along[:, [0, -1]], axis=1).T
         order = np.argsort(begins, kind="stable")
         begins, ends = begins[order], np.maximum.accumulate(ends[order])

@@ -216,9 +216,9 @@ def stages(
                 for enters, until in zip(timetable.enters[i, j], timetable.until[i, j], strict=True):
                     if enters > departs and (np.isinf(enters) or not timetable.waiting):
                         continue
-                    way = crossed(i, j, max(departs, enters))
-                    if way[1] + duration[i, j] <= until and way[1] < arrives:
-                        leaves, arrives = way
+                    entry = crossed(i, j, max(departs, enters))
+                    if entry[1] + duration[i, j] <= until and entry[1] < arrives:
+                        leaves, arrives = entry
             else:
                 leaves, arrives = crossed(i, j, departs)
         begins = timetable.begins(i, j, arrives)
@@ -356,7 +356,7 @@ def latest_entries(
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """When each edge must be entered at the latest so that the goal can still be reached.
 
-    Waiting is taken to be allowed, and waypoints may be passed again: no later entry helps. The way from each
+    Waiting is taken to be allowed, waypoints may be passed again: no later entry helps. The path from each
     waypoint to the goal is taken to last longer by `margin`.
 
     Args:

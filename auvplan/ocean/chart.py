@@ -148,7 +148,7 @@ class Chart(Raster):
             y: east, m.
 
         Returns:
-            Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
+            Broadcast shape, m. Outside the chart: that of the nearest point inside less the distance there.
         """
         if is_traced(self, x, y):
             return _distance(self, x, y)

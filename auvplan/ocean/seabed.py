@@ -39,7 +39,7 @@ class Seabed(Raster):
     pixel the least depth of all pixels in a window around it. Let p be a place at most reach[k] from a place
     e. Both interpolations are means over the corners of cells, with the weights that one uniform offset in
     [0, 1) by [0, 1) pixels, added to p and to e before rounding down, gives them. Under each offset the two
-    corners are apart by the way from e to p, rounded up or down along both axes. The window holds every such
+    corners are apart by the step from e to p, rounded up or down along both axes. The window holds every such
     step, so the least depth around e's corner is no deeper than the depth at p's; the means follow. Holding
     values beyond the outer centres moves no two corners apart. So the layer at e is no deeper than the sea
     bed at p: a look-up covers a circle of radius reach[k], and two at the ends for every segment of

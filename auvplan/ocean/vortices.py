@@ -156,7 +156,7 @@ def _envelopes() -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Distances from a vortex's centre, and its greatest speed, slope and second derivative there or farther.
 
     In units of its radius and of the turn of its core.
-    The velocity is p(r) times the way from the centre, turned. So its slope is at most |p| + r |p'| and its
+    The velocity is p(r) times the radius vector, turned. So its slope is at most |p| + r |p'| and its
     second derivative at most 2 |p'| + max(r |p''|, |p'|).
     """
     r = np.r_[np.linspace(1e-3, 6.0, 3000), np.geomspace(6.01, 1e5, 1500)]

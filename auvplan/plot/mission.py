@@ -107,7 +107,7 @@ def _draw_track(pen: Map, executed: list[LegRecord]) -> LineCollection:
 
 
 def _draw_refused(pen: Map, run: MissionRun) -> None:
-    """Draw paths that were planned and refused, each with a cross half the way."""
+    """Draw paths that were planned and refused, each with a cross at half their length."""
     lines = [pen.flat(leg.plans[-1].positions) for leg in refused_legs(run)]
     kind: dict[str, Any] = {"color": style.REFUSED, "ls": ":", "lw": 1.2, "marker": "x", "ms": 5, "mew": 1.3}
     for line in lines:
@@ -117,7 +117,7 @@ def _draw_refused(pen: Map, run: MissionRun) -> None:
 
 
 def _middle(line: Array) -> int:
-    """Index of the point of [n, 2] nearest to half the way."""
+    """Index of the point of [n, 2] nearest to half the length."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return int(np.searchsorted(arc, 0.5 * arc[-1]))
 

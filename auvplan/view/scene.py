@@ -206,7 +206,7 @@ def track_at(leg: LegRecord, track: Array, times: "Array | float") -> Array:
 
 
 def looks(run: MissionRun, leg: LegRecord) -> list[Array]:
-    """Return the moments, s, at which the vehicle measured each obstacle within sensor range on its way."""
+    """Return the moments, s, at which the vehicle measured each obstacle within sensor range on the leg."""
     sensors = _sensors(run)
     apart = max(1, round(sensors.interval / TIME_STEP)) * TIME_STEP
     times = np.arange(leg.times[0] + apart, leg.times[-1], apart)

@@ -33,7 +33,7 @@ class Stop:
 
     Attributes:
         name: of the waypoint.
-        task: name of the job that is done here or on the way here, or empty.
+        task: name of the job that is done here or on the leg here, or empty.
         priority: of the task; 0 without one.
         arrival: s since the departure.
         utc: moment of the arrival, or None without a date.
@@ -42,12 +42,12 @@ class Stop:
         hold: s that the task takes.
         window: the task's time windows in words, or empty.
         length: m, of the path to it.
-        ground_speed, slowest: m/s over ground on the way, mean and least.
-        coast, closed, bed, obstacle: m, least distance on the way to the coast, to areas closed then, above
+        ground_speed, slowest: m/s over ground on the leg, mean and least.
+        coast, closed, bed, obstacle: m, least distance on the leg to the coast, to areas closed then, above
             the sea bed and to an obstacle; None where there is none. See `Margins`.
         place: longitude and latitude, degrees; None without a site.
-        travel: s, on the way to it.
-        transit: m, least, mean and greatest depth on the way to it; None at the start.
+        travel: s, of the leg to it.
+        transit: m, least, mean and greatest depth on the leg to it; None at the start.
     """
 
     name: str

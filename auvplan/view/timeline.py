@@ -82,7 +82,7 @@ def lateness(run: MissionRun, route: RouteRecord) -> str:
 def windows_of(table: Timetable, start: int, goal: int) -> list[tuple[float, float]]:
     """Return the windows of the task on an edge, s; none where it may be done at any time.
 
-    A task at the waypoint begins in one of them, one along the way lies in one whole. These count first.
+    A task at the waypoint begins in one of them, one along the edge lies in one whole. These count first.
     """
     for opens, closes in ((table.enters, table.until), (table.opens, table.closes)):
         spans = list(zip(opens[start, goal].tolist(), closes[start, goal].tolist(), strict=True))
@@ -103,10 +103,10 @@ def doings(run: MissionRun) -> list[tuple[float, str]]:
         if not len(leg.times):
             continue
         goal, ends = run.called(leg.goal), float(leg.times[-1])
-        way = f"leg {number + 1}: {run.called(leg.start)} → {goal}"
-        found.append((float(leg.times[0]), way))
+        title = f"leg {number + 1}: {run.called(leg.start)} → {goal}"
+        found.append((float(leg.times[0]), title))
         later = enumerate(leg.followed_plans[1:], start=1)
-        found += [(plan.made_at, f"{way}, {counted(count, 're-plan')}") for count, plan in later]
+        found += [(plan.made_at, f"{title}, {counted(count, 're-plan')}") for count, plan in later]
         if not leg.arrived:
             found.append((ends, f"ended on leg {number + 1}"))
             continue
