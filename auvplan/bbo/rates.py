@@ -16,11 +16,6 @@ def linear_rates(size: int, immigration_max: float = 1.0, emigration_max: float 
     The best habitat hosts the most species: it emigrates at the full rate and takes nothing in. With unit
     maxima this is the paper's ``mu = linspace(1, 0, nPop)``, ``lambda = 1 - mu`` (section 4.1).
 
-    Args:
-        size: number of habitats P.
-        immigration_max: I, the largest immigration rate.
-        emigration_max: E, the largest emigration rate.
-
     Returns:
         ``(immigration, emigration)``, each [P], probabilities.
     """

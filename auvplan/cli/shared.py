@@ -190,12 +190,7 @@ def _finite(data: Any) -> Any:
 def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advance]:
     """Show how far a command has come on standard error: a bar on a terminal, else plain lines.
 
-    That programs are compiled is said once.
-
-    Args:
-        title: words until there are others.
-        quiet: show nothing.
-        of: what the percentage is of; None for no percentage.
+    That programs are compiled is said once. `of` is what the percentage is of; None for no percentage.
 
     Yields:
         `advance(share, words)`, which moves it.

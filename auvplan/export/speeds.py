@@ -129,16 +129,10 @@ def track_notes(
     slow: float = SLOW,
     pitch_max: float | None = None,
 ) -> list[str]:
-    """Return lines on legs that are slow over ground, turn too sharply or dive too steeply.
+    """Return lines on thinned legs that are slow over ground, turn too sharply or dive too steeply.
 
-    A corner is too sharp where a turn of radius speed / turn rate does not fit into the halves of its lines.
-
-    Args:
-        legs: thinned.
-        speed: through the water, m/s.
-        turn_rate_max: rad/s.
-        slow: share of the speed.
-        pitch_max: rad, the vehicle's; that of common vehicles counts where it has none.
+    A corner is too sharp where a turn of radius speed / turn rate, m/s and rad/s, does not fit into the
+    halves of its lines. Where a vehicle has no `pitch_max`, rad, that of common ones counts.
     """
     notes, radius = [], speed / turn_rate_max
     steepest = STEEPEST if pitch_max is None else float(np.degrees(pitch_max))

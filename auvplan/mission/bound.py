@@ -295,10 +295,7 @@ class _Program:
 
 
 def common_step(values: Any) -> float:
-    """Return the largest step of which all values are whole multiples, up to rounding.
-
-    Args:
-        values: any shape, finite, not negative.
+    """Return the largest step of which all values, not negative, are whole multiples, up to rounding.
 
     Returns:
         The step; 0.0 where there is none, or all values are zero. All values are within 1e-9 steps of a

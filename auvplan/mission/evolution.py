@@ -49,14 +49,9 @@ class Missions:
 def search_missions(
     keys: jax.Array, missions: Missions, count: jax.Array, iterations: jax.Array, config: MissionConfig
 ) -> tuple[search.Result, decoders.Decoded, jax.Array]:
-    """Search B missions at once.
+    """Search B missions at once, of which the first `count` habitats given are used.
 
-    Args:
-        keys: [B].
-        missions: of B.
-        count: number of habitats given.
-        iterations: to be made, at most those of the settings; later rows of histories are zero.
-        config: static settings.
+    Rows of histories after the iterations to be made are zero.
 
     Returns:
         Results, decoded best habitats [B, 1, ...] and least times to the goal [B] s.

@@ -56,12 +56,7 @@ class Clocked:
         return replace(self, timetable=replace(self.timetable, waiting=True))
 
     def done(self, i: IntArray, j: IntArray, since: Array) -> tuple[Array, Array]:
-        """When tasks are done, s, of edges entered at times, or later by waiting, and what they are worth.
-
-        Args:
-            i, j: waypoints.
-            since: s, finite; all of shapes that broadcast.
-        """
+        """When tasks are done, s, of edges entered at finite times, or later by waiting, and their worth."""
         with np.errstate(invalid="ignore"):  # of edges that are shut
             _, begins = self._schedule.begins(i, j, since)
         worth = np.broadcast_to(self.priority[i, j], begins.shape)
@@ -163,13 +158,7 @@ class _Grid:
 
 
 def prove(mission: Clocked, known: float, time_limit: float) -> Proof:
-    """Search for a route of more total priority than a known one has, until there is none or time is up.
-
-    Args:
-        mission: by the clock.
-        known: total priority; minus infinity for none.
-        time_limit: s.
-    """
+    """Search for a route of more total priority than a known one has, until none is left or time, s, is up."""
     stop = time.monotonic() + time_limit
     grid, least = _Grid.of(mission), _least_gain(mission)
     charge, root = _charges(mission, grid, known, least, stop)

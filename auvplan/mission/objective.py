@@ -27,8 +27,6 @@ def total_priority(routes: Decoded, problem: Problem, time_weight: float = 0.05)
     than any that does.
 
     Args:
-        routes: decoded population.
-        problem: what they were decoded on.
         time_weight: w < 1, what the whole of T_available is worth, as a share of the largest priority. A
             difference in total priority below it may be given up for a shorter mission.
 

@@ -30,15 +30,7 @@ _FAR = 0.6
 def _draw_currents(
     pens: Sequence[Map], currents: Sequence[Current], depth: float, times: Sequence[float], label: str
 ) -> None:
-    """Paint the speed of a current on each map, arrows over it; there is one scale of colours.
-
-    Args:
-        pens: for maps of one frame.
-        currents: for each of them.
-        depth: m.
-        times: s, for each of them.
-        label: of the scale.
-    """
+    """Paint the speed of a current on each map, arrows over it; there is one scale of colours."""
     low, high = pens[0].low, pens[0].high
     north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
     found = [current_on(one, north, east, depth, time) for one, time in zip(currents, times, strict=True)]

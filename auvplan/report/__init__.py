@@ -12,9 +12,6 @@ from auvplan.runtime.files import DEPARTURES, MISSION, REHEARSAL, REPORT, Result
 def write_report(folder: str | Path) -> Path:
     """Write the page of a saved result beside its files: a run, a study, a rehearsal or departures.
 
-    Args:
-        folder: of the result.
-
     Raises:
         ResultError: the folder holds no result, or a file is damaged or incomplete; one line that names it.
         OutputError: the page cannot be written; one line that names it.

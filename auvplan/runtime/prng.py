@@ -14,11 +14,6 @@ from auvplan.runtime.compiled import compiled
 def as_key(key: Any, name: str = "key", instead: str = "") -> jax.Array:
     """PRNG keys as they were given; old-style ones, of plain numbers, as keys of the new style.
 
-    Args:
-        key: one, or an array of them.
-        name: of the argument.
-        instead: what else would do, for the message.
-
     Raises:
         TypeError: it is something else, such as a seed; one line that says what is wanted.
     """

@@ -44,15 +44,7 @@ def run_on_cluster(
     take: Callable[[Report, Any], None],
     chunk: int = CHUNK,
 ) -> None:
-    """Hand chunks of missions to a cluster's workers; those of a lost worker go to another one.
-
-    Args:
-        client: of the cluster, see `connected`.
-        tasks: case and seed of each mission.
-        job: makes a job of some of them.
-        take: takes each report.
-        chunk: missions of one task.
-    """
+    """Hand chunks of missions to a cluster's workers; those of a lost worker go to another one."""
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 

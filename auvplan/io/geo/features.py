@@ -173,10 +173,7 @@ def _check_crs(where: str, member: Any) -> None:
 def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.ndarray:
     """[n, 3]: longitude and latitude, degrees, and elevation, m, which is NaN where none is given.
 
-    Args:
-        feature: at whose places they are.
-        coordinates: a list of positions; the feature's own if absent.
-        least: as many are needed.
+    Of coordinates, or the feature's own; at least as many as said are needed.
 
     Raises:
         GeoError: fewer than `least`, no numbers, or off the Earth.
