@@ -106,13 +106,13 @@ def figure_faults(run: Saved) -> Iterator[str]:
             yield f"{name} is {summary[name]} in {SUMMARY}, {attributes[name]} in {MISSION}"
     if len(rows) != len(run.legs):
         yield f"{len(rows)} legs in {SUMMARY}, {len(run.legs)} in {MISSION}"
-    booked = list(_leg_figures(run))
+    filed = list(_leg_figures(run))
     made = run.get("route_cpu", np.zeros(0))
     total: dict[str, float] = {
         "path_calls": len(run.legs),
-        "path_replans": sum(figures["path_replans"] for figures in booked),
+        "path_replans": sum(figures["path_replans"] for figures in filed),
         "mission_replans": max(len(made) - 1, 0),
-        "revisits": sum(figures["revisit"] for figures in booked if figures["arrived"]),
+        "revisits": sum(figures["revisit"] for figures in filed if figures["arrived"]),
         "seed": int(run.data.attrs["seed"]),
     }
     reserve = run.section("planning").get("reserve")
@@ -122,12 +122,12 @@ def figure_faults(run: Saved) -> Iterator[str]:
         total["cost_total"] = summary["cost_mission"] + made[1:].sum()
     computing = {
         "charged_s": run.number("charged_compute"),
-        "path_s": sum(figures["cpu_s"] for figures in booked),
+        "path_s": sum(figures["cpu_s"] for figures in filed),
         "mission_s": made.sum(),
         "mission_replans_s": made[1:].sum(),
     }
     tables: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
-        *((f"{leg}: ", row, figures) for row, leg, figures in zip(rows, run.legs, booked, strict=False)),
+        *((f"{leg}: ", row, figures) for row, leg, figures in zip(rows, run.legs, filed, strict=False)),
         ("", summary, total),
         ("cpu.", summary["cpu"], computing),
     ]
@@ -167,7 +167,7 @@ def route_faults(run: Saved) -> Iterator[str]:
     if "route_leg_time" not in run:
         return
     nodes, made_at = run["route_nodes"], run["route_made_at"]
-    yield from _way_faults(run.legs, nodes, made_at)
+    yield from _route_order_faults(run.legs, nodes, made_at)
     routes = run["route_leg_time"]
     for number, (route, total) in enumerate(zip(routes, run["route_time"], strict=True)):
         if np.isfinite(route).any() and not _same(np.nansum(route), total):
@@ -182,7 +182,7 @@ def route_faults(run: Saved) -> Iterator[str]:
                 yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"
 
 
-def _way_faults(legs: list[Leg], nodes: NDArray[np.integer], made_at: Array) -> Iterator[str]:
+def _route_order_faults(legs: list[Leg], nodes: NDArray[np.integer], made_at: Array) -> Iterator[str]:
     """Yield the first leg of each route that does not lead where the route says."""
     route, stop, left = -1, 0, False
     for leg in (leg for leg in legs if leg.executed):

@@ -158,7 +158,7 @@ class _Grid:
 
 
 def prove(mission: Clocked, known: float, time_limit: float) -> Proof:
-    """Search for a route of more total priority than a known one has, until none is left or time, s, is up."""
+    """Search for a route of more total priority than a known one, until none is left or time, s, is up."""
     stop = time.monotonic() + time_limit
     grid, least = _Grid.of(mission), _least_gain(mission)
     charge, root = _charges(mission, grid, known, least, stop)
