@@ -218,11 +218,11 @@ class _Track:
         stays = (0, begins - leg.t_hold, begins), (-1, ends, ends + leg.t_wait + leg.t_task)
         self.stays = [stay for stay in stays if stay[2] > stay[1]]
 
-    def fault(self, words: str, inside: Mask) -> int:
+    def fault(self, text: str, inside: Mask) -> int:
         """Report a fault for every stretch of samples [n] that is inside; return how many there are."""
         stretches = list(events(inside))
         self.report.faults += [
-            f"{self.leg}: {words} {self.samples.between(first, last)}" for first, last in stretches
+            f"{self.leg}: {text} {self.samples.between(first, last)}" for first, last in stretches
         ]
         return len(stretches)
 
@@ -231,16 +231,16 @@ class _Track:
         least = min(getattr(self.report, name), float(distances.min(initial=np.inf)))
         setattr(self.report, name, least)
 
-    def collide(self, kind: str, inside: Mask, words: str) -> None:
+    def collide(self, kind: str, inside: Mask, text: str) -> None:
         """Count the stretches inside as hits of a kind, "coast", "obstacle" or "seabed"."""
         hits, metres = f"{kind}_hits", f"{kind}_metres"
-        setattr(self.report, hits, getattr(self.report, hits) + self.fault(words, inside))
+        setattr(self.report, hits, getattr(self.report, hits) + self.fault(text, inside))
         metres_inside = getattr(self.report, metres) + float(self.samples.metres[inside].sum())
         setattr(self.report, metres, metres_inside)
 
-    def record(self, kind: str, inside: Mask, words: str) -> None:
+    def record(self, kind: str, inside: Mask, text: str) -> None:
         """Count what is on "land" or below the "sea bed", and is not known to be yet."""
-        self.collide(_COUNTED[kind], inside & ~self.recorded[kind], words)
+        self.collide(_COUNTED[kind], inside & ~self.recorded[kind], text)
         self.recorded[kind] = self.recorded[kind] | inside
 
     def pass_over(self, bed: Bed) -> None:
@@ -255,14 +255,14 @@ class _Track:
 
     def pass_through(self, area: ClosedArea) -> None:
         """Look for the leg, and stays at its ends, in an area while it is closed."""
-        inside, words = area.holds(self.samples.positions), f"in the closed area {area.name!r}"
+        inside, text = area.holds(self.samples.positions), f"in the closed area {area.name!r}"
         if area.spans is None:
-            self.record("land", inside, words)
+            self.record("land", inside, text)
             return
-        self.fault(words, inside & area.closed(self.samples.times, self.samples.times))
+        self.fault(text, inside & area.closed(self.samples.times, self.samples.times))
         for end, begins, ends in self.stays:
             if inside[end] and area.closed(np.array([begins]), np.array([ends])).any():
-                stay = f"stays {words} between {begins:.0f} and {ends:.0f} s"
+                stay = f"stays {text} between {begins:.0f} and {ends:.0f} s"
                 self.report.faults.append(f"{self.leg}: {stay}")
 
     def pass_by(self, known: Sequence[Cylinder], met: Mask) -> None:

@@ -84,9 +84,9 @@ def require(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> None:
         ResultError: a field, variable or attribute is missing or of the wrong kind; one line that names it.
     """
 
-    def need(fine: Any, file: str, words: str) -> None:
+    def need(fine: Any, file: str, reason: str) -> None:
         if not fine:
-            raise ResultError(f"{folder / file}: {words}")
+            raise ResultError(f"{folder / file}: {reason}")
 
     def need_fields(table: Any, names: tuple[str, ...], prefix: str = "", kind: Any = int | float) -> None:
         for name in names:

@@ -28,8 +28,8 @@ def stoppable(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(*arguments, **options)
         except KeyboardInterrupt as stop:
-            words = str(stop) or "interrupted"
-            print_error(words)
+            text = str(stop) or "interrupted"
+            print_error(text)
             raise typer.Exit(130) from None
 
     return run

@@ -69,8 +69,8 @@ def departures(
 
         def progress(done: int, total: int, doing: str) -> None:
             known = 0 < done < total  # not where one call plans them all
-            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
-            move(done / total if known else None, words)
+            text = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
+            move(done / total if known else None, text)
 
         found = plan_departures(settings, departs, key=key, folder=folder, area=area, progress=progress)
     rows, plain = _rows(found), settings.model_dump(mode="json")

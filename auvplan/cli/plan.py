@@ -116,8 +116,8 @@ def print_sheet(sheet: "MissionSheet") -> None:
     headings, rows = sheet.table(brief=True)
     stops = Table()
     for name in headings:
-        words = name in ("waypoint", "task")
-        stops.add_column(name, justify="left" if words else "right", overflow="fold", no_wrap=not words)
+        textual = name in ("waypoint", "task")
+        stops.add_column(name, justify="left" if textual else "right", overflow="fold", no_wrap=not textual)
     for row in rows:
         stops.add_row(*row)
     shared.console.print(stops)

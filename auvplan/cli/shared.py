@@ -193,20 +193,20 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
     That programs are compiled is said once. `of` is what the percentage is of; None for no percentage.
 
     Yields:
-        `advance(share, words)`, which moves it.
+        `advance(share, text)`, which moves it.
     """
     if quiet:
-        yield lambda share, words: None
+        yield lambda share, text: None
         return
     from auvplan.runtime.compiled import listening
 
     share_done, announced = None, False
     with _moving(title, of) as move:
 
-        def advance(share: float | None, words: str) -> None:
+        def advance(share: float | None, text: str) -> None:
             nonlocal share_done
             share_done = share
-            move(share, words)
+            move(share, text)
 
         def compiling(begun: int, done: int) -> None:
             nonlocal announced
@@ -235,8 +235,8 @@ def _moving(title: str, of: str | None) -> Iterator[Advance]:
         columns.insert(3, TextColumn(f"{{task.percentage:>3.0f}} % {of}".rstrip()))
     with Progress(*columns, console=errors, transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda share, words: bar.update(
-            task, completed=share, total=None if share is None else 1.0, description=words
+        yield lambda share, text: bar.update(
+            task, completed=share, total=None if share is None else 1.0, description=text
         )
 
 
@@ -245,18 +245,18 @@ def _lines(title: str, of: str | None) -> Iterator[Advance]:
     """Progress as plain lines, for logs: one a tenth of the work or a minute, at least `APART` s apart."""
     now_at, ended = (0.0, title), Event()
 
-    def move(share: float | None, words: str) -> None:
+    def move(share: float | None, text: str) -> None:
         nonlocal now_at
         percent = "" if share is None or of is None else f", {100.0 * share:.0f} % {of}".rstrip()
-        now_at = share or 0.0, words + percent
+        now_at = share or 0.0, text + percent
 
     def report() -> None:
         stated, when, before = "", -math.inf, 0.0
         while not ended.wait(APART):
-            (share, words), now = now_at, time.monotonic()
-            if words != stated and (share - before >= 0.1 or now - when >= 60.0):
-                print_error(words)
-                stated, when, before = words, now, share
+            (share, text), now = now_at, time.monotonic()
+            if text != stated and (share - before >= 0.1 or now - when >= 60.0):
+                print_error(text)
+                stated, when, before = text, now, share
 
     thread = Thread(target=report, daemon=True)
     thread.start()

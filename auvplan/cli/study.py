@@ -84,13 +84,13 @@ def _table(case: dict[str, Any]) -> Table:
     table = Table(title=title)
     for column in ("figure", "mean", "95 % interval", "5 %", "median", "95 %"):
         table.add_column(column, justify="left" if column == "figure" else "right")
-    for name, words in DESCRIBED.items():
+    for name, text in DESCRIBED.items():
         row = case["figures"][name]
         if row:
             known = row["low"] is not None and math.isfinite(row["low"])
             interval = f"{figure(row['low'])} to {figure(row['high'])}" if known else ""
             quantiles = (figure(row[key]) for key in ("q05", "median", "q95"))
-            table.add_row(words, figure(row["mean"]), interval, *quantiles)
+            table.add_row(text, figure(row["mean"]), interval, *quantiles)
     legs = case["expected_against_executed"]
     if legs["correlation"] is not None:
         interval = f"{legs['low']:.2f} to {legs['high']:.2f}"
@@ -110,8 +110,8 @@ def run_with_bar(design: "Design", out: Path, quiet: bool, **options: Any) -> "x
         with _mission_bar(quiet) as progress:
             return run_study(design, out, progress=progress, **options)
     except KeyboardInterrupt:
-        words = "interrupted: the same command with --resume goes on from there"
-        raise KeyboardInterrupt(words if is_unfinished(out) else "interrupted") from None
+        text = "interrupted: the same command with --resume goes on from there"
+        raise KeyboardInterrupt(text if is_unfinished(out) else "interrupted") from None
 
 
 @contextmanager
@@ -124,13 +124,13 @@ def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
             if not begun:  # a study that is resumed has some done
                 begun.append((done, time.monotonic()))
             fresh, elapsed = done - begun[0][0], time.monotonic() - begun[0][1]
-            words = f"{done:,} of {counted(total, 'mission')}"
+            text = f"{done:,} of {counted(total, 'mission')}"
             if fresh and elapsed > 0.0:
                 left = (total - done) * elapsed / fresh
                 minutes = round(left / 60.0)
                 wait = f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
                 wait = f"{left:.0f} s" if left < 60.0 else wait
-                words += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
-            move(share, words)
+                text += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
+            move(share, text)
 
         yield advance

@@ -62,9 +62,9 @@ class File:
             str(dim): size for variable in self.variables.values() for dim, size in variable.sizes.items()
         }
 
-    def fail(self, words: str) -> CurrentError:
+    def fail(self, reason: str) -> CurrentError:
         """Return an error that names the file."""
-        return CurrentError(f"{self.path}: {words}")
+        return CurrentError(f"{self.path}: {reason}")
 
     def text(self, name: str, key: str) -> str:
         """Return an attribute of a variable as text without blanks around it; empty where there is none."""

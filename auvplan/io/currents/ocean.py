@@ -108,9 +108,9 @@ class OceanData:
         own |= {"deptho": source.floor_name, "zos": source.rise_name}
         return {name: stated for name, stated in own.items() if stated is not None}
 
-    def fail(self, words: str) -> CurrentError:
+    def fail(self, reason: str) -> CurrentError:
         """Return an error that names the files."""
-        return CurrentError(f"{self.label}: {words}")
+        return CurrentError(f"{self.label}: {reason}")
 
     def part(self, frames: slice, window: Window) -> Part:
         """Return some times and a window's points; what is read of them may raise a `CurrentError`."""

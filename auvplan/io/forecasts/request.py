@@ -93,9 +93,9 @@ class Request:
         """The hash of `text`, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
-    def fail(self, words: str) -> ForecastError:
+    def fail(self, reason: str) -> ForecastError:
         """Return an error that names the data set."""
-        return ForecastError(f"{self.dataset}: {words}")
+        return ForecastError(f"{self.dataset}: {reason}")
 
 
 def _numbers(option: str, given: str, form: str, count: int) -> list[float]:
