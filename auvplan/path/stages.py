@@ -64,7 +64,7 @@ _ROUNDABOUT = 1.5
 
 #: Share by which a path in depth may be slower than one that the fields know before denser ones are laid out:
 #: these know less of the moves between depths, and a finer polish makes up for what is within it.
-_KNOWN_IN_DEPTH = 0.1
+_KNOWN_IN_DEPTH = 0.05
 
 #: Factor on the steps of a descent in depth, as shares of the bounds, over those in the plane: bounds in the
 #: plane are wider than the leg, and profiles move through a good part of the box's depth.

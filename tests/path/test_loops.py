@@ -63,10 +63,10 @@ def test_a_plan_that_loops_is_polished_without(monkeypatch):
 def test_what_is_left_over_a_limit_is_polished_once_more_alone():
     asked = []
 
-    def program(keys, legs, rows):
-        """Move a path to the north; the second leg's breaks a limit until it is there."""
-        asked.append((float(legs.depart[0]), float(rows[0, 0])))
-        broken = 0.1 * ((legs.depart > 0.0) & (rows[:, 0] < 50.0))
+    def polish(which, rows):
+        """Move paths to the north; the second leg's breaks a limit until it is there."""
+        asked.extend(zip(which.tolist(), rows[:, 0].tolist(), strict=True))
+        broken = 0.1 * ((which > 0) & (rows[:, 0] < 50.0))
         return {
             "violations": broken[:, None], "population": (rows + 100.0)[:, None],
             "cost": rows[:, 0], "wanting": broken,
@@ -76,8 +76,7 @@ def test_what_is_left_over_a_limit_is_polished_once_more_alone():
     legs = planner.Legs(np.stack([START, START]), np.stack([GOAL, GOAL]), np.array([0.0, 1.0]), None)
     rows = np.tile(np.linspace(START, GOAL, 10)[1:-1].T.ravel(), (2, 1))
     found = {"violations": np.zeros((2, 1)), "cost": np.full(2, -1e9)}
-    keys = jax.random.split(jax.random.key(0), 2)
-    kept = planner._improved(found, np.arange(2), rows, program, keys, legs, config, rounds=2)
+    kept = planner._improved(found, np.arange(2), rows, polish, legs, config, rounds=2)
     assert kept == (found, {})
-    assert [leg for leg, _ in sorted(asked)] == [0.0, 1.0, 1.0]
+    assert [leg for leg, _ in sorted(asked)] == [0, 1, 1]
     assert max(north for _, north in asked) > 50.0
