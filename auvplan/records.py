@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.energy import EnergyUse, energy_of_legs
 from auvplan.mission import MissionGraph, MissionRoute, trail_bound, upper_bound
 from auvplan.mission.jobs import Jobs, jobs_done
 from auvplan.mission.survey import Coverage, LinePart
@@ -362,9 +363,23 @@ class MissionRun(ReprMixin):
         return float(np.clip(reserve - self.t_residual, 0.0, reserve))
 
     @property
+    def energy(self) -> EnergyUse | None:
+        """Energy that the mission took, by term, and the charge along it; None without a power model."""
+        if self.vehicle.power is None:
+            return None
+        return energy_of_legs(
+            self.legs,
+            self.vehicle.power,
+            float(np.asarray(self.vehicle.speed)),
+            known=self.simulated,
+            loiters=(self.scenario.get("mission") or {}).get("wait") == "loiter",
+        )
+
+    @property
     def success(self) -> bool:
-        """Whether the destination was reached with time left."""
-        return self.arrived and self.t_residual > 0.0
+        """Whether the destination was reached with time left, and with the battery's reserve."""
+        in_time = self.arrived and self.t_residual > 0.0
+        return in_time and not (self.energy is not None and self.energy.lack)
 
     @property
     def done(self) -> list[LegRecord]:
@@ -551,6 +566,7 @@ class MissionRun(ReprMixin):
             },
             "collisions": self.collisions,
             "forecast": self.forecast(),
+            **({} if (energy := self.energy) is None else {"energy": energy.summary()}),
             "scenario": self.scenario.get("name", ""),
             "seed": self.seed,
             "version": version("auvplan"),

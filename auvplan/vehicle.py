@@ -10,6 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from auvplan.energy.power import PowerModel
 from auvplan.runtime.pytree import register_without_init
 
 SpeedReading = Literal["track", "eq8", "eq11"]
@@ -60,6 +61,8 @@ class Vehicle:
         transit_depth: m, depth that paths go down or up to between their ends, as far as box and sea bed
             allow; None for depths that are free.
         transit_altitude: m, the same above the sea bed: paths follow the terrain.
+        power: what it draws, and its battery; None where energy does not count. Planners of paths and routes
+            do without it.
 
     Raises:
         TypeError: a value is not a number or an array of numbers.
@@ -80,6 +83,7 @@ class Vehicle:
     dive_rate_max: ArrayLike | None = None
     transit_depth: ArrayLike | None = None
     transit_altitude: ArrayLike | None = None
+    power: PowerModel | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -96,6 +100,8 @@ class Vehicle:
             if name == "pitch_max" and (np.asarray(value) > 0.5 * np.pi + 1e-6).any():
                 raise ValueError(f"vehicle {name} must be at most a right angle, pi / 2 rad, got {value}")
 
+        if not isinstance(self.power, PowerModel | None | Tracer):
+            raise TypeError(f"vehicle power must be a PowerModel, got {type(self.power).__name__}")
         if self.transit_depth is not None and self.transit_altitude is not None:
             raise ValueError("vehicle transit_depth and transit_altitude exclude each other: leave one out")
 
@@ -107,6 +113,10 @@ class Vehicle:
     def without_transit(self) -> "Vehicle":
         """Return a copy whose depth between ends is free."""
         return replace(self, transit_depth=None, transit_altitude=None)
+
+    def without_power(self) -> "Vehicle":
+        """Return a copy without its power model, which planners are compiled for."""
+        return self if self.power is None else replace(self, power=None)
 
     @property
     def vertical_limits(self) -> dict[str, jax.Array]:

@@ -1,5 +1,6 @@
 """Consistency checks of a saved run: legs, places, edges and times. Plain NumPy."""
 
+import json
 from collections.abc import Iterator
 from datetime import datetime
 from typing import Any
@@ -93,9 +94,40 @@ def time_faults(run: Saved) -> Iterator[str]:
         yield f"legs, tasks and planning add up to {total:.2f} s, t_mission is {summary['t_mission']:.2f} s"
     if not _same(summary["t_available"] - summary["t_mission"], summary["t_residual"]):
         yield f"t_residual is {summary['t_residual']:.2f} s, not t_available less t_mission"
-    success = bool(run.number("arrived")) and summary["t_residual"] > 0
+    success, says = bool(run.number("arrived")) and summary["t_residual"] > 0, "the times"
+    energy = summary.get("energy")
+    if isinstance(energy, dict) and "charge_end" in energy:
+        success, says = success and energy["charge_end"] >= energy["reserve"], "the times, the charge"
     if bool(summary["success"]) != success:
-        yield f"success is {bool(summary['success'])}, the times and the last waypoint say {success}"
+        yield f"success is {bool(summary['success'])}, {says} and the last waypoint say {success}"
+
+
+def energy_faults(run: Saved) -> Iterator[str]:
+    """Yield figures of energy that do not fit each other, the time or the track."""
+    energy, stated = run.summary.get("energy"), run.data.attrs.get("power_model")
+    if energy is None and stated is None:
+        return
+    if not isinstance(energy, dict) or stated is None:
+        yield "energy stands in one of summary and power_model alone"
+        return
+    power, total = json.loads(stated), sum(energy["terms_wh"].values())
+    if not _same(total, energy["total_wh"]):
+        yield f"energy by term adds up to {total:.2f} Wh, total_wh is {energy['total_wh']:.2f}"
+    always, least = (
+        power["hotel"] + power["payload"],
+        energy["terms_wh"]["hotel"] + energy["terms_wh"]["payload"],
+    )
+    lasts, charged = run.summary["t_mission"], run.number("charged_compute")
+    if abs(3600.0 * least - always * lasts) > always * (charged + TIME_TOLERANCE):
+        over = always * lasts / 3600.0
+        yield f"hotel and payload take {least:.2f} Wh, {always:g} W over {lasts:.0f} s are {over:.2f}"
+    if "charge" not in run.data:
+        return
+    charge = run.data["charge"].values.astype(float)
+    if not np.isfinite(charge).all() or (np.diff(charge) > 1e-6).any():
+        yield "the charge rises along the track, or is no number"
+    elif len(charge) and charge[-1] < energy["charge_end"] - 1e-6:
+        yield f"the charge at the end, {energy['charge_end']:.4f}, is more than on the way"
 
 
 def figure_faults(run: Saved) -> Iterator[str]:

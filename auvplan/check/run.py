@@ -23,6 +23,7 @@ from auvplan.check.inputs import (
 )
 from auvplan.check.kinematics import motion_faults
 from auvplan.check.legs import (
+    energy_faults,
     figure_faults,
     graph_faults,
     place_faults,
@@ -136,7 +137,8 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     report = CheckReport()
     run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
     for faults in (
-        site_faults, source_faults, graph_faults, place_faults, time_faults, figure_faults, route_faults,
+        site_faults, source_faults, graph_faults, place_faults, time_faults, energy_faults, figure_faults,
+        route_faults,
         motion_faults, task_faults, window_faults,
     ):  # fmt: skip
         report.faults += faults(run)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, execute, export, mission, pictures, plan, scenario, study, tools
+from auvplan.cli import departures, execute, export, mission, pictures, plan, scenario, study, tools, vehicle
 from auvplan.cli.shared import print_error, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -62,6 +62,7 @@ for command in (
     scenario.schema,
 ):
     app.command()(stoppable(command))
+app.add_typer(vehicle.commands(stoppable), name="vehicle")
 app.command("cache")(stoppable(tools.kept))
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(hidden=True, context_settings=_ANYTHING)(tools.paper)

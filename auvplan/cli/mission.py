@@ -160,7 +160,7 @@ def _facts(summary: dict[str, Any], facts: dict[str, str]) -> Iterator[tuple[str
         planned, executed = forecast["planned_s"], forecast["executed_s"]
         yield "travel time, planned and simulated", f"{planned:.0f} s, {executed:.0f} s"
         yield "forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)"
-    yield from ((name, facts[name]) for name in ("in depth", "paths") if name in facts)
+    yield from ((name, facts[name]) for name in ("in depth", "paths", "energy") if name in facts)
     cpu = summary["cpu"]
     routes = f"routes {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
     yield "planning time", f"paths {cpu['path_s']:.2f} s, {routes}"

@@ -73,6 +73,8 @@ def plan(
         if names:
             if len(run.legs) > 1 and pictures == Pictures.ALL:
                 names.append("timeline.png")
+            if run.energy is not None and pictures == Pictures.ALL:
+                names.append("energy.png")
             from auvplan.plot.run import draw_run
             from auvplan.plot.sheet import write_pdf
 

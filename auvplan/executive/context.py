@@ -12,6 +12,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.energy.power import PowerModel
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
@@ -55,7 +56,7 @@ class MissionContext:
         scenario: settings.
         path_config: of the path planner.
         route_configs: of the mission planner, for the first route and for later ones.
-        vehicle: speed and limits.
+        vehicle: speed and limits; planners and simulator do without its power.
         area: what is known of the operating area.
         folder: that relative paths in the scenario start from.
         clock: that planning calls are timed by.
@@ -64,6 +65,7 @@ class MissionContext:
         followed: of each edge along a survey line, how it can be followed; None before it is known.
         places: spheres of known obstacles that programs are made for at least, so that those that become
             known need no other ones; where there are more, twice as many. 0 for as many as there are.
+        power: what the vehicle draws, or None.
     """
 
     scenario: Scenario
@@ -77,6 +79,7 @@ class MissionContext:
     faults: Sequence[Sequence[Fault]] = ()
     followed: dict[tuple[int, int], Followed] | None = None
     places: int = 0
+    power: PowerModel | None = None
 
     @cached_property
     def rules(self) -> PlanningSettings:
@@ -366,6 +369,8 @@ class Mission:
         late = run.t_mission >= run.t_available
         arrives = "destination reached" if run.simulated else "planned to reach the destination"
         run.reason = reason or arrives + (" too late" if late else " in time")
+        if run.arrived and run.energy is not None and (lack := run.energy.lack):
+            run.reason += f", {lack}"
 
 
 def path_config(scenario: Scenario, ahead: bool = False) -> PathConfig:
@@ -426,11 +431,13 @@ def make_context(
     from auvplan.io.area import load_area
 
     home = scenario.folder if folder is None else str(folder)
+    vehicle = make_vehicle(scenario, home)
     return MissionContext(
         scenario,
         path_config(scenario, ahead),
         mission_configs(scenario),
-        make_vehicle(scenario),
+        vehicle.without_power(),
         load_area(scenario, home) if area is None else area,
         home,
+        power=vehicle.power,
     )

@@ -29,7 +29,7 @@ def warm_up(context: MissionContext, start_mission: Callable[[MissionContext], M
     """
     if cores.count() == 1 or not cache.enabled():
         return
-    scenario = context.scenario.model_dump_json()
+    scenario = context.scenario.fingerprint
     if scenario in _warmed_up:
         return
     _warmed_up.add(scenario)

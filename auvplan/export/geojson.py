@@ -35,7 +35,7 @@ def geojson_text(itinerary: Itinerary) -> bytes:
             "sequence": sequence, "leg": row.leg, "name": row.name, "depth_m": row.depth,
             "hold_s": row.hold, "priority": row.priority, "task": row.task,
             "seconds": round(row.seconds, 3), "time": moment(site, row.seconds),
-        })  # fmt: skip
+        } | ({} if np.isnan(row.charge) else {"charge": round(row.charge, 4)}))  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
         add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
     for fence in itinerary.fences:

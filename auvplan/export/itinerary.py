@@ -63,6 +63,7 @@ class PlannedLeg:
         priority: of the task.
         led: m/s over ground, and of it along the hull, at which the first waypoint is gone to; NaN where the
             leg begins there.
+        charge: [n], share of the battery's usable energy that is left; None where it is not known.
     """
 
     number: int
@@ -80,6 +81,7 @@ class PlannedLeg:
     hold: float = 0.0
     priority: float = 0.0
     led: tuple[float, float] = (np.nan, np.nan)
+    charge: Array | None = None
 
     @classmethod
     def of(
@@ -292,6 +294,7 @@ class Waypoint:
         ends_leg: whether the leg ends there.
         yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
+        charge: share of the battery's usable energy that is left; NaN where not known.
     """
 
     leg: int
@@ -306,6 +309,7 @@ class Waypoint:
     yaw: float = np.nan
     pitch: float = np.nan
     body_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
+    charge: float = np.nan
 
     @property
     def depth(self) -> float:
@@ -337,9 +341,10 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             hold, priority = (leg.hold, leg.priority) if k == last else (0.0, 0.0)
             yaw, pitch = float(np.degrees(motion.yaw[k])), float(np.degrees(motion.pitch[k]))
             seconds = float(leg.times[leg.kept[k]])
+            charge = np.nan if leg.charge is None else float(leg.charge[leg.kept[k]])
             rows.append(Waypoint(
                 leg.number, name, place, longitude, latitude, seconds, hold, priority, k == last, yaw, pitch,
-                body[k],
+                body[k], charge,
             ))  # fmt: skip
     return rows
 

@@ -129,7 +129,8 @@ def kml_text(itinerary: Itinerary) -> bytes:
         add_path(add_mark(plan, title, "plan", leg.note), leg.positions, leg.times)
     marks = add_folder("waypoints")
     for row in waypoints(itinerary):
-        about = f"depth {row.depth:.1f} m, leg {row.leg}. {row.task}".strip()
+        left = "" if np.isnan(row.charge) else f", charge {100.0 * row.charge:.0f} %"
+        about = f"depth {row.depth:.1f} m, leg {row.leg}{left}. {row.task}".strip()
         mark = add_mark(marks, row.name, "plan", about)
         if (when := moment(site, row.seconds)) is not None:
             # A time comes before a style in the schema's order of elements.

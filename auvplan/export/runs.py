@@ -44,7 +44,8 @@ def itinerary_of(
     # The wait before the next leg is spent where the vehicle is.
     onward = [leg.t_hold for leg in done[1:]] + [0.0]
     holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
-    legs = []
+    legs, energy = [], run.energy
+    metered = energy is not None and energy.power.battery is not None
     for number, leg in enumerate(done, 1):
         plan = leg.plans[leg.followed]
         whole = PlannedLeg.of(
@@ -58,6 +59,7 @@ def itinerary_of(
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
             clearance=few.clearance,
+            charge=energy.charge_at(whole.times) if energy is not None and metered else None,
         ))  # fmt: skip
     executed = run.legs if run.simulated else []
     still = [

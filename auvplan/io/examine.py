@@ -13,7 +13,8 @@ from auvplan.ocean.closures import Zone
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
-from auvplan.scenario.provenance import FILE_FIELDS
+from auvplan.scenario.power import power_model
+from auvplan.scenario.provenance import FILE_FIELDS, vehicle_file
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import Document
 
@@ -116,6 +117,11 @@ def examine_scenario(source: str | Path) -> Examination:
         found += _misplaced(files, area, document)
         if short := unreachable(sound):
             found.append(finding_at(("mission", "time_available"), short, document))
+        if ("vehicle", "power") not in missing:
+            try:
+                power_model(sound.vehicle.power, folder, sound.vehicle.speed)
+            except AuvplanError as error:
+                found += _errors(error, "vehicle", document)
         if not found:
             try:
                 _check_graph(files)
@@ -153,6 +159,7 @@ def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Finding]
         part = data.get(section)
         for name in names:
             given = part.get(name) if isinstance(part, dict) else None
+            given = vehicle_file(given) if section == "vehicle" else given
             several = given if isinstance(given, list) else [given]
             paths = [str(folder / Path(entry).expanduser()) for entry in several if isinstance(entry, str)]
             patterns = section == "current" and name != "constituents"

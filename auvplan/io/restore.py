@@ -13,7 +13,7 @@ from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
-from auvplan.io.schema import graph_of, legs_of, read_stated, routes_of
+from auvplan.io.schema import graph_of, legs_of, power_of, read_stated, routes_of
 from auvplan.ocean.closures import Closure
 from auvplan.records import MissionRun
 from auvplan.runtime.files import MISSION, ResultError, read_mission, read_summary
@@ -62,7 +62,7 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
     own = {name: kind(attributes[name]) for name, kind in OF_RUN.items() if name not in young}
     return MissionRun(
         settings,
-        vehicle=Vehicle(**limits),
+        vehicle=Vehicle(**limits, power=power_of(attributes)),
         graph=graph_of(dataset, stated["speed"], waiting),
         chart=chart,
         routes=routes_of(dataset),

@@ -13,8 +13,10 @@ import xarray as xr
 from auvplan.io.fields import chart_variables, coast_variables, seabed_variables, variable, vortex_variables
 from auvplan.io.schema import (
     TIME_UNITS,
+    energy_variables,
     graph_variables,
     leg_variables,
+    plain_power,
     plan_variables,
     route_variables,
     stated,
@@ -63,7 +65,9 @@ def load_run(folder: str | Path) -> xr.Dataset:
 
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
-    variables = leg_variables(run.legs) | graph_variables(run) | route_variables(run.routes)
+    variables = (
+        leg_variables(run.legs) | energy_variables(run) | graph_variables(run) | route_variables(run.routes)
+    )
     variables |= plan_variables(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
@@ -88,6 +92,8 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
 
 def _attributes(run: MissionRun) -> dict[str, Any]:
     limits = {limit.name: getattr(run.vehicle, limit.name) for limit in fields(run.vehicle)}
+    limits.pop("power")
+    power = run.vehicle.power
     place: dict[str, Any] = {}
     if (site := run.site) is not None:  # the azimuthal equidistant projection about a place
         place = {"site_longitude": site.longitude, "site_latitude": site.latitude}
@@ -112,6 +118,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         **stated(run),
         "sources": json.dumps(sources),
         **{f"vehicle_{name}": float(limit) for name, limit in limits.items() if limit is not None},
+        **({} if power is None else {"power_model": json.dumps(plain_power(power))}),
         **place,
         **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
     }

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import shapely
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.energy.power import PowerLaw, PowerModel, PowerTable
 from auvplan.io.fields import (
     Variables,
     history_of,
@@ -29,6 +30,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
+from auvplan.scenario.power import PowerSettings, power_model
 
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
@@ -284,6 +286,46 @@ def _line_of(dataset: xr.Dataset, leg: int) -> LinePart | None:
     places = dataset["waypoint_position"].values.astype(float)
     start, end = (tuple(places[int(dataset[name].values[leg])].tolist()) for name in ("leg_from", "leg_to"))
     return LinePart(start, end, float(dataset["leg_line_tolerance"].values[leg]))
+
+
+# --- energy ------------------------------------------------------------------------------------------
+
+
+def energy_variables(run: MissionRun) -> Variables:
+    """Return the state of charge along the mission; nothing without a power model and its battery."""
+    energy = run.energy
+    if energy is None or energy.power.battery is None:
+        return {}
+    times = np.concatenate([np.zeros(0), *(leg.times for leg in run.legs)])
+    words = "share of the battery's usable energy that is left"
+    return {"charge": variable("obs", energy.charge_at(times), words, "1")}
+
+
+def plain_power(power: PowerModel) -> dict[str, Any]:
+    """Return a power model as plain data, as `vehicle.power` of a scenario has it.
+
+    Raises:
+        ValueError: its propulsion is neither a table nor a law.
+    """
+
+    def numbers(part: Any, *apart: str) -> dict[str, Any]:
+        names = (entry.name for entry in fields(part) if entry.name not in apart)
+        return {name: np.asarray(getattr(part, name), float).tolist() for name in names}
+
+    if not isinstance(power.propulsion, PowerTable | PowerLaw):
+        raise ValueError(
+            f"a {type(power.propulsion).__name__} cannot be saved: give a PowerTable or a PowerLaw"
+        )
+    own = {"propulsion": numbers(power.propulsion)}
+    own |= {} if power.battery is None else {"battery": numbers(power.battery)}
+    return numbers(power, "propulsion", "battery") | own
+
+
+def power_of(attributes: dict[str, Any]) -> PowerModel | None:
+    """Return the power model that a saved run was worked out with, or None."""
+    if "power_model" not in attributes:
+        return None
+    return power_model(PowerSettings.model_validate(json.loads(attributes["power_model"])))
 
 
 # --- plans -------------------------------------------------------------------------------------------

@@ -233,7 +233,9 @@ class MissionGraph:
             count = len(moments)
             starts, goals = (np.tile(self.positions[nodes], (count, 1)) for nodes in (i, j))
             trips = Trips(starts, goals, np.repeat(moments, len(i)))
-            seconds, passable = travel_times(trips, env, vehicle or Vehicle(), effort, detours=detours)
+            seconds, passable = travel_times(
+                trips, env, (vehicle or Vehicle()).without_power(), effort, detours=detours
+            )
             return np.where(passable, seconds, np.inf).reshape(count, len(i))
 
         found = timed(departures, effort, Detours(around, sketch))
@@ -324,7 +326,7 @@ class MissionGraph:
         seconds, passable = travel_times(
             Trips(stacked[graph, i], stacked[graph, j], departs),
             env,
-            vehicle or Vehicle(),
+            (vehicle or Vehicle()).without_power(),
             config or TravelTimeConfig(),
             graph if world_per_graph else None,
             Detours(around, sketch),

@@ -91,7 +91,8 @@ def plan_path(
         return planned(*given)
     check_given(env, vehicle)
     given = jax.tree.map(
-        jnp.asarray, (jnp.asarray(start), jnp.asarray(goal), env, vehicle or Vehicle(), depart)
+        jnp.asarray,
+        (jnp.asarray(start), jnp.asarray(goal), env, (vehicle or Vehicle()).without_power(), depart),
     )
     time, plan = differentiable_time(planned, given, "plan_path")
     return replace(plan, travel_time=time)  # type: ignore[arg-type]

@@ -43,7 +43,8 @@ class Conditions:
         cls, env: Environment, vehicle: Vehicle | None, config: PathConfig | None, world_per_leg: bool
     ) -> "Conditions":
         """Return those of a batch, with defaults where there is no vehicle or setting."""
-        return cls(env, vehicle or Vehicle(), config or PathConfig(), 0 if world_per_leg else None)
+        vehicle = (vehicle or Vehicle()).without_power()
+        return cls(env, vehicle, config or PathConfig(), 0 if world_per_leg else None)
 
     def world(self) -> Environment:
         """Return the leg's own world."""
@@ -159,7 +160,8 @@ def travel_time(
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")
     config = timed(PathConfig(speed_reading=speed_reading), env.current)
-    return _time_along(points, env, vehicle or Vehicle(), jnp.asarray(depart, float), config)
+    vehicle = (vehicle or Vehicle()).without_power()
+    return _time_along(points, env, vehicle, jnp.asarray(depart, float), config)
 
 
 def _time_along(

@@ -74,7 +74,8 @@ class Straights:
     def through(cls, env: Environment, vehicle: Vehicle, reading: SpeedReading = "track") -> "Straights":
         """Return the same for an environment as it is given; any `Current` will do."""
         obstacles = env.obstacles.padded(rounded_up(len(env.obstacles)))
-        return cls(replace(env, current=padded(env.current), obstacles=obstacles), vehicle, reading)
+        env = replace(env, current=padded(env.current), obstacles=obstacles)
+        return cls(env, vehicle.without_power(), reading)
 
     def follow(self, places: Array, depart: float, step: float = STEP) -> tuple[Steps, "Cut"]:
         """Follow lines that join places [K, 3] m, departing at a time, s since the epoch."""

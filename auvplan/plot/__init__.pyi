@@ -3,6 +3,8 @@ from .chart import draw_chart as draw_chart
 from .chart import plot_chart as plot_chart
 from .convergence import plot_convergence as plot_convergence
 from .departures import plot_departures as plot_departures
+from .energy import plot_energy as plot_energy
+from .energy import plot_power as plot_power
 from .mission import plot_mission as plot_mission
 from .paths import plot_currents as plot_currents
 from .paths import plot_path as plot_path
@@ -22,8 +24,10 @@ __all__ = [
     "plot_convergence",
     "plot_currents",
     "plot_departures",
+    "plot_energy",
     "plot_mission",
     "plot_obstacles",
     "plot_path",
+    "plot_power",
     "plot_timeline",
 ]

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from auvplan.plot.convergence import plot_convergence
+from auvplan.plot.energy import plot_energy
 from auvplan.plot.mission import plot_mission
 from auvplan.plot.paths import plot_currents
 from auvplan.plot.space import plot_obstacles
@@ -27,7 +28,10 @@ _OF_LEG: dict[str, Callable[[MissionRun, LegRecord], Any]] = {
     "convergence.png": plot_convergence,
 }
 
-#: Names of all files.
+#: Of runs whose vehicle has a power model.
+ENERGY = "energy.png"
+
+#: Names of all files but `ENERGY`.
 FIGURES = (*_OF_RUN, *_OF_LEG)
 
 
@@ -47,7 +51,7 @@ def draw_run(
     Args:
         run: as executed; one that failed on the way is fine.
         folder: created if needed.
-        names: of the figures, in `FIGURES`; all of them if absent.
+        names: of the figures, in `FIGURES`, or `ENERGY`; all of them if absent.
         leg: number of a done leg, from 1; or "all", whose figures have the number in their name.
         progress: called with the share that is done and the name of the next file.
 
@@ -61,13 +65,14 @@ def draw_run(
         one = busiest_leg(run) if leg is None else done_leg(run, leg)
         shown = {"": one} if one and one.plans else {}
     target = output_folder(folder)
-    wanted = list(FIGURES if names is None else names)
+    every = FIGURES if run.energy is None else (*FIGURES, ENERGY)
+    wanted = list(every if names is None else names)
     if not shown:
         wanted = [name for name in wanted if name == MAP]
     drawn: list[tuple[str, Callable[[], Any]]] = []
     for name in wanted:
-        if name in _OF_RUN:
-            drawn.append((name, lambda plot=_OF_RUN[name]: plot(run)))
+        if plot := (_OF_RUN | {ENERGY: plot_energy}).get(name):
+            drawn.append((name, lambda plot=plot: plot(run)))
             continue
         for ending, one in shown.items():
             if name != "convergence.png" or all(plan.history for plan in one.plans):

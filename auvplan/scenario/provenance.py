@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 
 from auvplan.runtime.files import digest, folder_size
+from auvplan.scenario.power import is_file_name
 from auvplan.scenario.scenario import Scenario
 
 #: What attributes begin with that state where a file of currents was fetched from.
@@ -19,6 +20,7 @@ ORIGIN = "fetched_"
 FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
+    "vehicle": ("power",),
     "current": ("files", "constituents", "truth"),
     "obstacles": ("file",),
     "mission": ("jobs",),
@@ -77,10 +79,18 @@ def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
     for section, fields in FILE_FIELDS.items():
         for field in fields:
             given = (settings.get(section) or {}).get(field)
+            if section == "vehicle":
+                given = vehicle_file(given)
             found += [
                 (f"{section}.{field}", one) for one in ([given] if isinstance(given, str) else given or ())
             ]
     return found
+
+
+def vehicle_file(given: Any) -> str | None:
+    """Return the path of the file that a vehicle's power is read from; None for others."""
+    name = given.get("vehicle") if isinstance(given, dict) else given
+    return name if isinstance(name, str) and is_file_name(name) else None
 
 
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:

@@ -75,8 +75,8 @@ class Scenario(Section):
 
     @property
     def fingerprint(self) -> str:
-        """All settings as text."""
-        return self.model_dump_json()
+        """All settings that programs are compiled for, as text."""
+        return self.model_dump_json(exclude={"vehicle": {"power"}})
 
     def in_folder(self, folder: str | Path, warnings: tuple[str, ...] = ()) -> "Scenario":
         """Return the same settings with relative paths from `folder`, and what may not be meant in them."""

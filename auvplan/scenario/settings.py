@@ -2,22 +2,16 @@
 
 import math
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, Self, TypeVar
 from zoneinfo import available_timezones
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
 from auvplan.scenario.places import Finite, NotNegative, Point, Positive
+from auvplan.scenario.power import PowerSettings
+from auvplan.scenario.section import Section, optional, setting
 from auvplan.site import Site, as_utc
 
 Velocity = tuple[Finite, Finite, Finite]
@@ -42,34 +36,6 @@ NotNegativeRange = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ri
 PriorityRange = Annotated[
     tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], AfterValidator(_rising)
 ]
-
-
-def setting(default: Any, description: str) -> Any:
-    """Return a field of a section: its default, and what it is."""
-    return Field(default=default, description=description)
-
-
-def optional(description: str) -> Any:
-    """Return a field that may be absent, and is None then."""
-    return setting(None, description)
-
-
-class Section(BaseModel):
-    """Base of all sections: unknown keys are faults, values do not change."""
-
-    model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", frozen=True)
-
-    @field_validator("*", mode="before")
-    @classmethod
-    def _no_truth(cls, given: Any, info: ValidationInfo) -> Any:
-        """Refuse true and false, for which YAML takes yes, no, on and off too, where a number is wanted."""
-        annotation = cls.model_fields[info.field_name or ""].annotation
-        if bool not in (annotation, *get_args(annotation)):
-            for entry in given if isinstance(given, list) else [given]:
-                if isinstance(entry, bool):
-                    shown = str(entry).lower()
-                    raise ValueError(f"must not be true or false (nor yes, no, on, off), got {shown}")
-        return given
 
 
 class SourcedSection(Section):
@@ -190,9 +156,13 @@ class ColourSettings(Section):
 class ChartSettings(SourcedSection):
     """Where the coast comes from."""
 
-    required = {"image": ("image",), "file": ("raster", "polygons", "enc")}
-    allowed = {"colours": ("image", "raster"), "uncertain": ("polygons",), "window": ("whitsunday", "image")}
-    effective = {
+    required: ClassVar = {"image": ("image",), "file": ("raster", "polygons", "enc")}
+    allowed: ClassVar = {
+        "colours": ("image", "raster"),
+        "uncertain": ("polygons",),
+        "window": ("whitsunday", "image"),
+    }
+    effective: ClassVar = {
         "fringe": ("polygons",), "safety_depth": ("enc",), "hazard_radius": ("enc",), "crs": ("raster",),
     }  # fmt: skip
 
@@ -244,8 +214,8 @@ class ChartSettings(SourcedSection):
 class BathymetrySettings(SourcedSection):
     """The sea bed, from which the vehicle keeps its distance."""
 
-    required = {"file": ("file",)}
-    effective = {
+    required: ClassVar = {"file": ("file",)}
+    effective: ClassVar = {
         **dict.fromkeys(("variable", "positive", "crs"), ("file",)), "pixel_size": ("file", "current"),
     }  # fmt: skip
 
@@ -309,6 +279,15 @@ class VehicleSettings(Section):
         "m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
         "the depths at which they are quickest"
     )
+    power: PowerSettings | None = optional(
+        "what it draws, and its battery: a mapping, the name of a shipped vehicle, or path of a YAML file; "
+        "energy does not count if absent"
+    )
+
+    @field_validator("power", mode="before", json_schema_input_type=str | PowerSettings | None)
+    @classmethod
+    def _named(cls, given: Any) -> Any:
+        return {"vehicle": given} if isinstance(given, str) else given
 
 
 class CurrentSettings(SourcedSection):
@@ -317,9 +296,9 @@ class CurrentSettings(SourcedSection):
     Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
     """
 
-    required = {"files": ("file",), "constituents": ("harmonic",)}
-    allowed = {"truth": ("file",)}
-    effective = {
+    required: ClassVar = {"files": ("file",), "constituents": ("harmonic",)}
+    allowed: ClassVar = {"truth": ("file",)}
+    effective: ClassVar = {
         **dict.fromkeys(("outside", "spacing"), ("file",)),
         **dict.fromkeys(("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
         **dict.fromkeys(("center_std", "radius_std", "strength_std"), ("vortices",)),

@@ -1,6 +1,7 @@
 """Builds the truth of a mission from a scenario and a seed: chart, current, obstacles, vehicle."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.power import power_model
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import TransitAltitude
 from auvplan.simulation.sea import ModelSea, Sea, VortexSea
@@ -60,9 +62,16 @@ class TrueObstacles:
         return self.position, self.velocity, self.drift
 
 
-def make_vehicle(scenario: Scenario) -> Vehicle:
-    """Return the scenario's vehicle."""
-    stated: dict[str, Any] = scenario.vehicle.model_dump(exclude={"depth_min", "depth_max", "transit_depth"})
+def make_vehicle(scenario: Scenario, folder: str | Path | None = None) -> Vehicle:
+    """Return the scenario's vehicle; `folder` is what relative paths start from, its own if absent.
+
+    Raises:
+        ScenarioError: its power is not known.
+    """
+    apart = {"depth_min", "depth_max", "transit_depth", "power"}
+    stated: dict[str, Any] = scenario.vehicle.model_dump(exclude=apart)
+    home, power = scenario.folder if folder is None else folder, scenario.vehicle.power
+    stated["power"] = power_model(power, home, scenario.vehicle.speed)
     stated["pitch_max"] = scenario.pitch_max
     transit = scenario.vehicle.transit_depth
     if isinstance(transit, TransitAltitude):

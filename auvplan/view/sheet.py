@@ -215,6 +215,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "in depth": _steepest(run),
         "paths": _bounded(run),
         "survey lines": "; ".join(_lines(run)),
+        "energy": "" if (energy := run.energy) is None else energy.line.removeprefix("energy "),
         "closed areas": "; ".join(timeline.closures_in_words(run)),
     }
     facts |= {name: words for name, words in more.items() if words}

@@ -1,0 +1,243 @@
+"""The energy that a track or a mission takes, by term, and the charge that is left along it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.energy.power import WATT_HOUR, PowerModel
+
+if TYPE_CHECKING:
+    from auvplan.path.cost import Trajectory
+    from auvplan.records import LegRecord
+    from auvplan.vehicle import Vehicle
+
+Array = NDArray[np.floating]
+
+#: What energy is spent on.
+TERMS = ("hotel", "payload", "propulsion", "dive", "climb", "turning", "tasks")
+
+
+def energy_of_steps(power: PowerModel, seconds: Any, speed: Any, down: Any, turn: Any) -> dict[str, Any]:
+    """Return the energy of steps by term, J, but for tasks; arrays of JAX or of NumPy, [...] each.
+
+    Args:
+        power: of the vehicle.
+        seconds: s, that each lasts.
+        speed: m/s through the water.
+        down: m, by which depth grows.
+        turn: rad, by which the heading changes.
+    """
+    traced = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves((power, seconds, speed, down, turn)))
+    xp: Any = jnp if traced else np
+    return {
+        "hotel": power.hotel * seconds,
+        "payload": power.payload * seconds,
+        "propulsion": power.propulsion(speed) * seconds,
+        "dive": power.dive * xp.maximum(down, 0.0),
+        "climb": power.climb * xp.maximum(-down, 0.0),
+        "turning": power.turning * xp.abs(turn),
+    }
+
+
+def energy_along(trajectory: "Trajectory", power: PowerModel, vehicle: "Vehicle") -> dict[str, jax.Array]:
+    """Return the energy along P paths that `auvplan.path.cost.evaluate` followed, [P] J by term.
+
+    The vehicle moves through the water at its speed; its heading is that of the reading "track", in which it
+    crabs. Differentiable in all that times depend on, and in the power model.
+
+    Args:
+        trajectory: of S samples.
+        power: of the vehicle.
+        vehicle: of it, the speed counts.
+    """
+    seconds = jnp.diff(trajectory.times, axis=0)
+    north, east, down = (jnp.diff(axis, axis=0) for axis in (trajectory.x, trajectory.y, trajectory.z))
+    safe = jnp.maximum(seconds, 1e-6)
+    through = north / safe - trajectory.water[0], east / safe - trajectory.water[1]
+    # The angle between neighbours, from their products: smooth across north, and where the hull is still.
+    (x0, x1), (y0, y1) = ((axis[:-1], axis[1:]) for axis in through)
+    turn = jnp.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1 + 1e-9)
+    turn = jnp.concatenate([jnp.zeros_like(turn[:1]), turn])
+    speed = jnp.broadcast_to(jnp.asarray(vehicle.speed, seconds.dtype), seconds.shape)
+    spent = energy_of_steps(power, seconds, speed, down, turn)
+    return {name: part.sum(axis=0) for name, part in spent.items()}
+
+
+@dataclass(frozen=True)
+class EnergyUse:
+    """Energy along a mission, of n intervals one after the other.
+
+    Attributes:
+        times: [n + 1] s since the epoch, from the departure to the end.
+        terms: J in each interval by the names of `TERMS`, [n] each.
+        power: that it was worked out with.
+    """
+
+    times: Array
+    terms: dict[str, Array]
+    power: PowerModel
+
+    @property
+    def totals(self) -> dict[str, float]:
+        """Wh by term."""
+        return {name: float(part.sum()) / WATT_HOUR for name, part in self.terms.items()}
+
+    @property
+    def total(self) -> float:
+        """Wh in all."""
+        return sum(self.totals.values())
+
+    @property
+    def largest(self) -> str:
+        """The term that takes most."""
+        return max(self.totals, key=lambda name: self.totals[name])
+
+    @property
+    def charge(self) -> Array:
+        """Share of the usable energy that is left, [n + 1]; negative where the battery is empty; else NaN."""
+        battery = self.power.battery
+        spent = np.concatenate([np.zeros(1), np.cumsum(sum(self.terms.values()))])
+        if battery is None:
+            return np.full(len(spent), np.nan)
+        return float(battery.charge) - spent / float(battery.usable_joules)  # type: ignore[arg-type]
+
+    def charge_at(self, times: Array) -> Array:
+        """Return the charge at other moments [...] s, linear between."""
+        return np.interp(times, self.times, self.charge)
+
+    @property
+    def margin(self) -> float:
+        """Wh left at the end beyond the reserve; infinite where no battery is known."""
+        battery = self.power.battery
+        if battery is None:
+            return np.inf
+        return float((self.charge[-1] - battery.reserve) * battery.usable_wh)
+
+    @property
+    def line(self) -> str:
+        """One line for people."""
+        battery = self.power.battery
+        if battery is None:
+            return f"energy {self.total:,.0f} Wh"
+        return (
+            f"energy {self.total:,.0f} of {float(battery.usable_wh):,.0f} Wh usable, charge "
+            f"{100.0 * self.charge[-1]:.0f} % at the end, reserve {100.0 * float(battery.reserve):.0f} %"  # type: ignore[arg-type]
+        )
+
+    @property
+    def lack(self) -> str:
+        """Why the energy does not do: less is left than the reserve; empty where it does."""
+        if self.margin >= 0.0:
+            return ""
+        most = self.totals[self.largest]
+        missing = f"{-self.margin:,.0f} Wh short of the battery's reserve"
+        return f"{missing}: {self.line}; the largest term is {self.largest}, {most:,.0f} Wh"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON."""
+        found: dict[str, Any] = {"total_wh": self.total, "terms_wh": self.totals}
+        if (battery := self.power.battery) is not None:
+            found |= {
+                "usable_wh": float(battery.usable_wh),
+                "reserve": float(battery.reserve),  # type: ignore[arg-type]
+                "charge_end": float(self.charge[-1]),
+                "margin_wh": self.margin,
+            }
+        return found
+
+
+def energy_of_legs(
+    legs: "Sequence[LegRecord]", power: PowerModel, speed: float, *, known: bool, loiters: bool = False
+) -> EnergyUse:
+    """Return the energy of executed or planned legs, one after the other.
+
+    Under way a vehicle moves through the water at its speed, or at that which its recorded motion and the
+    recorded current come to. Where it stays, it keeps station against the last current that is known there,
+    or loiters at its speed. Turns count between records and at waypoints.
+
+    Args:
+        legs: in order; refused ones take nothing.
+        power: of the vehicle.
+        speed: m/s through the water.
+        known: whether the recorded current is what the vehicle met; a plan's is what it was planned in.
+        loiters: whether it loiters where it stays.
+    """
+    legs = [leg for leg in legs if len(leg.times)]
+    moments = [float(leg.times[0]) - leg.t_hold for leg in legs[:1]] or [0.0]
+    rows, heading = list[dict[str, Array]](), np.nan
+
+    def stay(seconds: float, drift: float, task: bool = False) -> None:
+        if seconds > 0.0:
+            spent = energy_of_steps(
+                power, np.asarray([seconds]), np.asarray([drift]), np.zeros(1), np.zeros(1)
+            )
+            rows.append(_with_tasks(spent, power.task * np.asarray([seconds]) * task))
+            moments.append(moments[-1] + seconds)
+
+    for leg in legs:
+        through, moving = _through_water(leg, None if known and leg.current is not None else speed)
+        turn, heading = _turns(np.where(moving, leg.motion.yaw[: len(moving)], np.nan), heading)
+        seconds, down = np.diff(leg.times), np.diff(np.asarray(leg.positions, float)[:, 2])
+        drift = speed if loiters else _drift(leg, through, moving)
+        # Between two legs a vehicle is held, or waits for its planner.
+        stay(float(leg.times[0]) - moments[-1], drift)
+        if len(seconds):
+            spent = energy_of_steps(power, seconds, np.where(moving, through, drift), down, turn)
+            rows.append(_with_tasks(spent, power.task * seconds * (leg.line is not None)))
+            moments += np.asarray(leg.times[1:], float).tolist()
+        if leg.arrived:
+            done = leg.priority > 0.0
+            stay(leg.t_wait, drift)
+            stay(leg.t_task, drift, task=done)
+            if done and rows:
+                rows[-1]["tasks"][-1] += float(power.task_start)  # type: ignore[arg-type]
+    terms = {name: np.concatenate([np.zeros(0), *(row[name] for row in rows)]) for name in TERMS}
+    return EnergyUse(np.asarray(moments), terms, power)
+
+
+def _with_tasks(spent: dict[str, Any], tasks: Any) -> dict[str, Array]:
+    """Return the energy of steps with that of tasks, as arrays of their own."""
+    return {name: np.array(part, float) for name, part in (spent | {"tasks": tasks}).items()}
+
+
+def _through_water(leg: "LegRecord", stated: float | None) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the speed through the water in each step between records, m/s, and whether the vehicle moves."""
+    ground = np.asarray(leg.motion.ground_velocity, float)[: max(len(leg.times) - 1, 0)]
+    if not len(ground) or np.isnan(ground).any():
+        places, seconds = np.asarray(leg.positions, float), np.diff(leg.times)
+        ground = np.diff(places, axis=0) / np.maximum(seconds, 1e-9)[:, None]
+    moving = np.linalg.norm(ground, axis=1) > 1e-6
+    if stated is not None:
+        return np.full(len(ground), stated), moving
+    water = np.nan_to_num(np.asarray(leg.current, float)[: len(ground)])
+    own = ground - np.pad(water, ((0, 0), (0, 1)))
+    return np.linalg.norm(own, axis=1), moving
+
+
+def _drift(leg: "LegRecord", through: Array, moving: NDArray[np.bool_]) -> float:
+    """Return the strength of the last current known on a leg, m/s: recorded, or that of the motion."""
+    if leg.current is not None and len(leg.current) and np.isfinite(leg.current[-1]).all():
+        return float(np.linalg.norm(leg.current[-1]))
+    last = np.flatnonzero(moving)
+    if not len(last) or np.isnan(leg.motion.yaw[last[-1]]):
+        return 0.0
+    yaw, pitch = (float(getattr(leg.motion, of)[last[-1]]) for of in ("yaw", "pitch"))
+    hull = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)])
+    return float(np.linalg.norm(leg.motion.ground_velocity[last[-1]] - through[last[-1]] * hull))
+
+
+def _turns(yaw: Sequence[float] | Array, heading: float) -> tuple[Array, float]:
+    """Return by how much each heading differs from the last one that is known, [n] rad, and the last."""
+    known = np.flatnonzero(np.isfinite(yaw))
+    turn = np.zeros(len(yaw))
+    if not len(known):
+        return turn, heading
+    row = np.asarray(yaw)[known]
+    before = np.concatenate([[row[0] if np.isnan(heading) else heading], row[:-1]])
+    turn[known] = np.abs((row - before + np.pi) % (2.0 * np.pi) - np.pi)
+    return turn, float(row[-1])
