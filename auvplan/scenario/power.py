@@ -82,7 +82,7 @@ class PowerSettings(Section):
             raise ValueError("needs propulsion, or the vehicle that it is of")
         battery = self.battery
         if self.vehicle is None and battery is not None and battery.capacity is None:
-            raise RuleError("is missing", field="battery.capacity")
+            raise RuleError("needs its capacity, Wh", field="battery")
         return self
 
 
@@ -193,7 +193,7 @@ def power_model(
         raise ScenarioError(reason, field="vehicle.speed")
     battery = whole.battery
     if battery is not None and battery.capacity is None:
-        raise ScenarioError("is missing", field="vehicle.power.battery.capacity")
+        raise ScenarioError("needs its capacity, Wh", field="vehicle.power.battery")
     return PowerModel(
         propulsion,
         **_given(whole, "vehicle", "propulsion", "battery"),

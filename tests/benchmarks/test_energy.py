@@ -1,0 +1,43 @@
+"""The 62 JaiaBot missions and the gliders, where the data are."""
+
+import pytest
+
+from benchmarks.energy import Missions, gliders, main, read
+
+
+@pytest.fixture
+def data(shared):
+    """Folder of the data."""
+    folder = shared / "data" / "energy"
+    if not folder.is_dir():
+        pytest.skip(f"needs real data in {folder}")
+    return folder
+
+
+def test_three_constants_predict_the_drain_of_other_days(data):
+    missions = Missions(read(data / "jaiabot_missions.csv"))
+    assert len(missions.drain) == 62
+    scores = {row["prediction"]: row for row in missions.rows()}
+    assert scores["plain sum of the plan's terms"]["mae"] == pytest.approx(6.4, abs=0.05)
+    assert scores["transit and dive, a fleet-day left out"]["mae"] == pytest.approx(5.6, abs=0.05)
+    assert scores["transit, dive and turns, a fleet-day left out"]["mae"] <= 5.0
+    assert all(least <= whole <= greatest for whole, least, greatest in missions.constants().values())
+
+
+def test_gliders_take_what_is_stated(data):
+    maria, rosie = gliders(read(data / "slocum.csv"))
+    assert (maria["dives"], rosie["dives"]) == (13, 5)
+    assert maria["power_w"] == pytest.approx(3.0, abs=0.05)
+    assert maria["error_m_per_s"] == pytest.approx(0.021, abs=0.001)
+    assert maria["wh_per_km"] == pytest.approx(3.7, abs=0.1)
+
+
+def test_the_benchmark_draws_and_returns_its_figures(data, tmp_path):
+    found = main(str(data), str(tmp_path / "energy.png"))
+    assert (tmp_path / "energy.png").stat().st_size > 1000
+    assert set(found) == {"scores", "constants", "gliders"}
+
+
+def test_data_that_are_not_there_are_named(tmp_path):
+    with pytest.raises(ValueError, match=r"jaiabot_missions\.csv: no such file"):
+        main(str(tmp_path), "")

@@ -1,0 +1,206 @@
+"""Energy of legs and of paths: a plain walk beside it, what it grows with, and its gradients."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import auvplan as ap
+from auvplan.energy import TERMS, Battery, PowerLaw, PowerModel, PowerTable, energy_along, energy_of_legs
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path.config import PathConfig
+from auvplan.path.cost import Track, evaluate
+from auvplan.path.motion import Motion
+from auvplan.records import LegRecord
+from tests.io.sample_run import make_run
+
+BATTERY = Battery(150.0, usable=0.9, reserve=0.2)
+TABLE = PowerTable([0.0, 1.0, 2.0, 3.0], [0.0, 20.0, 90.0, 300.0])
+MODEL = PowerModel(TABLE, 30.0, 5.0, 120.0, 80.0, 15.0, 12.0, 500.0, BATTERY)
+
+
+def winding_leg(current=None, seed=3):
+    """A leg in turns and dives, 40 records, with a hold, a wait and a task."""
+    rng = np.random.default_rng(seed)
+    times = 100.0 + np.cumsum(np.concatenate([[0.0], rng.uniform(2.0, 9.0, 39)]))
+    steps = np.stack([rng.normal(1.2, 0.4, 39), rng.normal(0.3, 0.6, 39), rng.normal(0.0, 0.2, 39)], axis=1)
+    steps[20] = 0.0  # it is held up
+    positions = np.concatenate([np.zeros((1, 3)), np.cumsum(steps * np.diff(times)[:, None], axis=0)])
+    positions[:, 2] += 50.0
+    ground = np.concatenate([steps, steps[-1:]])
+    leg = LegRecord(0, 1, 300.0, 60.0, 3.0, arrived=True, t_hold=20.0, t_wait=15.0)
+    leg.times, leg.positions = times, positions
+    if current is not None:
+        leg.current = np.broadcast_to(np.asarray(current, float), (40, 2)).copy()
+    leg.motion = Motion.through_water(
+        ground, np.zeros(3) if current is None else np.append(leg.current[0], 0.0)
+    )
+    return leg
+
+
+def walk(legs, power, speed, known):
+    """J by term, step by step without NumPy's vectors."""
+    found, heading = dict.fromkeys(TERMS, 0.0), None
+    for leg in legs:
+        last = 0.0
+        if leg.current is not None:
+            last = float(np.hypot(*leg.current[-1]))
+        for seconds, task in ((leg.t_hold, 0), (leg.t_wait, 0), (leg.t_task, 1)):
+            found["hotel"] += power.hotel * seconds
+            found["payload"] += power.payload * seconds
+            found["propulsion"] += float(power.propulsion(last)) * seconds
+            found["tasks"] += power.task * seconds * task
+        found["tasks"] += power.task_start * (leg.priority > 0.0)
+        for k, (begin, end) in enumerate(pairwise(leg.times)):
+            seconds = end - begin
+            moves = bool(np.abs(leg.motion.ground_velocity[k]).max() > 1e-6)
+            through = speed if moves else last
+            if moves and known and leg.current is not None:
+                north, east = leg.motion.ground_velocity[k][:2] - leg.current[k]
+                through = float(np.sqrt(north**2 + east**2 + leg.motion.ground_velocity[k][2] ** 2))
+            found["hotel"] += power.hotel * seconds
+            found["payload"] += power.payload * seconds
+            found["propulsion"] += (
+                float(np.interp(through, power.propulsion.speeds, power.propulsion.watts)) * seconds
+            )
+            down = leg.positions[k + 1][2] - leg.positions[k][2]
+            found["dive" if down > 0 else "climb"] += (power.dive if down > 0 else power.climb) * abs(down)
+            if moves:
+                yaw = float(leg.motion.yaw[k])
+                if heading is not None:
+                    turn = abs(yaw - heading)
+                    found["turning"] += power.turning * min(turn, 2.0 * np.pi - turn)
+                heading = yaw
+    return found
+
+
+@pytest.mark.parametrize("current", [None, (0.2, -0.3)])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_plain_walk_agrees(current, known):
+    first, second = winding_leg(current), winding_leg(current, seed=8)
+    second.times = second.times + first.ends - second.times[0] + second.t_hold
+    if current is None:  # whose speed through the water its motion has, at the speed
+        for leg in (first, second):
+            leg.motion = Motion.along("track", 1.3, np.diff(leg.positions, axis=0), np.zeros((39, 3)))
+            leg.motion = Motion.joined([leg.motion, leg.motion[-1:]])
+            leg.motion.ground_velocity[20] = 0.0
+    use = energy_of_legs([first, second], MODEL, 1.3, known=known)
+    walked = walk([first, second], MODEL, 1.3, known)
+    for name in TERMS:
+        assert use.terms[name].sum() == pytest.approx(walked[name], rel=1e-4), name
+    assert use.times[-1] == pytest.approx(second.ends)
+    assert len(use.times) == len(use.terms["hotel"]) + 1
+    spent = sum(walked.values()) / 3600.0
+    assert use.charge[-1] == pytest.approx(1.0 - spent / 135.0, rel=1e-4)
+    assert use.charge[0] == 1.0
+    assert use.margin == pytest.approx(135.0 * 0.8 - spent, rel=1e-4)
+    assert (np.diff(use.charge) < 0.0).all()
+
+
+def powered(run, power=MODEL):
+    return replace(run, vehicle=replace(run.vehicle, power=power))
+
+
+def test_a_run_has_its_energy_and_fails_below_the_reserve():
+    run = make_run()
+    assert run.energy is None
+    assert "energy" not in run.summary()
+    enough = powered(run, replace(MODEL, battery=Battery(1000.0)))
+    assert enough.success
+    found = enough.summary()["energy"]
+    assert found["total_wh"] == pytest.approx(sum(found["terms_wh"].values()))
+    assert found["margin_wh"] == pytest.approx(800.0 - found["total_wh"])
+    assert enough.energy.line.startswith(f"energy {found['total_wh']:,.0f} of 1,000 Wh usable, charge ")
+    short = powered(run, replace(MODEL, battery=Battery(found["total_wh"] * 1.1, reserve=0.2)))
+    assert not short.success
+    assert "the largest term is propulsion" in short.energy.lack
+    assert "reserve 20 %" in short.energy.lack
+    unmetered = powered(run, replace(MODEL, battery=None))
+    assert unmetered.success
+    assert unmetered.energy.line == f"energy {found['total_wh']:,.0f} Wh"
+
+
+def test_refused_legs_take_nothing_and_an_empty_run_neither():
+    run = make_run()
+    whole = energy_of_legs(run.legs, MODEL, 2.5, known=True).total
+    refused = LegRecord(1, 2, 400.0, 60.0, 3.0)
+    assert energy_of_legs([*run.legs, refused], MODEL, 2.5, known=True).total == whole
+    assert energy_of_legs([], MODEL, 2.5, known=True).total == 0.0
+    loiters = energy_of_legs(run.legs, MODEL, 2.5, known=True, loiters=True)
+    assert loiters.total > whole
+
+
+# --- paths -------------------------------------------------------------------------------------------
+
+SHARE = np.linspace(0.0, 1.0, 25)
+
+
+def track(dive=0.0):
+    """North for 1,200 m, winding, down by so many metres and up again."""
+    x, y, z = 1200.0 * SHARE, 60.0 * np.sin(6.0 * SHARE), 10.0 + dive * np.sin(np.pi * SHARE)
+    return Track.through(*(jnp.asarray(axis)[:, None] for axis in (x, y, z)))
+
+
+def energies(power, speed=1.5, north=0.0, depart=0.0, dive=0.0, tide=0.0):
+    """J by term in a current along the track, one that changes in time where there is a tide."""
+
+    def current(x, y, z, t):
+        return north + tide * jnp.sin(t / 900.0), 0.1 * jnp.ones_like(x), jnp.zeros_like(x)
+
+    env = replace(ap.Environment(current), obstacles=Obstacles.none())
+    vehicle = ap.Vehicle(speed)
+    config = PathConfig.plain()
+    return energy_along(
+        evaluate(track(dive), jnp.asarray(depart, float), env, vehicle, config), power, vehicle
+    )
+
+
+def total(*arguments, **names):
+    return sum(part[0] for part in energies(*arguments, **names).values())
+
+
+LAW = replace(MODEL, propulsion=PowerLaw(5.0, 12.0), battery=None)
+compiled_total = jax.jit(total)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    hotel=st.floats(1.0, 80.0),
+    against=st.floats(0.0, 0.9),
+    dive=st.floats(0.0, 60.0),
+    more=st.floats(0.05, 0.4),
+)
+def test_energy_grows_with_load_opposing_current_and_depth(hotel, against, dive, more):
+    model = replace(LAW, hotel=hotel)
+    base = float(compiled_total(model, 1.5, -against, 0.0, dive))
+    assert float(compiled_total(replace(LAW, hotel=hotel * (1.0 + more)), 1.5, -against, 0.0, dive)) > base
+    assert float(compiled_total(model, 1.5, -against - more, 0.0, dive)) > base
+    assert float(compiled_total(model, 1.5, -against, 0.0, dive + 10.0 * more)) > base
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("name", ["speed", "north", "depart", "tide"])
+@pytest.mark.parametrize("model", [LAW, MODEL], ids=["law", "table"])
+def test_gradients_against_differences(name, model):
+    at = {"speed": 1.5, "north": -0.3, "depart": 300.0, "tide": 0.25, "dive": 20.0}
+
+    def of(value):
+        return total(model, **(at | {name: value}))
+
+    step = 1e-4 * max(abs(at[name]), 1.0)
+    differences = float((of(at[name] + step) - of(at[name] - step)) / (2.0 * step))
+    assert float(jax.grad(of)(at[name])) == pytest.approx(differences, rel=2e-4)
+
+
+@pytest.mark.usefixtures("x64")
+def test_gradients_by_the_model_are_finite_and_right():
+    slopes = jax.grad(lambda model: total(model, dive=20.0))(jax.tree.map(jnp.asarray, LAW))
+    seconds = float(energies(LAW, dive=20.0)["hotel"][0]) / 30.0
+    assert float(slopes.hotel) == pytest.approx(seconds)
+    assert float(slopes.dive) == pytest.approx(20.0, rel=0.01)
+    assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(slopes))
