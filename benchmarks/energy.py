@@ -1,7 +1,7 @@
 """Predicted against measured energy of real vehicles: ``python -m benchmarks.energy [--folder data/energy]``.
 
-The 62 JaiaBot missions: what their plans and three constants, fitted on other days, say of the battery's drain;
-and what two Slocum gliders' dives took and how far off they surfaced. Files as `docs/energy.md` describes them.
+The 62 JaiaBot missions: what their plans and three constants, fitted on other days, say of the drain of the
+battery; and what two Slocum gliders' dives took and how far off they surfaced. See `docs/energy.md`.
 """
 
 import csv

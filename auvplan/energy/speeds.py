@@ -86,7 +86,7 @@ def best_speed(
         >>> from auvplan.energy import PowerLaw
         >>> model = PowerModel(hotel=30.0, propulsion=PowerLaw(10.0, 20.0))
         >>> round(float(best_speed(model)), 3), round(float(best_speed(model, along=-0.5)), 3)
-        (1.0, 1.312)
+        (1.0, 1.322)
     """
     parts = (*limits, along, across, price)
     low, high, along, across, price = jnp.broadcast_arrays(*(jnp.asarray(part, float) for part in parts))
