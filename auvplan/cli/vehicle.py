@@ -28,7 +28,7 @@ _COLUMNS: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
 
 def list_() -> None:
     """List the shipped vehicles."""
-    from auvplan.scenario.power import load_vehicle, shipped_vehicles
+    from auvplan.scenario.vehicles import load_vehicle, shipped_vehicles
 
     table = Table("name", "what it is", "battery, Wh", "hotel, W")
     for name in shipped_vehicles():
@@ -47,7 +47,8 @@ def show(
 ) -> None:
     """Show what a vehicle draws, its best speed, and its endurance and range in still water."""
     from auvplan.energy import best_speed, speed_range
-    from auvplan.scenario.power import PowerSettings, load_vehicle, power_model
+    from auvplan.scenario.power import PowerSettings
+    from auvplan.scenario.vehicles import load_vehicle, power_model
 
     vehicle = load_vehicle(name)
     power = power_model(PowerSettings(vehicle=name))

@@ -13,9 +13,9 @@ from auvplan.ocean.closures import Zone
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
-from auvplan.scenario.power import power_model
 from auvplan.scenario.provenance import FILE_FIELDS, vehicle_file
 from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.vehicles import power_model
 from auvplan.scenario.yaml_lines import Document
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.

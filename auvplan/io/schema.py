@@ -30,7 +30,8 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
-from auvplan.scenario.power import PowerSettings, power_model
+from auvplan.scenario.power import PowerSettings
+from auvplan.scenario.vehicles import power_model
 
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.scenario.area import OperatingArea
-from auvplan.scenario.power import power_model
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import TransitAltitude
+from auvplan.scenario.vehicles import power_model
 from auvplan.simulation.sea import ModelSea, Sea, VortexSea
 from auvplan.vehicle import Vehicle
 

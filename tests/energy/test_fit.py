@@ -8,7 +8,8 @@ import pytest
 
 from auvplan.energy import fit_power
 from auvplan.errors import AuvplanError
-from auvplan.scenario.power import PowerSettings, load_vehicle, power_model, shipped_vehicles
+from auvplan.scenario.power import PowerSettings
+from auvplan.scenario.vehicles import load_vehicle, power_model, shipped_vehicles
 
 
 @pytest.mark.parametrize("exponent", [1.6, 2.4, 3.0, 3.7])

@@ -20,8 +20,8 @@ from auvplan.io import load_run, save_run
 from auvplan.io.examine import examine_scenario
 from auvplan.plot import plot_energy
 from auvplan.runtime.compiled import compilations
-from auvplan.scenario.power import power_model
 from auvplan.scenario.provenance import file_names, source_digests
+from auvplan.scenario.vehicles import power_model
 from auvplan.simulation.world import make_vehicle
 from auvplan.site import Site
 from auvplan.view.sheet import sheet_of

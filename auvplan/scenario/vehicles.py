@@ -1,0 +1,147 @@
+"""Vehicles that are shipped or from files, and the power models that settings describe."""
+
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import field_validator
+
+from auvplan.energy.power import Battery, PowerModel, PowerTable
+from auvplan.errors import ScenarioError, reason_of
+from auvplan.scenario.fields import check_fields, first_of
+from auvplan.scenario.places import Positive
+from auvplan.scenario.power import PowerSettings
+from auvplan.scenario.section import Section, optional, setting
+from auvplan.scenario.yaml_lines import YamlError, read_yaml
+
+_SHIPPED = files("auvplan") / "data" / "vehicles"
+#: Larger files are no vehicles.
+_MAX_BYTES = 100_000
+
+
+class VehicleFile(Section):
+    """A vehicle's file: what it draws, and where that is known from."""
+
+    description: str = ""
+    source: str = setting("", "of the figures")
+    depth_max: Positive | None = optional("m")
+    speeds: tuple[Positive, Positive] | None = optional("m/s through the water, least and greatest")
+    power: PowerSettings
+
+    @field_validator("speeds")
+    @classmethod
+    def _rising(cls, speeds: tuple[float, float] | None) -> tuple[float, float] | None:
+        if speeds is not None and not speeds[0] < speeds[1]:
+            raise ValueError("must be the least and then the greatest")
+        return speeds
+
+    @field_validator("power")
+    @classmethod
+    def _by_itself(cls, power: PowerSettings) -> PowerSettings:
+        if power.vehicle is not None:
+            raise ValueError("must be given here, not by another vehicle")
+        return power
+
+
+def shipped_vehicles() -> list[str]:
+    """Return the names of the shipped vehicles."""
+    return sorted(e.name.removesuffix(".yaml") for e in _SHIPPED.iterdir() if e.name.endswith(".yaml"))
+
+
+def is_file_name(name: str) -> bool:
+    """Return whether a vehicle is named by the path of a file, not as a shipped one."""
+    return name.endswith((".yaml", ".yml")) or "/" in name
+
+
+def load_vehicle(name: str, folder: str | Path = ".") -> VehicleFile:
+    """Load a shipped vehicle by its name, or one from a YAML file.
+
+    Args:
+        name: as `shipped_vehicles` returns them, or a path.
+        folder: that relative paths start from.
+
+    Raises:
+        ScenarioError: there is none, or it is faulty; one line that names file, field and reason.
+    """
+    if is_file_name(name):
+        path = Path(folder) / Path(name).expanduser()
+        try:
+            text = path.read_bytes()[: _MAX_BYTES + 1].decode("utf-8-sig")
+        except (OSError, ValueError) as error:
+            raise ScenarioError(f"{path}: {reason_of(error)}") from None
+        if len(text) > _MAX_BYTES:
+            raise ScenarioError(f"{path}: larger than {_MAX_BYTES} bytes, not a vehicle")
+        return _read(text, str(path))
+    if name not in shipped_vehicles():
+        raise ScenarioError(f"{name!r} is no shipped vehicle: {', '.join(shipped_vehicles())}")
+    return _shipped(name)
+
+
+@cache
+def _shipped(name: str) -> VehicleFile:
+    return _read((_SHIPPED / f"{name}.yaml").read_text(encoding="utf-8"), name)
+
+
+def _read(text: str, source: str) -> VehicleFile:
+    try:
+        document = read_yaml(text)
+    except YamlError as error:
+        raise ScenarioError(f"{source}: is no YAML: {error}") from None
+    found, faults, _ = check_fields(document, VehicleFile)
+    if faults or found is None:
+        raise ScenarioError(first_of(faults, source, is_file=False))
+    return found
+
+
+def power_model(
+    settings: PowerSettings | None, folder: str | Path = ".", speed: float | None = None
+) -> PowerModel | None:
+    """Return the power model that settings describe; None where there are none.
+
+    Args:
+        settings: of the scenario's vehicle.
+        folder: that relative paths start from.
+        speed: m/s, of the vehicle, that its table must have.
+
+    Raises:
+        ScenarioError: a vehicle is not there or faulty, or has no power at the speed.
+    """
+    if settings is None:
+        return None
+    try:
+        whole = settings
+        if settings.vehicle is not None:
+            whole = _over(load_vehicle(settings.vehicle, folder).power, settings)
+    except ScenarioError as error:
+        raise ScenarioError(error.reason, field="vehicle.power") from None
+    assert whole.propulsion is not None
+    propulsion = whole.propulsion.made()
+    if speed is not None and isinstance(propulsion, PowerTable) and speed > 1.000001 * propulsion.speeds[-1]:
+        reason = (
+            f"{speed:g} m/s is beyond the table of vehicle.power, which ends at {propulsion.speeds[-1]:g} m/s"
+        )
+        raise ScenarioError(reason, field="vehicle.speed")
+    battery = whole.battery
+    if battery is not None and battery.capacity is None:
+        raise ScenarioError("needs its capacity, Wh", field="vehicle.power.battery")
+    return PowerModel(
+        propulsion,
+        **_given(whole, "vehicle", "propulsion", "battery"),
+        battery=None if battery is None else Battery(**_given(battery)),
+    )
+
+
+def _given(section: Section, *apart: str) -> dict[str, Any]:
+    """Return the fields of a section that are given."""
+    stated = {name: getattr(section, name) for name in type(section).model_fields if name not in apart}
+    return {name: value for name, value in stated.items() if value is not None}
+
+
+def _over(base: PowerSettings, own: PowerSettings) -> PowerSettings:
+    """Return settings whose fields count more than those of a vehicle's file."""
+    changes = _given(own, "vehicle", "battery")
+    battery = own.battery
+    if battery is not None and base.battery is not None:
+        battery = base.battery.model_copy(update=_given(battery))
+    return base.model_copy(update=changes | {"battery": battery or base.battery})
