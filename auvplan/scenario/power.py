@@ -1,16 +1,19 @@
 """A vehicle's power and battery as settings."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from auvplan.energy.power import PowerLaw, PowerTable
 from auvplan.errors import RuleError
 from auvplan.scenario.places import NotNegative, Positive
 from auvplan.scenario.section import Section, optional, setting
 
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 Numbers = Annotated[tuple[NotNegative, ...], Field(min_length=2)]
+
+
+if TYPE_CHECKING:
+    from auvplan.energy.power import PowerLaw, PowerTable
 
 
 class PropulsionSettings(Section):
@@ -32,8 +35,10 @@ class PropulsionSettings(Section):
         self.made()
         return self
 
-    def made(self) -> PowerTable | PowerLaw:
+    def made(self) -> "PowerTable | PowerLaw":
         """Return the propulsion power."""
+        from auvplan.energy.power import PowerLaw, PowerTable  # it loads JAX
+
         if self.speeds is not None:
             return PowerTable(list(self.speeds), list(self.watts or ()))
         return PowerLaw(self.constant or 0.0, self.factor or 0.0, self.exponent)
@@ -77,3 +82,8 @@ class PowerSettings(Section):
         if self.vehicle is None and battery is not None and battery.capacity is None:
             raise RuleError("needs its capacity, Wh", field="battery")
         return self
+
+
+def is_file_name(name: str) -> bool:
+    """Return whether a vehicle is named by the path of a file, not as a shipped one."""
+    return name.endswith((".yaml", ".yml")) or "/" in name

@@ -11,8 +11,8 @@ from typing import Any
 import h5py
 
 from auvplan.runtime.files import digest, folder_size
+from auvplan.scenario.power import is_file_name
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.vehicles import is_file_name
 
 #: What attributes begin with that state where a file of currents was fetched from.
 ORIGIN = "fetched_"

@@ -3,17 +3,20 @@
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import field_validator
 
-from auvplan.energy.power import Battery, PowerModel, PowerTable
 from auvplan.errors import ScenarioError, reason_of
 from auvplan.scenario.fields import check_fields, first_of
 from auvplan.scenario.places import Positive
-from auvplan.scenario.power import PowerSettings
+from auvplan.scenario.power import PowerSettings, is_file_name
 from auvplan.scenario.section import Section, optional, setting
 from auvplan.scenario.yaml_lines import YamlError, read_yaml
+
+# It loads JAX, which scenarios need later only.
+if TYPE_CHECKING:
+    from auvplan.energy.power import PowerModel
 
 _SHIPPED = files("auvplan") / "data" / "vehicles"
 #: Larger files are no vehicles.
@@ -47,11 +50,6 @@ class VehicleFile(Section):
 def shipped_vehicles() -> list[str]:
     """Return the names of the shipped vehicles."""
     return sorted(e.name.removesuffix(".yaml") for e in _SHIPPED.iterdir() if e.name.endswith(".yaml"))
-
-
-def is_file_name(name: str) -> bool:
-    """Return whether a vehicle is named by the path of a file, not as a shipped one."""
-    return name.endswith((".yaml", ".yml")) or "/" in name
 
 
 def load_vehicle(name: str, folder: str | Path = ".") -> VehicleFile:
@@ -96,7 +94,7 @@ def _read(text: str, source: str) -> VehicleFile:
 
 def power_model(
     settings: PowerSettings | None, folder: str | Path = ".", speed: float | None = None
-) -> PowerModel | None:
+) -> "PowerModel | None":
     """Return the power model that settings describe; None where there are none.
 
     Args:
@@ -115,6 +113,8 @@ def power_model(
             whole = _over(load_vehicle(settings.vehicle, folder).power, settings)
     except ScenarioError as error:
         raise ScenarioError(error.reason, field="vehicle.power") from None
+    from auvplan.energy.power import Battery, PowerModel, PowerTable
+
     assert whole.propulsion is not None
     propulsion = whole.propulsion.made()
     if speed is not None and isinstance(propulsion, PowerTable) and speed > 1.000001 * propulsion.speeds[-1]:
