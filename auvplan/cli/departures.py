@@ -8,7 +8,7 @@ from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -41,6 +41,10 @@ def departures(
     step: Annotated[
         str, typer.Option("--step", help="Between departures, such as 30min, 1h or 900s.")
     ] = "1h",
+    least: Annotated[
+        Literal["time", "energy"],
+        typer.Option("--least", help="What the best departure has least of, among those of most priority."),
+    ] = "time",
     out: shared.OutOption = Path("out/departures"),
     seed: shared.SeedOption = 0,
     changes: shared.SetOption = None,
@@ -72,11 +76,13 @@ def departures(
             text = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
             move(done / total if known else None, text)
 
-        found = plan_departures(settings, departs, key=key, folder=folder, area=area, progress=progress)
+        known = {"folder": folder, "area": area, "progress": progress}
+        found = plan_departures(settings, departs, key=key, least=least, **known)
     rows, plain = _rows(found), settings.model_dump(mode="json")
     origin = {
         "scenario": plain,
         "seed": seed,
+        "least": least,
         "versions": {"auvplan": version("auvplan")},
         "files": [asdict(file) for file in source_files(plain, folder)],
         "notes": list(area.notes),
@@ -208,6 +214,8 @@ def _rows(found: Any) -> list[dict[str, Any]]:
             clear = float(found.plans.clearance[k])
             row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else None
             row["clearance_m"] = round(clear, 1) if feasible and math.isfinite(clear) else None
+        if found.energy is not None:
+            row["energy_wh"] = round(float(found.energy[k]), 1) if feasible else None
         rows.append(row | {"current_m_s": round(float(found.current[k]), 3), "reason": found.reasons[k]})
     return rows
 
@@ -227,6 +235,7 @@ def _table(found: Any, name: str) -> Table:
     leg, all_feasible = found.plans is not None, found.feasible.all()
     table = Table(title=f"{name}: {found.feasible.sum()} of {counted(len(found), 'departure')} feasible")
     figures = ("travel time, s", "length, m", "clearance, m") if leg else ("time, s", "tasks", "priority")
+    figures = figures if found.energy is None else (*figures, "energy, Wh")
     table.add_column("departure", no_wrap=True)
     table.add_column("feasible", no_wrap=True)
     for column in figures:
@@ -235,13 +244,14 @@ def _table(found: Any, name: str) -> Table:
     if not all_feasible:
         table.add_column("why not", overflow="fold", min_width=24)
     for k in range(len(found)):
-        best, cells = k == found.best, ["no", "", "", ""]
+        best, cells = k == found.best, ["no", *[""] * len(figures)]
         if found.feasible[k]:
             rest = str(found.tasks[k]), figure(found.priority[k])
             if leg:
                 clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open")
                 rest = f"{found.plans.length[k]:.0f}", clear
-            cells = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
+            energy = [] if found.energy is None else [f"{found.energy[k]:,.0f}"]
+            cells = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest, *energy]
         reason = [] if all_feasible else [found.reasons[k]]
         style = "bold green" if best else None
         table.add_row(found.moment(k), *cells, f"{found.current[k]:.2f}", *reason, style=style)

@@ -12,6 +12,7 @@ from .use import TERMS as TERMS
 from .use import EnergyUse as EnergyUse
 from .use import energy_along as energy_along
 from .use import energy_of_legs as energy_of_legs
+from .use import energy_of_plan as energy_of_plan
 from .use import energy_of_steps as energy_of_steps
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "cubic_best_speed",
     "energy_along",
     "energy_of_legs",
+    "energy_of_plan",
     "energy_of_steps",
     "energy_per_metre",
     "fit_power",

@@ -13,6 +13,7 @@ from auvplan.energy.power import WATT_HOUR, PowerModel
 
 if TYPE_CHECKING:
     from auvplan.path.cost import Trajectory
+    from auvplan.path.plan import PathPlan
     from auvplan.records import LegRecord
     from auvplan.vehicle import Vehicle
 
@@ -66,6 +67,14 @@ def energy_along(trajectory: "Trajectory", power: PowerModel, vehicle: "Vehicle"
     speed = jnp.broadcast_to(jnp.asarray(vehicle.speed, seconds.dtype), seconds.shape)
     spent = energy_of_steps(power, seconds, speed, down, turn)
     return {name: part.sum(axis=0) for name, part in spent.items()}
+
+
+def energy_of_plan(plan: "PathPlan", power: PowerModel) -> float:
+    """Return the energy of a planned path, Wh, as that of a mission's leg is worked out."""
+    speed, seconds = float(np.asarray(plan.conditions.vehicle.speed)), np.diff(np.asarray(plan.times, float))
+    down, (turn, _) = np.diff(np.asarray(plan.positions, float)[:, 2]), _turns(plan.motion.yaw, np.nan)
+    spent = energy_of_steps(power, seconds, np.full(len(seconds), speed), down, turn)
+    return float(sum(part.sum() for part in spent.values())) / WATT_HOUR
 
 
 @dataclass(frozen=True)

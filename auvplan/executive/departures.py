@@ -5,15 +5,16 @@ Of a departure that is not feasible it is said why: the leg without a path, or t
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.energy import energy_of_plan
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
 from auvplan.executive.planning import (
@@ -67,6 +68,8 @@ class Departures(ReprMixin):
         plans: D path plans of a leg; None of a mission.
         site: where and when local coordinates begin, or None.
         names: of the waypoints; empty where they have none.
+        energy: [D] Wh that it takes, NaN where it is not feasible; None without a power model.
+        least: "time" or "energy", what the best departure has least of among those of most priority.
     """
 
     departs: Array
@@ -80,6 +83,8 @@ class Departures(ReprMixin):
     plans: PathPlans | None = None
     site: Site | None = None
     names: tuple[str, ...] = ()
+    energy: Array | None = None
+    least: Literal["time", "energy"] = "time"
 
     def __len__(self) -> int:
         return len(self.departs)
@@ -97,8 +102,11 @@ class Departures(ReprMixin):
 
     @property
     def best(self) -> int | None:
-        """The feasible departure of most total priority, then least time, then the earliest; None without."""
-        rank = np.lexsort((self.departs, self.time, -self.priority, ~self.feasible))
+        """The feasible departure of most total priority, then least time or energy, then the earliest.
+
+        None without one.
+        """
+        rank = np.lexsort((self.departs, getattr(self, self.least), -self.priority, ~self.feasible))
         return int(rank[0]) if self.feasible.any() else None
 
     def moment(self, k: int) -> str:
@@ -114,6 +122,7 @@ def plan_departures(
     folder: str | Path | None = None,
     area: OperatingArea | None = None,
     progress: Progress | None = None,
+    least: Literal["time", "energy"] = "time",
 ) -> Departures:
     """Plan a mission, or the leg where the scenario has two waypoints, for each of D departures.
 
@@ -127,11 +136,14 @@ def plan_departures(
         folder: that relative paths in the scenario start from; that of its file if absent.
         area: what the scenario's files contain, as `load_area_at` reads it; read here if absent.
         progress: called as departures are seen to.
+        least: what the best one has least of; energy needs a vehicle with a power model.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the first departure until the last one's time available is over.
     """
+    if least == "energy" and scenario.vehicle.power is None:
+        raise ScenarioError("departures by energy need a vehicle with a power model: give vehicle.power")
     moments, key = np.asarray(departs, float), prng.as_key(key)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
@@ -139,10 +151,11 @@ def plan_departures(
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
     if scenario.mission.waypoints == 2 and area.jobs is None:
-        return _plan_legs(leaving(planning_context(scenario, folder, area), key, moments), progress)
+        legs = leaving(planning_context(scenario, folder, area), key, moments)
+        return replace(_plan_legs(legs, progress), least=least)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]
     missions = [leaving(context, key, [now])[0] for context, now in zip(contexts, moments, strict=True)]
-    return _plan_missions(missions, progress)
+    return replace(_plan_missions(missions, progress), least=least)
 
 
 def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
@@ -193,12 +206,16 @@ def _plan_legs(missions: list[Mission], progress: Progress | None) -> Departures
             reasons[number] = plan.explain(plan.broken()[0], context.epoch)
         elif plan.travel_time >= available:
             reasons[number] = f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available"
-    feasible = np.asarray([not reason for reason in reasons])
+    feasible, power = np.asarray([not reason for reason in reasons]), run.vehicle.power
+    energy = None
+    if power is not None:
+        energy = np.where(feasible, [energy_of_plan(plan, power) for plan in plans], np.nan)
     return Departures(
         feasible=feasible,
         time=np.where(feasible, plans.travel_time, np.nan),
         tasks=np.zeros(count, int),
         priority=np.zeros(count),
+        energy=energy,
         reasons=tuple(reasons),
         plans=plans,
         **common,
@@ -214,12 +231,18 @@ def _plan_missions(missions: list[Mission], progress: Progress | None) -> Depart
         if progress:
             progress(number, len(missions), "planning missions")
         complete(mission)
-    runs = [mission.run for mission in missions]
+    runs, energy = [mission.run for mission in missions], None
+    if runs[0].vehicle.power is not None:
+        used = [run.energy for run in runs]
+        energy = np.asarray(
+            [one.total if one and run.success else np.nan for one, run in zip(used, runs, strict=True)]
+        )
     return Departures(
         feasible=np.asarray([run.success for run in runs]),
         time=np.asarray([run.t_mission if run.success else np.nan for run in runs]) - common["departs"],
         tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
         priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
+        energy=energy,
         reasons=tuple(
             "" if one.run.success else one.run.reason if one.run.legs else _why_no_route(one, sea.forecast())
             for one, sea in zip(missions, seas, strict=True)

@@ -34,6 +34,8 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
         priority = np.where(found.feasible, found.priority, np.nan)
         tasks = np.where(found.feasible, found.tasks, np.nan)
         panels = [(priority, "total priority [-]", style.GREEN), (tasks, "tasks [-]", style.PURPLE), *panels]
+    if found.energy is not None:
+        panels.append((found.energy, "energy [Wh]", style.ORANGE))
     panels.append((found.current, "current [m/s]", style.RED))
     order = np.argsort(found.departs, kind="stable")
     epoch = None if found.site is None else found.site.epoch

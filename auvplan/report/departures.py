@@ -9,7 +9,16 @@ from auvplan.runtime.files import DEPARTED, DEPARTURES, ResultError, read_json
 from auvplan.scenario.provenance import changed_settings
 
 #: Columns of numbers, of those that a table of departures may have.
-_NUMBERS = ("departure_s", "time_s", "tasks", "total_priority", "length_m", "clearance_m", "current_m_s")
+_NUMBERS = (
+    "departure_s",
+    "time_s",
+    "tasks",
+    "total_priority",
+    "length_m",
+    "clearance_m",
+    "energy_wh",
+    "current_m_s",
+)
 
 #: What a page takes from beside the table.
 _KINDS: dict[str, type] = {"scenario": dict, "files": list, "notes": list, "versions": dict}
@@ -23,6 +32,7 @@ def departures_data(rows: list[dict[str, Any]], stated: Mapping[str, Any]) -> di
         "name": str(settings.get("name") or "departures"),
         "description": str(settings.get("description") or ""),
         "leg": "total_priority" not in rows[0],
+        "least": "energy" if stated.get("least") == "energy" else "time",
         "departures": rows,
         "available": (settings.get("mission") or {}).get("time_available"),
         "provenance": {

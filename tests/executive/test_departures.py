@@ -1,6 +1,7 @@
 """When to leave: closed forms of tidal streams, batches against single departures, the command."""
 
 import csv
+from dataclasses import replace
 from datetime import timedelta
 
 import jax
@@ -65,6 +66,25 @@ def test_the_best_departure_is_the_fastest_feasible_one(across):
     assert across.best == np.nanargmin(across.time)
     assert across.moment(across.best) == "2026-03-01 09:00 UTC"
     np.testing.assert_allclose(across.current, np.abs(stream(HOURS, 0.0, 2.0)[1]), atol=1e-3)
+
+
+def test_legs_by_energy_are_those_that_the_power_model_makes_of_their_times(across):
+    power = {"hotel": 20.0, "propulsion": {"constant": 10.0, "factor": 15.0}}
+    settings = channel(vehicle={"power": power})
+    found = plan_departures(settings, HOURS, key=KEY, area=tidal_area(0.0, 2.0), least="energy")
+    np.testing.assert_array_equal(found.time, across.time)
+    speed = settings.vehicle.speed
+    np.testing.assert_allclose(found.energy, found.time * (30.0 + 15.0 * speed**3) / 3600.0, rtol=1e-4)
+    assert found.best == across.best  # without turning, diving and climbing, energy is power times time
+    # Where it is dear to turn, a leg that takes less energy may take longer.
+    swapped = replace(found, energy=np.where(np.arange(len(HOURS)) == 3, 1.0, found.energy))
+    assert found.feasible[3]
+    assert (swapped.best, replace(swapped, least="time").best) == (3, across.best)
+
+
+def test_departures_by_energy_need_a_power_model():
+    with pytest.raises(ScenarioError, match=r"vehicle\.power"):
+        plan_departures(channel(), HOURS, key=KEY, area=tidal_area(0.0, 2.0), least="energy")
 
 
 def test_travel_times_with_and_against_a_stream_are_those_of_the_closed_form():

@@ -1,10 +1,11 @@
 // The page of departures: what a mission or a leg comes to by when it leaves.
 
 (function () {
-  const { departures, leg, available, provenance, name, description } = report.data;
+  const { departures, leg, least, available, provenance, name, description } = report.data;
   const feasible = departures.filter((one) => one.feasible);
   const best = departures.find((one) => one.best);
   const dated = departures.every((one) => one.departure_utc);
+  const powered = departures.some((one) => "energy_wh" in one);
   const moment = (one) =>
     dated ? one.departure_utc.replace("T", " ").replace(/:00Z$/, "") : `+${report.hours(one.departure_s)}`;
 
@@ -23,6 +24,7 @@
       leg
         ? ["way", `${report.fixed(best.length_m / 1000, 1)} km`, clear]
         : ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")],
+      powered && ["energy", `${report.fixed(best.energy_wh)} Wh`, "by the vehicle's power model"],
       ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"],
     ],
   });
@@ -31,12 +33,13 @@
     !leg && ["total_priority", "total priority", "task", 1],
     !leg && ["tasks", "tasks", "static", 1],
     ["time_s", leg ? "travel time [min]" : "mission time [min]", "plan", 1 / 60],
+    powered && ["energy_wh", "energy [Wh]", "route", 1],
     ["current_m_s", "current [m/s]", "earlier", 1],
   ].filter(Boolean);
   const host = element("div", { id: "departures" });
   const note =
-    "Departures that are not feasible are shaded; the star is the best: most priority, then least time, then the " +
-    "earliest. A click marks the row below.";
+    "Departures that are not feasible are shaded; the star is the best: most priority, then least " +
+    `${least}, then the earliest. A click marks the row below.`;
   report.section("when", "When to leave", note, host);
   const when = departures.map((one) => (dated ? one.departure_utc : one.departure_s / 3600));
   const draw = (colours) => {
@@ -106,6 +109,7 @@
       report.number(leg ? "travel time, s" : "time, s", "time_s"),
       leg ? report.number("length, m", "length_m") : report.number("tasks", "tasks"),
       leg ? report.number("clearance, m", "clearance_m") : report.number("priority", "total_priority", 1),
+      powered && report.number("energy, Wh", "energy_wh"),
       report.number("current, m/s", "current_m_s", 2),
       !leg && report.words("waypoints", (one) => one.waypoints, { class: "long" }),
       feasible.length < departures.length && report.words("why not", (one) => one.reason, { class: "long" }),
