@@ -59,6 +59,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "available": run.t_available,
         "epoch": None if run.site is None else run.site.epoch,
         "figures": {name: summary[name] for name in _FIGURES},
+        "energy": summary.get("energy"),
         "warnings": list(stated.get("warnings", [])),
         "map": map_data(low, high, run.coast, run.seabed, run.site),
         "accuracy": stated.get("accuracy", 0.0),

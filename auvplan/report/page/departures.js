@@ -22,7 +22,7 @@
       ["best departure", moment(best), dated ? "UTC" : "after the scenario's"],
       [leg ? "travel time" : "mission time", report.hours(best.time_s), `${report.fixed(best.time_s)} s${of}`],
       leg
-        ? ["way", `${report.fixed(best.length_m / 1000, 1)} km`, clear]
+        ? ["distance", `${report.fixed(best.length_m / 1000, 1)} km`, clear]
         : ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")],
       powered && ["energy", `${report.fixed(best.energy_wh)} Wh`, "by the vehicle's power model"],
       ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"],

@@ -133,6 +133,8 @@
   const most = priority_bound ? `at most ${report.figure(priority_bound, 3)} possible` : null;
   const replans = whole ? `${path_replans} of paths, ${mission_replans} of the route` : "of the path";
   const hit = figures.collisions ? "points inside an obstacle or on land" : "none on the track";
+  const left = run.energy && run.energy.charge_end !== undefined ? run.energy.charge_end : null;
+  const charge = left === null ? "no battery is known" : `charge ${report.fixed(100 * left)} % at the end`;
   report.head({
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
@@ -143,7 +145,8 @@
       ["time left", report.hours(figures.t_residual), `${of("t_residual")} s`],
       whole && [run.simulated ? "tasks done" : "tasks", of("tasks"), report.counted(waypoints.length, "waypoint")],
       whole && ["total priority", report.figure(figures.total_priority, 3), most],
-      ["way", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
+      ["distance", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
+      run.energy && ["energy", `${report.fixed(run.energy.total_wh)} Wh`, charge],
       run.simulated && ["re-plans", report.fixed(path_replans + mission_replans), replans],
       run.simulated && ["collisions", of("collisions"), hit],
     ],
