@@ -119,8 +119,8 @@ def power_model(
     propulsion = whole.propulsion.made()
     if speed is not None and isinstance(propulsion, PowerTable) and speed > 1.000001 * propulsion.speeds[-1]:
         reason = (
-            f"{speed:g} m/s is beyond the table of vehicle.power, which ends at {propulsion.speeds[-1]:g} m/s: "
-            "set at most that, or a propulsion that reaches further"
+            f"{speed:g} m/s is beyond the table of vehicle.power, which ends at {propulsion.speeds[-1]:g} m/s"
+            ": set at most that, or a propulsion that reaches further"
         )
         raise ScenarioError(reason, field="vehicle.speed")
     battery = whole.battery
