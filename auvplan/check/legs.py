@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from auvplan.check.saved import TIME_TOLERANCE, Array, Leg, Saved, near
 from auvplan.runtime.files import MISSION, SUMMARY
 
+#: Shares of its speed that a vehicle moves at through the water on a simulated track: something may slow it.
+_TRACKED = 0.5, 1.1
+
 
 def site_faults(run: Saved) -> Iterator[str]:
     """Yield that a run is not where and when, or its vehicle not as fast, as its scenario says."""
@@ -103,24 +106,35 @@ def time_faults(run: Saved) -> Iterator[str]:
 
 
 def energy_faults(run: Saved) -> Iterator[str]:
-    """Yield figures of energy that do not fit each other, the time or the track."""
+    """Yield figures of energy that the track, the time, the power model and the battery do not make."""
     energy, stated = run.summary.get("energy"), run.data.attrs.get("power_model")
     if energy is None and stated is None:
         return
     if not isinstance(energy, dict) or stated is None:
         yield "energy stands in one of summary and power_model alone"
         return
-    power, total = json.loads(stated), sum(energy["terms_wh"].values())
+    power, terms = json.loads(stated), energy["terms_wh"]
+    yield from _contradictions("vehicle.power", run.section("vehicle").get("power"), power)
+    total = sum(terms.values())
     if not _same(total, energy["total_wh"]):
         yield f"energy by term adds up to {total:.2f} Wh, total_wh is {energy['total_wh']:.2f}"
-    always, least = (
-        power["hotel"] + power["payload"],
-        energy["terms_wh"]["hotel"] + energy["terms_wh"]["payload"],
-    )
-    lasts, charged = run.summary["t_mission"], run.number("charged_compute")
-    if abs(3600.0 * least - always * lasts) > always * (charged + TIME_TOLERANCE):
-        over = always * lasts / 3600.0
-        yield f"hotel and payload take {least:.2f} Wh, {always:g} W over {lasts:.0f} s are {over:.2f}"
+    for name, (least, most) in _energy_bounds(run, power).items():
+        found, room = terms[name], 0.01 + 1e-3 * most
+        if not least - room <= found <= most + room:
+            yield f"{name} takes {found:.2f} Wh, time and track make it {least:.2f} to {most:.2f}"
+    if battery := power.get("battery"):
+        usable = battery["capacity"] * battery["usable"] * battery["ageing"] * battery["temperature"]
+        left = battery["charge"] - total / usable
+        margin = (left - battery["reserve"]) * usable
+        figures = {
+            "usable_wh": usable,
+            "reserve": battery["reserve"],
+            "charge_end": left,
+            "margin_wh": margin,
+        }
+        for name, value in figures.items():
+            if not abs(energy[name] - value) <= 1e-4 * max(abs(value), 1.0):
+                yield f"energy: {name} is {energy[name]:.4f}, battery and terms make it {value:.4f}"
     if "charge" not in run.data:
         return
     charge = run.data["charge"].values.astype(float)
@@ -128,6 +142,54 @@ def energy_faults(run: Saved) -> Iterator[str]:
         yield "the charge rises along the track, or is no number"
     elif len(charge) and charge[-1] < energy["charge_end"] - 1e-6:
         yield f"the charge at the end, {energy['charge_end']:.4f}, is more than on the way"
+
+
+def _contradictions(name: str, given: Any, used: Any) -> Iterator[str]:
+    """Yield the settings of a power model that are given as numbers and were not used."""
+    if isinstance(given, dict):
+        for part, value in given.items():
+            if part != "vehicle" and value is not None:
+                yield from _contradictions(f"{name}.{part}", value, (used or {}).get(part))
+        return
+    if isinstance(given, str) or given is None:  # a vehicle by its name, or its file
+        return
+    if used is None or np.shape(given) != np.shape(used) or not np.allclose(given, used, rtol=1e-6):
+        yield f"{name} is {used} in power_model, the scenario says {given}"
+
+
+def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return the least and the most that terms can be, Wh: by time, depths, tasks and speed."""
+    legs, speed = [leg for leg in run.legs if leg.executed], run.number("vehicle_speed")
+    lasts, unsure = run.summary["t_mission"], run.number("charged_compute") + TIME_TOLERANCE
+    seconds = np.concatenate([np.zeros(0), *(np.diff(leg.times) for leg in legs)])
+    steps = np.concatenate([np.zeros((0, 3)), *(np.diff(leg.positions, axis=0) for leg in legs)])
+    down, moved = steps[:, 2].astype(float), np.linalg.norm(steps, axis=1)
+    law = power["propulsion"]
+
+    def watts(speed: float) -> float:
+        if "speeds" in law:
+            return float(np.interp(speed, law["speeds"], law["watts"]))
+        return law["constant"] + law["factor"] * speed ** law["exponent"]
+
+    slow, fast = (share * speed for share in (_TRACKED if run.simulated else (1.0, 1.0)))
+    under_way = float(seconds[moved > 1e-6 * seconds].sum())
+    done = [leg for leg in legs if leg.arrived and leg.priority > 0.0]
+    tasks = power["task"] * sum(leg.t_task for leg in done) + power["task_start"] * len(done)
+    joules = {
+        **{
+            name: (power[name] * (lasts - unsure), power[name] * (lasts + unsure))
+            for name in ("hotel", "payload")
+        },
+        "propulsion": (
+            watts(slow) * under_way,
+            watts(fast) * under_way + watts(speed) * max(lasts - under_way, 0.0),
+        ),
+        "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()),) * 2,
+        "climb": (power["climb"] * float(np.maximum(-down, 0.0).sum()),) * 2,
+        # Along survey lines a task is under way.
+        "tasks": (tasks, tasks + power["task"] * under_way),
+    }
+    return {name: (least / 3600.0, most / 3600.0) for name, (least, most) in joules.items()}
 
 
 def figure_faults(run: Saved) -> Iterator[str]:

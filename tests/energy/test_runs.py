@@ -165,12 +165,32 @@ def test_a_saved_run_keeps_its_energy_and_is_checked(tmp_path, capacity):
     for change, words in (
         ({"total_wh": 1.0}, "energy by term adds up to"),
         ({"charge_end": 0.99}, "the charge at the end, 0.9900, is more than on the way"),
-        ({"terms_wh": summary["energy"]["terms_wh"] | {"hotel": 1.0}}, "hotel and payload take"),
+        ({"charge_end": -1.0}, "charge_end is -1.0000, battery and terms make it"),
+        ({"reserve": 0.1}, "reserve is 0.1000, battery and terms make it 0.3000"),
+        ({"usable_wh": 9e3}, "usable_wh is 9000.0000"),
+        ({"terms_wh": summary["energy"]["terms_wh"] | {"hotel": 1.0}}, "hotel takes 1.00 Wh"),
+        ({"terms_wh": summary["energy"]["terms_wh"] | {"propulsion": 0.1}}, "propulsion takes 0.10 Wh"),
+        ({"terms_wh": summary["energy"]["terms_wh"] | {"dive": 9.0}}, "dive takes 9.00 Wh"),
     ):
         (tmp_path / "summary.json").write_text(json.dumps(summary | {"energy": summary["energy"] | change}))
         assert any(words in fault for fault in check_run(tmp_path).faults)
     (tmp_path / "summary.json").write_text(json.dumps(summary | {"success": not run.success}))
     assert any("the charge and the last waypoint" in fault for fault in check_run(tmp_path).faults)
+
+
+def test_a_power_model_that_is_not_the_scenarios_is_a_fault(tmp_path):
+    run = powered_run()
+    power = {
+        "hotel": 1.0,
+        "battery": {"capacity": 9e3},
+        "propulsion": {"speeds": [0.0, 1.0], "watts": [1, 2]},
+    }
+    run.scenario["vehicle"]["power"] = power
+    save_run(run, tmp_path)
+    faults = [fault for fault in check_run(tmp_path).faults if "power_model" in fault]
+    parts = "hotel", "battery.capacity", "propulsion.speeds", "propulsion.watts"
+    assert [fault.split(" is ")[0] for fault in faults] == [f"vehicle.power.{part}" for part in parts]
+    assert faults[0].endswith("the scenario says 1.0")
 
 
 def test_files_without_power_are_as_they_were(tmp_path):
