@@ -376,10 +376,15 @@ class MissionRun(ReprMixin):
         )
 
     @property
+    def energy_lack(self) -> str:
+        """Why its energy does not do, in words; empty where it does or none is known."""
+        energy = self.energy
+        return "" if energy is None else energy.lack
+
+    @property
     def success(self) -> bool:
         """Whether the destination was reached with time left, and with the battery's reserve."""
-        in_time = self.arrived and self.t_residual > 0.0
-        return in_time and not (self.energy is not None and self.energy.lack)
+        return self.arrived and self.t_residual > 0.0 and not self.energy_lack
 
     @property
     def done(self) -> list[LegRecord]:

@@ -369,7 +369,7 @@ class Mission:
         late = run.t_mission >= run.t_available
         arrives = "destination reached" if run.simulated else "planned to reach the destination"
         run.reason = reason or arrives + (" too late" if late else " in time")
-        if run.arrived and run.energy is not None and (lack := run.energy.lack):
+        if run.arrived and (lack := run.energy_lack):
             run.reason += f", {lack}"
 
 

@@ -54,7 +54,7 @@ class _Land:
         return np.stack([mask[turned][np.ix_(i, j)] for mask in (self.dry, self.unsure)])
 
 
-#: By what a raster may be turned over, and what is wrong with it then.
+#: Turns that a raster may have, and what is wrong with it then.
 _TURNS: dict[str, tuple[tuple[slice, slice], str]] = {
     "north to south": ((slice(None, None, -1), slice(None)), "upside down"),
     "east to west": ((slice(None), slice(None, None, -1)), "mirrored"),

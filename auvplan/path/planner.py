@@ -226,7 +226,7 @@ def sketch_paths(
 
 
 def _by_legs(program: Callable[..., Any], keys: jax.Array, batch: Batch, rows: Any) -> dict[str, Any]:
-    """Run a program on the legs of a batch with their keys and rows, so many at once as `batch_map` takes."""
+    """Run a program on the legs of a batch with their keys and rows, by `batch_map`."""
     return batch_map(
         lambda keys, legs, rows: program(keys, batch.of_legs(legs), rows), keys, batch.legs, rows
     )

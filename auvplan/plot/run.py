@@ -15,11 +15,15 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.files import output_folder
 from auvplan.view.scene import busiest_leg, done_leg
 
-#: The figure of the mission as a whole.
-MAP = "mission.png"
+#: The figure of the mission as a whole, and that of runs whose vehicle has a power model.
+MAP, ENERGY = "mission.png", "energy.png"
 
 #: Of the whole run, by the name of their file.
-_OF_RUN: dict[str, Callable[[MissionRun], Any]] = {MAP: plot_mission, "timeline.png": plot_timeline}
+_OF_RUN: dict[str, Callable[[MissionRun], Any]] = {
+    MAP: plot_mission,
+    "timeline.png": plot_timeline,
+    ENERGY: plot_energy,
+}
 
 #: Of one leg, by the name of their file.
 _OF_LEG: dict[str, Callable[[MissionRun, LegRecord], Any]] = {
@@ -28,11 +32,8 @@ _OF_LEG: dict[str, Callable[[MissionRun, LegRecord], Any]] = {
     "convergence.png": plot_convergence,
 }
 
-#: Of runs whose vehicle has a power model.
-ENERGY = "energy.png"
-
 #: Names of all files but `ENERGY`.
-FIGURES = (*_OF_RUN, *_OF_LEG)
+FIGURES = tuple(name for name in (*_OF_RUN, *_OF_LEG) if name != ENERGY)
 
 
 def draw_run(
@@ -71,8 +72,8 @@ def draw_run(
         wanted = [name for name in wanted if name == MAP]
     drawn: list[tuple[str, Callable[[], Any]]] = []
     for name in wanted:
-        if plot := (_OF_RUN | {ENERGY: plot_energy}).get(name):
-            drawn.append((name, lambda plot=plot: plot(run)))
+        if name in _OF_RUN:
+            drawn.append((name, lambda plot=_OF_RUN[name]: plot(run)))
             continue
         for ending, one in shown.items():
             if name != "convergence.png" or all(plan.history for plan in one.plans):
