@@ -76,7 +76,8 @@ class LinePart:
         (here, off), (there, end) = self.across(first), self.across(last)
         turn = end - off
         a, b = (turn**2).sum(axis=1), (off * turn).sum(axis=1)
-        c = (off**2).sum(axis=1) - self.tolerance**2
+        # What is off by just the tolerance counts, whichever way the squares are rounded.
+        c = (off**2).sum(axis=1) - self.tolerance**2 * (1.0 + np.finfo(float).eps)
         root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         even = a < 1e-12  # as far off at both ends
         shares = np.stack([-b - root, -b + root], axis=1) / np.where(even, 1.0, a)[:, None]
