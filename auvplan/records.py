@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
@@ -20,7 +20,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
-from auvplan.runtime.formatting import ReprMixin, figure
+from auvplan.runtime.formatting import ReprMixin, between, figure
 from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
@@ -112,6 +112,7 @@ class LegRecord(ReprMixin):
         line: the part of a survey line that it follows, or None.
         current: [n, 2] m/s north and east, the true current from each time to the next; None where it changes
             as vortices do.
+        speed: m/s through the water that it is gone at; None where that is the vehicle's.
     """
 
     start: int
@@ -136,10 +137,12 @@ class LegRecord(ReprMixin):
     missed: bool = False
     line: LinePart | None = None
     current: Array | None = None
+    speed: float | None = None
 
     def _repr_items(self) -> dict[str, str]:
         return {
             "": f"{self.start} to {self.goal}",
+            **({} if self.speed is None else {"through the water": f"{self.speed:.2f} m/s"}),
             "executed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
             "expected": f"{self.t_expected - self.t_task:,.0f} s",
             "task": f"{self.t_task:,.0f} s",
@@ -220,6 +223,8 @@ class RouteRecord:
             executed in time).
         leg_times: s, expected of each leg with waiting and task; empty where it was not kept.
         waits: s of them that pass in waiting for the task's window; empty where it was not kept.
+        speeds: m/s through the water of each leg; empty where that is the vehicle's.
+        energies: J expected of each leg with its task; empty without a power model.
     """
 
     made_at: float
@@ -230,6 +235,8 @@ class RouteRecord:
     cause: str
     leg_times: list[float] = field(default_factory=list)
     waits: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+    energies: list[float] = field(default_factory=list)
 
 
 @dataclass(repr=False)
@@ -361,6 +368,16 @@ class MissionRun(ReprMixin):
         """How much of the reserve the mission took, s; all of it where time ran out."""
         reserve = self.planning.reserve
         return float(np.clip(reserve - self.t_residual, 0.0, reserve))
+
+    def vehicle_on(self, leg: LegRecord) -> Vehicle:
+        """Return the vehicle at the speed through the water that a leg is gone at."""
+        return self.vehicle if leg.speed is None else replace(self.vehicle, speed=leg.speed)
+
+    @property
+    def speeds(self) -> str:
+        """Speeds through the water of the legs done, in words; empty where all are the vehicle's."""
+        own = [float(np.asarray(self.vehicle_on(leg).speed)) for leg in self.done]
+        return f"{between(own, 2)} m/s" if any(leg.speed is not None for leg in self.done) else ""
 
     @property
     def energy(self) -> EnergyUse | None:
@@ -554,6 +571,7 @@ class MissionRun(ReprMixin):
                     "t_task": leg.t_task,
                     "priority": leg.priority,
                     "revisit": leg.revisit,
+                    **({} if leg.speed is None else {"speed": leg.speed}),
                     "line": None if leg.line is None else leg.line.figures(leg.coverage),
                     "path_replans": leg.path_replans,
                     "arrived": leg.arrived,

@@ -146,7 +146,7 @@ def _vertical_faults(run: Saved) -> Iterator[str]:
 
     Plans that are stored as breaking a limit are left out, and limits that are not stored.
     """
-    speed, names = run.number("vehicle_speed"), ("pitch_max", "climb_rate_max", "dive_rate_max")
+    names = "pitch_max", "climb_rate_max", "dive_rate_max"
     limits = {name: run.number(f"vehicle_{name}") for name in names if f"vehicle_{name}" in run.data.attrs}
     if "plan_pitch" in run:
         times, depths = run["plan_time"], run["plan_position"][..., 2].astype(float)
@@ -154,11 +154,12 @@ def _vertical_faults(run: Saved) -> Iterator[str]:
         for number in np.flatnonzero(kept):
             count = int(np.isfinite(times[number]).sum())
             own = times[number, :count], depths[number, :count], pitch[number, : max(count - 1, 0)]
+            speed = run.legs[int(run["plan_leg"][number])].speed
             yield from _steep(f"plan {number}", *own, speed, limits, False)
     pitch = np.radians(run["pitch"].astype(float))
     for leg in run.legs:
         own = leg.times, leg.positions[:, 2], pitch[leg.rows][:-1]
-        yield from _steep(str(leg), *own, speed, limits, run.simulated)
+        yield from _steep(str(leg), *own, leg.speed, limits, run.simulated)
 
 
 def _steep(
@@ -200,8 +201,8 @@ def _steep(
 
 
 def _speed_faults(run: Saved, velocities: Velocities) -> Iterator[str]:
-    """Yield legs on which the vehicle's speed through the known current is not its own."""
-    speed, saved = run.number("vehicle_speed"), None
+    """Yield legs on which the vehicle's speed through the known current is not that of the leg."""
+    saved = None
     # A plan's velocity is that of its segment, in the current in the middle of it.
     half = 0.0 if run.simulated else 0.5
     if "current_north" in run:
@@ -228,12 +229,12 @@ def _speed_faults(run: Saved, velocities: Velocities) -> Iterator[str]:
                 part[chosen] + half * (part[chosen + 1] - part[chosen]) for part in (leg.positions, leg.times)
             )
             known = _in_vortices(run, places, times)
-        water = own.ground[chosen, :2] - speed * own.heading[chosen, :2]
+        water = own.ground[chosen, :2] - leg.speed * own.heading[chosen, :2]
         apart = np.linalg.norm(water - known, axis=1)
         for k in np.flatnonzero(apart > SPEED_TOLERANCE)[:1]:
             yield (
-                f"{leg}: at {leg.times[chosen[k]]:.2f} s the vehicle makes its {speed:g} m/s in a current of "
-                f"{np.hypot(*water[k]):.2f} m/s, which is {np.hypot(*known[k]):.2f} m/s there"
+                f"{leg}: at {leg.times[chosen[k]]:.2f} s the vehicle makes its {leg.speed:g} m/s in a "
+                f"current of {np.hypot(*water[k]):.2f} m/s, which is {np.hypot(*known[k]):.2f} m/s there"
             )
 
 

@@ -105,6 +105,18 @@ def time_faults(run: Saved) -> Iterator[str]:
         yield f"success is {bool(summary['success'])}, {says} and the last waypoint say {success}"
 
 
+def speed_faults(run: Saved) -> Iterator[str]:
+    """Yield legs and routes at speeds through the water that the scenario does not let the vehicle choose."""
+    own = run.number("vehicle_speed")
+    least, most = run.section("vehicle").get("speed_range") or (own, own)
+    stated = [(str(leg), leg.speed) for leg in run.legs]
+    for number, speeds in enumerate(run.get("route_speed", ())):
+        stated += [(f"route {number}", speed) for speed in speeds[~np.isnan(speeds)]]
+    for name, speed in stated:
+        if not least - 1e-6 <= speed <= most + 1e-6:
+            yield f"{name}: is gone at {speed:g} m/s, the scenario allows {least:g} to {most:g} m/s"
+
+
 def energy_faults(run: Saved) -> Iterator[str]:
     """Yield figures of energy that the track, the time, the power model and the battery do not make."""
     energy, stated = run.summary.get("energy"), run.data.attrs.get("power_model")
@@ -159,7 +171,7 @@ def _contradictions(name: str, given: Any, used: Any) -> Iterator[str]:
 
 def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, float]]:
     """Return the least and the most that terms can be, Wh: by time, depths, tasks and speed."""
-    legs, speed = [leg for leg in run.legs if leg.executed], run.number("vehicle_speed")
+    legs = [leg for leg in run.legs if leg.executed]
     lasts, unsure = run.summary["t_mission"], run.number("charged_compute") + TIME_TOLERANCE
     seconds = np.concatenate([np.zeros(0), *(np.diff(leg.times) for leg in legs)])
     steps = np.concatenate([np.zeros((0, 3)), *(np.diff(leg.positions, axis=0) for leg in legs)])
@@ -171,8 +183,15 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             return float(np.interp(speed, law["speeds"], law["watts"]))
         return law["constant"] + law["factor"] * speed ** law["exponent"]
 
-    slow, fast = (share * speed for share in (_TRACKED if run.simulated else (1.0, 1.0)))
-    under_way = float(seconds[moved > 1e-6 * seconds].sum())
+    speeds = np.concatenate([np.zeros(0), *(np.full(len(leg.times) - 1, leg.speed) for leg in legs)])
+    moving = moved > 1e-6 * seconds
+    under_way = float(seconds[moving].sum())
+    slow, fast = (
+        sum(watts(share * v) * seconds[moving & (speeds == v)].sum() for v in np.unique(speeds))
+        for share in (_TRACKED if run.simulated else (1.0, 1.0))
+    )
+    # Where it stays, it makes the speed of a current that it held out against, or its own.
+    fastest = max([run.number("vehicle_speed"), *speeds], key=watts)
     done = [leg for leg in legs if leg.arrived and leg.priority > 0.0]
     tasks = power["task"] * sum(leg.t_task for leg in done) + power["task_start"] * len(done)
     joules = {
@@ -181,8 +200,8 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             for name in ("hotel", "payload")
         },
         "propulsion": (
-            watts(slow) * under_way,
-            watts(fast) * under_way + watts(speed) * max(lasts - under_way, 0.0),
+            slow,
+            fast + watts(fastest) * max(lasts - under_way, 0.0),
         ),
         "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()),) * 2,
         "climb": (power["climb"] * float(np.maximum(-down, 0.0).sum()),) * 2,
@@ -253,6 +272,7 @@ def _leg_figures(run: Saved) -> Iterator[dict[str, float]]:
             "t_task": leg.t_task, "t_hold": leg.t_hold, "t_wait": leg.t_wait,
             "t_planned": float(planned[own[followed[leg.number]]]) if len(own) else np.nan,
             "path_replans": int((cause[own] != "leg").sum()), "cpu_s": float(cpu[own].sum()),
+            "speed": leg.speed,
         }  # fmt: skip
 
 

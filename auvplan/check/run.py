@@ -29,6 +29,7 @@ from auvplan.check.legs import (
     place_faults,
     route_faults,
     site_faults,
+    speed_faults,
     time_faults,
 )
 from auvplan.check.saved import Leg, Saved, read_legs, require
@@ -137,9 +138,8 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     report = CheckReport()
     run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
     for faults in (
-        site_faults, source_faults, graph_faults, place_faults, time_faults, energy_faults, figure_faults,
-        route_faults,
-        motion_faults, task_faults, window_faults,
+        site_faults, source_faults, graph_faults, place_faults, time_faults, speed_faults, energy_faults,
+        figure_faults, route_faults, motion_faults, task_faults, window_faults,
     ):  # fmt: skip
         report.faults += faults(run)
     known, closed = read_obstacles(run), read_closed_areas(run)
@@ -148,9 +148,8 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     coast = Coast.of(dataset) if "passability" in run else None
     shore = None if coast is None else Coast.beyond(dataset)
     bed = Bed.of(dataset) if "seabed_depth" in run else None
-    speed = run.number("vehicle_speed") + CURRENT_MAX
     for leg in run.legs:
-        if not leg.executed or (samples := _sampled(leg, speed, report)) is None:
+        if not leg.executed or (samples := _sampled(leg, leg.speed + CURRENT_MAX, report)) is None:
             continue
         track = _Track(leg, samples, report)
         if coast is not None:

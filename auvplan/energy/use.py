@@ -165,14 +165,14 @@ def energy_of_legs(
 ) -> EnergyUse:
     """Return the energy of executed or planned legs, one after the other.
 
-    Under way a vehicle moves through the water at its speed, or at that which its recorded motion and the
-    recorded current come to. Where it stays, it keeps station against the last current that is known there,
-    or loiters at its speed. Turns count between records and at waypoints.
+    Under way a vehicle moves through the water at the leg's speed, or at that which its recorded motion and
+    the recorded current come to. Where it stays, it keeps station against the last current that is known
+    there, or loiters at its speed. Turns count between records and at waypoints.
 
     Args:
         legs: in order; refused ones take nothing.
         power: of the vehicle.
-        speed: m/s through the water.
+        speed: m/s through the water, of legs that have none of their own, and of loitering.
         known: whether the recorded current is what the vehicle met; a plan's is what it was planned in.
         loiters: whether it loiters where it stays.
     """
@@ -189,7 +189,8 @@ def energy_of_legs(
             moments.append(moments[-1] + seconds)
 
     for leg in legs:
-        through, moving = _through_water(leg, None if known and leg.current is not None else speed)
+        own = speed if leg.speed is None else leg.speed
+        through, moving = _through_water(leg, None if known and leg.current is not None else own)
         turn, heading = _turns(np.where(moving, leg.motion.yaw[: len(moving)], np.nan), heading)
         seconds, down = np.diff(leg.times), np.diff(np.asarray(leg.positions, float)[:, 2])
         drift = speed if loiters else _drift(leg, through, moving)

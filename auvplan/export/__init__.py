@@ -52,11 +52,13 @@ class Format:
         content: of an itinerary: the file's bytes, or the dataset of a NetCDF file; it raises `ExportError`
             where the format cannot hold the itinerary.
         timeless: what becomes of times where the site has no epoch; nothing to say where empty.
+        speedless: what becomes of the speeds of legs; nothing to say where the file has them.
     """
 
     file: str
     content: "Callable[[Itinerary], bytes | xr.Dataset]"
     timeless: str = ""
+    speedless: str = ""
 
     def write(self, itinerary: Itinerary, folder: Path) -> Path:
         """Write the file whole or not at all; raises as `export`."""
@@ -75,12 +77,12 @@ class Format:
 FORMATS = {
     "qgc": Format("itinerary.plan", qgc_text),
     "geojson": Format("itinerary.geojson", geojson_text, "no times of day, only seconds"),
-    "kml": Format("itinerary.kml", kml_text, "no times"),
-    "gpx": Format("itinerary.gpx", gpx_text, "no times"),
+    "kml": Format("itinerary.kml", kml_text, "no times", "in words alone"),
+    "gpx": Format("itinerary.gpx", gpx_text, "no times", "in words alone"),
     "csv": Format("itinerary.csv", csv_text, "no times"),
     "netcdf": Format("itinerary.nc", trajectories, "the epoch as 2000-01-01"),
     "imc": Format("itinerary.imc.xml", imc_text),
-    "ros": Format("itinerary.cdr", geo_path, "times that count from the departure"),
+    "ros": Format("itinerary.cdr", geo_path, "times that count from the departure", "in its times alone"),
 }
 
 
@@ -122,6 +124,12 @@ def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) 
             f"{kind.file}: the mission has no date, so it has {kind.timeless}"
             for kind in chosen
             if kind.timeless
+        ]
+    if itinerary.speeds:
+        notes += [
+            f"{kind.file}: has the speeds of legs, {itinerary.speeds} through the water, {kind.speedless}"
+            for kind in chosen
+            if kind.speedless
         ]
     if "imc" in names:
         notes.append(f"{FORMATS['imc'].file}: {speed_note(itinerary)}")

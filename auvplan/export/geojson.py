@@ -27,14 +27,15 @@ def geojson_text(itinerary: Itinerary) -> bytes:
         add("plan", _line(leg.positions, site), {
             "leg": leg.number, "from": leg.start_name, "to": leg.goal_name, "note": leg.note,
             "hold_s": leg.hold, "priority": leg.priority,
-            "ground_speed_share": round(ground_share(leg, itinerary.speed), 3),
+            "ground_speed_share": round(ground_share(leg, itinerary.through_water(leg)), 3),
+            **_speed(leg.speed),
         } | _times(leg.times, site))  # fmt: skip
     for sequence, row in enumerate(waypoints(itinerary), 1):
         place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
         add("waypoint", {"type": "Point", "coordinates": place}, {
             "sequence": sequence, "leg": row.leg, "name": row.name, "depth_m": row.depth,
             "hold_s": row.hold, "priority": row.priority, "task": row.task,
-            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds),
+            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds), **_speed(row.speed),
         } | ({} if np.isnan(row.charge) else {"charge": round(row.charge, 4)}))  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
         add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
@@ -51,6 +52,11 @@ def geojson_text(itinerary: Itinerary) -> bytes:
         "features": features,
     }
     return (json.dumps(collection, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def _speed(speed: float | None) -> dict[str, float]:
+    """The speed through the water of a leg that has its own."""
+    return {} if speed is None else {"speed_m_s": round(speed, 4)}
 
 
 def _times(times: Array, site: Site) -> dict[str, Any]:

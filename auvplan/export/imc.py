@@ -151,7 +151,7 @@ def _leg(itinerary: Itinerary, leg: PlannedLeg, parts: list[Stretch]) -> list[tu
     name, last = f"leg{leg.number}", len(leg.kept) - 1
     patience = _timeout(float(leg.kept_times[-1] - leg.kept_times[0]), f"leg {leg.number}")
     if last == 0:
-        return [(name, _goto(itinerary, leg.waypoints[0], itinerary.speed, patience))]
+        return [(name, _goto(itinerary, leg.waypoints[0], itinerary.through_water(leg), patience))]
     found = []
     for part in parts:
         called = f"{name}_last{last - part.first}" if part.first else name
@@ -256,7 +256,7 @@ def first_begun(itinerary: Itinerary) -> Begun:
     """Return how an itinerary's first leg is begun: at rest, or under way where a leg before was cut."""
     leg = itinerary.legs[0]
     if np.isfinite(leg.led[1]):
-        return Begun(leg.led[1] - itinerary.speed)
+        return Begun(leg.led[1] - itinerary.through_water(leg))
     return Begun(_RISING if leg.number == 1 else 0.0)
 
 
@@ -268,7 +268,7 @@ def commanded(itinerary: Itinerary, leg: PlannedLeg, begun: Begun) -> tuple[list
     found, learnt = [], begun.learnt
     for part in parts:
         seconds = max(float(leg.kept_times[part.last] - leg.kept_times[part.first]), 1e-9)
-        current, left = part.speed - itinerary.speed, math.exp(-seconds / _LEARNS)
+        current, left = part.speed - itinerary.through_water(leg), math.exp(-seconds / _LEARNS)
         ahead = (current - learnt) * (1.0 - left) * _LEARNS / seconds
         longer = _longer(leg, part, begun) if part.first == 0 else 1.0
         speed = min(part.speed * longer - ahead, part.speed * _MOST)
@@ -296,7 +296,7 @@ def _after_task(itinerary: Itinerary, leg: PlannedLeg, learnt: float) -> Begun:
         return Begun(0.0, leg.waypoints[-1][:2])
     current, step = _current(itinerary, leg), leg.waypoints[-1] - leg.waypoints[-2]
     right = np.array([-step[1], step[0]]) / max(float(np.hypot(step[0], step[1])), 1e-9)
-    crab = -math.asin(float(np.clip(current @ right / itinerary.speed, -1.0, 1.0)))
+    crab = -math.asin(float(np.clip(current @ right / itinerary.through_water(leg), -1.0, 1.0)))
     angle, total = math.atan2(step[1], step[0]) + _COUNTS + crab, float(current @ current)
     for _ in range(round(hold / _STEP)):
         along = float(current @ [-math.sin(angle), math.cos(angle)])
@@ -313,5 +313,5 @@ def _current(itinerary: Itinerary, leg: PlannedLeg) -> Array:
     last = leg.motion[-1:]
     level = np.cos(last.pitch)
     hull = np.stack([level * np.cos(last.yaw), level * np.sin(last.yaw)], axis=1)
-    found = last.ground_velocity[0, :2] - itinerary.speed * hull[0]
+    found = last.ground_velocity[0, :2] - itinerary.through_water(leg) * hull[0]
     return found if np.isfinite(found).all() else np.zeros(2)

@@ -13,7 +13,7 @@ from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around, nearest_fences
 from auvplan.ocean.chart import Chart
 from auvplan.path.motion import Motion
-from auvplan.runtime.formatting import counted, figure, plain
+from auvplan.runtime.formatting import between, counted, figure, plain
 from auvplan.site import Site, as_utc
 from auvplan.view.timeline import END_BEHAVIOURS
 
@@ -64,6 +64,7 @@ class PlannedLeg:
         led: m/s over ground, and of it along the hull, at which the first waypoint is gone to; NaN where the
             leg begins there.
         charge: [n], share of the battery's usable energy that is left; None where it is not known.
+        speed: m/s through the water; None where it is the itinerary's.
     """
 
     number: int
@@ -82,6 +83,7 @@ class PlannedLeg:
     priority: float = 0.0
     led: tuple[float, float] = (np.nan, np.nan)
     charge: Array | None = None
+    speed: float | None = None
 
     @classmethod
     def of(
@@ -129,6 +131,7 @@ class PlannedLeg:
         return (
             f"leg {self.number}: {len(self.kept)} of {len(self.positions)} samples kept as waypoints, "
             f"which changes the travel time by {100.0 * self.time_change:+.2f} %"
+            + ("" if self.speed is None else f", at {self.speed:.2f} m/s through the water")
         )
 
 
@@ -139,7 +142,7 @@ class Itinerary:
     Attributes:
         name: of the mission.
         site: where and when local coordinates are.
-        speed: m/s through the water.
+        speed: m/s through the water, of legs that have none of their own, and of loitering.
         legs: as planned, at least one.
         executed: the legs as executed; none where the mission was only planned.
         fences: where not to go.
@@ -156,7 +159,7 @@ class Itinerary:
             `auvplan.export.speeds`; otherwise that through the water.
 
     Raises:
-        ExportError: there is no leg, the speed or a task's time is no number, the mission reaches beyond the
+        ExportError: there is no leg, a speed or a task's time is no number, the mission reaches beyond the
             calendar, or an executed track has a wrong shape or is not finite.
     """
 
@@ -180,8 +183,10 @@ class Itinerary:
     def __post_init__(self) -> None:
         if not self.legs:
             raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and executed to its end")
-        if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise ExportError(f"the vehicle's speed must be positive, got {self.speed:g}")
+        whose = [("the vehicle's", self.speed), *((f"leg {leg.number}'s", leg.speed) for leg in self.legs)]
+        for of, speed in whose:
+            if speed is not None and not (np.isfinite(speed) and speed > 0.0):
+                raise ExportError(f"{of} speed must be positive, got {speed:g}")
         legs = [
             replace(leg, start_name=plain(leg.start_name), goal_name=plain(leg.goal_name))
             for leg in self.legs
@@ -205,6 +210,16 @@ class Itinerary:
                 raise ExportError(f"executed track {k}: motion has {len(known)} moments, times {len(times)}")
             tracks.append(Track(times, places, known))
         object.__setattr__(self, "executed", tuple(tracks))
+
+    def through_water(self, leg: PlannedLeg) -> float:
+        """Return m/s through the water that a leg is gone at."""
+        return self.speed if leg.speed is None else leg.speed
+
+    @property
+    def speeds(self) -> str:
+        """Speeds through the water of its legs, in words; empty where none has its own."""
+        own = [self.through_water(leg) for leg in self.legs]
+        return f"{between(own, 2)} m/s" if any(leg.speed is not None for leg in self.legs) else ""
 
     @property
     def held_fences(self) -> tuple[tuple[Fence, ...], str]:
@@ -295,6 +310,7 @@ class Waypoint:
         yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
         charge: share of the battery's usable energy that is left; NaN where not known.
+        speed: m/s through the water of the leg; None where it is the vehicle's.
     """
 
     leg: int
@@ -310,6 +326,7 @@ class Waypoint:
     pitch: float = np.nan
     body_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
     charge: float = np.nan
+    speed: float | None = None
 
     @property
     def depth(self) -> float:
@@ -344,7 +361,7 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             charge = np.nan if leg.charge is None else float(leg.charge[leg.kept[k]])
             rows.append(Waypoint(
                 leg.number, name, place, longitude, latitude, seconds, hold, priority, k == last, yaw, pitch,
-                body[k], charge,
+                body[k], charge, leg.speed,
             ))  # fmt: skip
     return rows
 

@@ -112,7 +112,7 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
     if itinerary.over_ground:
         notes += [".plan: speeds are over ground, as ArduPilot holds them, line by line as planned"]
     else:
-        notes += [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
+        notes += [f".plan: {speed_note(itinerary)} in the plan, over the ground to ArduPilot"]
     shallow = [row.name for row in waypoints(itinerary) if abs(row.depth) <= _SURFACE]
     if shallow:
         notes.append(

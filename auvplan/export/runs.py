@@ -53,12 +53,12 @@ def itinerary_of(
             names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
         few = thin(
-            plan.positions, plan.times, _environment(leg, plan, run), run.vehicle,
+            plan.positions, plan.times, _environment(leg, plan, run), run.vehicle_on(leg),
             tolerance=tolerance, margin=margin, line=leg.line,
         )  # fmt: skip
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
-            clearance=few.clearance,
+            clearance=few.clearance, speed=leg.speed,
             charge=energy.charge_at(whole.times) if energy is not None and metered else None,
         ))  # fmt: skip
     executed = run.legs if run.simulated else []

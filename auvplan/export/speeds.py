@@ -80,7 +80,7 @@ def stretches(itinerary: "Itinerary", leg: "PlannedLeg", *, along_hull: bool = F
     """
     last = len(leg.kept) - 1
     if not itinerary.over_ground:
-        return [Stretch(0, last, itinerary.speed)] if last else []
+        return [Stretch(0, last, itinerary.through_water(leg))] if last else []
     speeds, times = led(leg)[1:, int(along_hull)], np.maximum(np.diff(leg.kept_times), 1e-9)
     found, begin = [], 0
     for end in range(1, last + 1):
@@ -97,14 +97,15 @@ def stretches(itinerary: "Itinerary", leg: "PlannedLeg", *, along_hull: bool = F
 def approach(itinerary: "Itinerary", leg: "PlannedLeg", *, along_hull: bool = False) -> float:
     """Return m/s at which the first waypoint of a leg is gone to."""
     known = leg.led[int(along_hull)]
-    return max(float(known), LEAST) if itinerary.over_ground and np.isfinite(known) else itinerary.speed
+    given = itinerary.over_ground and np.isfinite(known)
+    return max(float(known), LEAST) if given else itinerary.through_water(leg)
 
 
 def speed_note(itinerary: "Itinerary") -> str:
     """Return what the speeds in a vehicle's file are, in words."""
     if itinerary.over_ground:
         return "speeds are over ground, line by line as planned in the forecast current"
-    return "the speed is through the water"
+    return f"the speed {f'of each leg, {itinerary.speeds}, ' if itinerary.speeds else ''}is through the water"
 
 
 def _over(speeds: Array, times: Array, begin: int, end: int) -> float:
@@ -132,13 +133,15 @@ def track_notes(
     """Return lines on thinned legs that are slow over ground, turn too sharply or dive too steeply.
 
     A corner is too sharp where a turn of radius speed / turn rate, m/s and rad/s, does not fit into the
-    halves of its lines. Where a vehicle has no `pitch_max`, rad, that of common ones counts.
+    halves of its lines. Legs may have a speed of their own. Where a vehicle has no `pitch_max`, rad, that of
+    common ones counts.
     """
-    notes, radius = [], speed / turn_rate_max
+    notes = []
     steepest = STEEPEST if pitch_max is None else float(np.degrees(pitch_max))
     whose = "common vehicles do" if pitch_max is None else "the vehicle's pitch_max is"
     for leg in legs:
-        share = ground_share(leg, speed)
+        own = speed if leg.speed is None else leg.speed
+        share, radius = ground_share(leg, own), own / turn_rate_max
         if share < slow:
             notes.append(
                 f"leg {leg.number} is slow: on its slowest line it makes {100.0 * share:.0f} % of its "
@@ -158,7 +161,7 @@ def track_notes(
         angles = np.degrees(np.arctan2(sink, level))
         steep = np.flatnonzero(angles > steepest + _ROUNDING)
         if len(steep):
-            rate = speed * np.sin(np.radians(angles.max()))
+            rate = own * np.sin(np.radians(angles.max()))
             notes.append(
                 f"leg {leg.number} dives or climbs at {angles.max():.0f} degrees, {rate:.1f} m/s, after "
                 f"{_at(steep)}: {whose} {steepest:.0f}"

@@ -17,7 +17,8 @@ from auvplan.site import as_utc
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
 #: Yaw and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the planned path at
 #: that place: the bearing of the straight line to the next waypoint may differ. Where the battery is known, a
-#: column charge follows, the share of its usable energy that is left.
+#: column charge follows, the share of its usable energy that is left; where legs have their own speeds, a
+#: column speed, m/s through the water on the way there.
 COLUMNS = (
     "leg", "seq", "name", "lon", "lat", "depth", "time", "north", "east", "hold", "task", "note",
     "yaw", "pitch", "surge", "sway", "heave",
@@ -36,7 +37,8 @@ def csv_text(itinerary: Itinerary) -> bytes:
     writer = csv.writer(text, lineterminator="\n")
     rows = waypoints(itinerary)
     charged = any(not np.isnan(row.charge) for row in rows)
-    writer.writerow((*COLUMNS, "charge") if charged else COLUMNS)
+    paced = bool(itinerary.speeds)
+    writer.writerow((*COLUMNS, *["charge"] * charged, *["speed"] * paced))
     for sequence, row in enumerate(rows, 1):
         note = notes[row.leg] if row.ends_leg else about if sequence == 1 else ""
         writer.writerow((
@@ -45,7 +47,8 @@ def csv_text(itinerary: Itinerary) -> bytes:
             f"{row.hold:.1f}", f"{row.priority:g}", note,
             *(_known(value, 2) for value in (row.yaw, row.pitch)),
             *(_known(value, 3) for value in row.body_velocity),
-            *([_known(row.charge, 4)] if charged else []),
+            *[_known(row.charge, 4)] * charged,
+            *[f"{itinerary.speed if row.speed is None else row.speed:.4f}"] * paced,
         ))  # fmt: skip
     return text.getvalue().encode()
 
@@ -65,14 +68,18 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     longitude, latitude, _ = geographic(itinerary.site, places).T
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
     kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
-    charge: dict[str, Any] = {}
+    more: dict[str, Any] = {}
     if any(leg.charge is not None for leg in itinerary.legs):
         left = [
             np.full(len(leg.times), np.nan) if leg.charge is None else leg.charge for leg in itinerary.legs
         ]
         left += [np.full(len(track.times), np.nan) for track in itinerary.executed]
         words = "share of the battery's usable energy that is left, as planned"
-        charge["charge"] = variable("obs", np.concatenate(left), words, "1")
+        more["charge"] = variable("obs", np.concatenate(left), words, "1")
+    if itinerary.speeds:
+        own = [itinerary.through_water(leg) for leg in itinerary.legs] + [np.nan] * len(itinerary.executed)
+        words = "speed through the water that the leg is planned to be gone at"
+        more["leg_speed"] = variable("trajectory", own, words, "m s-1")
     units = TIME_UNITS
     if (epoch := itinerary.site.epoch) is not None:
         units = f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
@@ -105,7 +112,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
             flag_meanings="no yes", **flags,
         ),
         **motion_variables("obs", Motion.joined([track.motion for track in tracks])),
-        **charge,
+        **more,
     }, attrs=_attributes(itinerary))  # fmt: skip
     return dataset.set_coords(["time", "lon", "lat", "depth"])
 

@@ -120,6 +120,11 @@ ROUTE = (
     Column("route_cpu", "wall-clock time of planning", "s"),
     Column("route_cause", "why it was made", None, ROUTE_CAUSES),
 )
+#: What is known of the legs of some routes alone: name, field of the record, what it is, and its unit.
+_ROUTE_MORE = (
+    ("speed", "speeds", "speed through the water of the leg from each stop", "m s-1"),
+    ("energy", "energies", "energy expected of the leg from each stop with its task", "J"),
+)
 #: What survey lines come to, by the figures of `LinePart`; NaN of legs without one.
 _LINE = {
     "length": "length of the part of a survey line that the leg follows, none of others",
@@ -190,11 +195,21 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
         ),
         "row_size": variable("leg", counts, words, "1", sample_dimension="obs"),
         **{column.name: column.variable(legs) for column in LEG},
+        **_speeds(legs),
         **_lines(legs),
         **_obstacles(legs),
         **_current(legs),
         **motion_variables("obs", Motion.joined([leg.motion for leg in legs])),
     }  # fmt: skip
+
+
+def _speeds(legs: Sequence[LegRecord]) -> Variables:
+    """Return the speeds of legs that have their own; nothing where all are gone at the vehicle's."""
+    if all(leg.speed is None for leg in legs):
+        return {}
+    words = "speed through the water that the leg is gone at, none where it is the vehicle's"
+    own = [np.nan if leg.speed is None else leg.speed for leg in legs]
+    return {"leg_speed": variable("leg", own, words, "m s-1")}
 
 
 def _lines(legs: Sequence[LegRecord]) -> Variables:
@@ -259,11 +274,13 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
     codes = dataset.get("obstacle_kind")
     names = [] if codes is None else str(codes.attrs["flag_meanings"]).split()
+    speeds = dataset["leg_speed"].values.tolist() if "leg_speed" in dataset else [np.nan] * len(plans)
     legs = []
     for row, (begin, end) in enumerate(zip(ends - counts, ends, strict=True)):
         part = slice(int(begin), int(end))
         figures = {name: values[row] for name, values in table.items()}
         leg = LegRecord(**figures, plans=plans[row], refused=refusals[row])
+        leg.speed = None if np.isnan(speeds[row]) else speeds[row]
         leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
         leg.motion, leg.line = motion[part], _line_of(dataset, row)
         leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))
@@ -393,12 +410,20 @@ def route_variables(routes: Sequence[RouteRecord]) -> Variables:
     legs = padded([route.leg_times for route in routes], np.nan, length=nodes.shape[1])
     waits = padded([route.waits for route in routes], np.nan, length=nodes.shape[1])
     stops = ("route", "stop")
+    more = {
+        f"route_{name}": variable(
+            stops, padded([getattr(route, field) for route in routes], np.nan, length=nodes.shape[1]), *about
+        )
+        for name, field, *about in _ROUTE_MORE
+        if any(getattr(route, field) for route in routes)
+    }
     return {
         "route_nodes": variable(stops, nodes, "waypoints in order of visit; -1 pads"),
         "route_leg_time": variable(
             stops, legs, "time expected of the leg from each stop, waiting and task included", "s"
         ),
         "route_wait": variable(stops, waits, "part of it that waits for the task's window", "s"),
+        **more,
         **{column.name: column.variable(routes) for column in ROUTE},
     }
 
@@ -419,6 +444,7 @@ def routes_of(dataset: xr.Dataset) -> list[RouteRecord]:
             nodes=nodes[nodes >= 0].tolist(),
             leg_times=row_of("route_leg_time", row),
             waits=row_of("route_wait", row),
+            **{field: row_of(f"route_{name}", row) for name, field, *_ in _ROUTE_MORE},
         )
         for row, nodes in enumerate(dataset["route_nodes"].values)
     ]

@@ -201,7 +201,7 @@ class _Executor:
         for note in notes:
             self._say("note", note)
         level = self._check_ready(self._link.report(0.0), whole.steps[0].position)
-        away = level / whole.itinerary.speed
+        away = level / whole.steps[0].speed
         if away > _LATE and self._plan.plan(self._link.allowance, away):
             plan = self._plan.followed
             whole = Upload(self._plan.itinerary(plan, 0))

@@ -17,7 +17,7 @@ _AT_TASK = 15.0
 #: s ahead within which the track is looked at for known obstacles.
 _AHEAD = 180.0
 
-#: Greatest speed over ground: factor on the vehicle's speed, and m/s more.
+#: Greatest speed over ground: factor on the greatest speed through the water, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
 
 
@@ -81,7 +81,7 @@ class Progress:
         """
         places = np.asarray([step.position for step in self.upload.steps])
         way = np.linalg.norm(places - first, axis=1) + np.linalg.norm(places - last, axis=1)
-        speed = _TIMES * self.upload.itinerary.speed + _MORE
+        speed = _TIMES * max(step.speed for step in self.upload.steps) + _MORE
         left = seconds - np.maximum(way - 2.0 * reach, 0.0) / speed
         self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
 
@@ -166,7 +166,7 @@ class Progress:
             return None
         step = self.step
         if self.to_the_start:
-            ahead = float(np.linalg.norm(step.position - place)) / self.upload.itinerary.speed
+            ahead = float(np.linalg.norm(step.position - place)) / step.speed
             return now + ahead - step.time
         share, _ = _beside(place, step.left, step.position)
         return now - (step.left_at + share * (step.time - step.left_at))
@@ -186,16 +186,14 @@ class Progress:
             if step.leg != self.step.leg or times[-1] >= _AHEAD:
                 break
             gap = float(np.linalg.norm(step.position - places[-1]))
-            speed = step.pace(self.upload.itinerary.speed)
-            share = min(1.0, (_AHEAD - times[-1]) * speed / max(gap, 1e-6))
+            share = min(1.0, (_AHEAD - times[-1]) * step.pace / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
-            times.append(times[-1] + share * gap / speed)
+            times.append(times[-1] + share * gap / step.pace)
         return np.asarray(places), np.asarray(times)
 
     def time_to_step(self, place: Array) -> float:
         """Return s from a place [3] m to the step ahead."""
-        gap = float(np.linalg.norm(self.step.position - place))
-        return gap / self.step.pace(self.upload.itinerary.speed)
+        return float(np.linalg.norm(self.step.position - place)) / self.step.pace
 
 
 def staying(place: Array, seconds: float) -> tuple[Array, Array]:

@@ -120,7 +120,9 @@ class RollingPlan:
             away: s that it takes to the start.
         """
         first, graph = self._first.fork(), self._first.graph
-        self._stop, self._task = allowance.ends(float(np.asarray(self.run.vehicle.speed))), allowance.task
+        own = float(np.asarray(self.run.vehicle.speed))
+        fastest = max((self.run.scenario.get("vehicle") or {}).get("speed_range") or [own])
+        self._stop, self._task = allowance.ends(fastest), allowance.task
         first.now = away + allowance.begins(float(graph.positions[first.here][2]))
         more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
         first.graph = replace(graph, duration=graph.duration + more)

@@ -276,7 +276,8 @@ class SimulatedVehicle(VehicleLink):
         samples = context.path_config.samples
         track = self._place + np.linspace(0.0, 1.0, samples)[:, None] * (step.position - self._place)
         none = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)  # what moves there is moved by `_pass`
-        course = Course(track, 0.0, True, now, field, none, self._faults.speed(now))
+        share = self._faults.speed(now) * (step.speed / self._plan.itinerary.speed)
+        course = Course(track, 0.0, True, now, field, none, share)
         (out,) = simulate([course], context.vehicle, samples, self._steps)
         times = np.concatenate([[now], np.asarray(out.times, float)])
         places = np.concatenate([self._place[None], np.asarray(out.positions, float)])

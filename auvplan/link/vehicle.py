@@ -93,6 +93,7 @@ class Step:
         name: of the waypoint.
         left: [3] m, where the straight line to it begins; its own place where it is the first.
         left_at: s since the epoch, when that is left.
+        speed: m/s through the water that is planned on the line to it.
     """
 
     leg: int
@@ -103,11 +104,13 @@ class Step:
     name: str
     left: Array
     left_at: float
+    speed: float
 
-    def pace(self, otherwise: float) -> float:
-        """Return m/s over ground that are planned on the line to it, or another speed where that is none."""
+    @property
+    def pace(self) -> float:
+        """M/s over ground that are planned on the line to it, or through the water where that is none."""
         way, seconds = float(np.linalg.norm(self.position - self.left)), self.time - self.left_at
-        return way / seconds if way > 0.0 and seconds > 0.0 else otherwise
+        return way / seconds if way > 0.0 and seconds > 0.0 else self.speed
 
     @property
     def key(self) -> tuple[float, ...]:
@@ -144,7 +147,8 @@ class Upload:
                 if not steps and self.origin is not None:
                     begun = self.origin
                 time = float(leg.kept_times[k])
-                steps.append(Step(leg.number, place, row.hold, row.ends_leg, time, row.name, *begun))
+                speed = self.itinerary.through_water(leg)
+                steps.append(Step(leg.number, place, row.hold, row.ends_leg, time, row.name, *begun, speed))
         object.__setattr__(self, "steps", tuple(steps))
 
     @property

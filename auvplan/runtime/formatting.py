@@ -96,8 +96,8 @@ class ReprMixin:
         return f"<table><thead><tr><th colspan=2>{type(self).__name__}</th></tr></thead>{rows}</table>"
 
 
-def between(values: ArrayLike) -> str:
-    """Return the least and the greatest of the finite values, to whole numbers.
+def between(values: ArrayLike, digits: int = 0) -> str:
+    """Return the least and the greatest of the finite values, to so many decimal places.
 
     Example:
         >>> between([812.4, 1530.0, float("inf")]), between([12.0]), between([])
@@ -107,7 +107,7 @@ def between(values: ArrayLike) -> str:
     found = found[np.isfinite(found)]
     if not found.size:
         return "no"
-    low, high = (f"{value:,.0f}" for value in (found.min(), found.max()))
+    low, high = (f"{value:,.{digits}f}" for value in (found.min(), found.max()))
     return low if low == high else f"{low} to {high}"
 
 

@@ -48,6 +48,7 @@ class Stop:
         place: longitude and latitude, degrees; None without a site.
         travel: s, of the leg to it.
         transit: m, least, mean and greatest depth on the leg to it; None at the start.
+        speed: m/s through the water on the leg to it; None where that is the vehicle's.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Stop:
     place: tuple[float, float] | None = None
     travel: float = 0.0
     transit: tuple[float, float, float] | None = None
+    speed: float | None = None
 
     @property
     def done(self) -> str:
@@ -125,6 +127,9 @@ class MissionSheet:
             asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
             for stop in self.stops
         ]
+        for stop in stops:  # where every leg is gone at the vehicle's there is nothing to say
+            if stop["speed"] is None:
+                del stop["speed"]
         return {
             "facts": self.facts,
             "stops": stops,
@@ -144,7 +149,7 @@ class MissionSheet:
         headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
         headings += ["depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
-        headings += ["speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
+        headings += ["through water, m/s", "speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
         for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True)):
             moments = [] if stop.utc is None else [stop.utc, *([stop.utc.astimezone(local)] if local else [])]
@@ -156,7 +161,8 @@ class MissionSheet:
                 *(f"{moment:%H:%M:%S}" for moment in moments),
                 f"{stop.depth:.0f}", transit, stop.window,
                 *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
-                *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}", speeds) if number else ("", "", "")),
+                *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
+                "" if stop.speed is None else f"{stop.speed:.2f}", speeds if number else "",
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
             ])  # fmt: skip
@@ -181,7 +187,7 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    *("latitude, longitude", "transit, m", "window", "wait, s", "hold, s"),
+    *("latitude, longitude", "transit, m", "window", "wait, s", "hold, s", "through water, m/s"),
     *("closed, m", "bed, m", "obstacle, m"),
 )
 
@@ -213,6 +219,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     }
     more = {
         "in depth": _steepest(run),
+        "speed": f"{run.speeds} through the water" if run.speeds else "",
         "paths": _bounded(run),
         "survey lines": "; ".join(_lines(run)),
         "energy": "" if (energy := run.energy) is None else energy.line.removeprefix("energy "),
@@ -269,7 +276,7 @@ def _steepest(run: MissionRun) -> str:
     winding = [
         (waypoint_name(run, leg.goal), line)
         for leg in run.done
-        if (line := lengthening(leg.positions, leg.t_path, vehicle))
+        if (line := lengthening(leg.positions, leg.t_path, run.vehicle_on(leg)))
     ]
     legs = [f"; the leg to {goal} {line}" for goal, line in winding[:1]]
     if len(winding) > 1:
@@ -324,6 +331,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         place=place,
         travel=float(times[-1] - times[0]),
         transit=None if leg is None else leg_depths(times, places),
+        speed=None if leg is None else leg.speed,
     )
 
 
@@ -504,7 +512,7 @@ def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
         warnings.append(f"the mission does not end as it should: {run.reason}")
     speed = float(np.asarray(run.vehicle.speed))
     for stop in stops[1:]:
-        if stop.length > ONE_PLACE and stop.slowest < 0.3 * speed:
+        if stop.length > ONE_PLACE and stop.slowest < 0.3 * (stop.speed or speed):
             slowest = f"the speed over ground falls to {stop.slowest:.1f} m/s"
             warnings.append(f"on the way to {stop.name} {slowest}")
     return warnings

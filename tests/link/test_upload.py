@@ -40,11 +40,11 @@ def test_what_is_left_keeps_places_times_and_the_line_that_is_gone(upload, done)
 def test_what_is_left_is_gone_at_the_speeds_of_the_whole(done):
     whole = Upload(make_itinerary(over_ground=True))
     speeds, rest = item_speeds(whole.itinerary), item_speeds(whole.without(done).itinerary)
-    made = [step.pace(1.75) for step in whole.steps]
+    made = [step.pace for step in whole.steps]
     assert made[0] == 1.75
     assert speeds[0] == 1.75
     for found, step in zip(rest, whole.steps[done:], strict=True):
-        assert found == pytest.approx(step.pace(1.75), rel=0.06)
+        assert found == pytest.approx(step.pace, rel=0.06)
 
 
 def test_the_last_step_stays(upload):
@@ -80,7 +80,7 @@ def test_the_track_ahead_is_gone_at_the_pace_of_each_line():
     """Within the next three minutes, from a step that lies in its place on."""
     upload = Upload(make_itinerary())
     first, second = upload.steps[1:3]
-    assert first.pace(1.0) != pytest.approx(second.pace(1.0), rel=0.01)
+    assert first.pace != pytest.approx(second.pace, rel=0.01)
     place = first.left + 0.8 * (first.position - first.left)
     track, seconds = Progress(upload, ahead=1).track_ahead(place, 0.0)
     corner = 0.2 * (first.time - first.left_at)
