@@ -444,7 +444,8 @@ def routes_of(dataset: xr.Dataset) -> list[RouteRecord]:
             nodes=nodes[nodes >= 0].tolist(),
             leg_times=row_of("route_leg_time", row),
             waits=row_of("route_wait", row),
-            **{field: row_of(f"route_{name}", row) for name, field, *_ in _ROUTE_MORE},
+            speeds=row_of("route_speed", row),
+            energies=row_of("route_energy", row),
         )
         for row, nodes in enumerate(dataset["route_nodes"].values)
     ]

@@ -125,7 +125,8 @@ def _name(run: MissionRun, number: int) -> str:
     title = f"re-plan R{number} at {route.made_at:,.0f} s, {route.cause}" if number else "first route"
     if route.cause == "late" and (why := lateness(run, route)):
         title += f":\n{why}"
-    return f"{title}\npriority {figure(route.priority)}, {route.time:,.0f} s"
+    spent = f", {sum(route.energies) / 3600.0:,.0f} Wh" if route.energies else ""
+    return f"{title}\npriority {figure(route.priority)}, {route.time:,.0f} s{spent}"
 
 
 def _legend(run: MissionRun, refused: bool, windows: bool) -> list[Any]:

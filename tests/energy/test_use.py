@@ -17,7 +17,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import Track, evaluate
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
-from tests.io.sample_run import make_run
+from tests.io.sample_run import at_speeds, make_run
 
 BATTERY = Battery(150.0, usable=0.9, reserve=0.2)
 TABLE = PowerTable([0.0, 1.0, 2.0, 3.0], [0.0, 20.0, 90.0, 300.0])
@@ -133,6 +133,29 @@ def test_refused_legs_take_nothing_and_an_empty_run_neither():
     assert energy_of_legs([], MODEL, 2.5, known=True).total == 0.0
     loiters = energy_of_legs(run.legs, MODEL, 2.5, known=True, loiters=True)
     assert loiters.total > whole
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_each_leg_takes_the_power_of_its_own_speed(known):
+    """As each alone at that speed; one that is stated as the vehicle's own is as if it were not."""
+    speeds = (1.2, None, 2.8)
+    run, legs = make_run(), at_speeds(make_run(), speeds).legs
+    found = energy_of_legs(legs, MODEL, 2.5, known=known)
+    alone = [
+        energy_of_legs([replace(leg, speed=None)], MODEL, speed or 2.5, known=known)
+        for leg, speed in zip(legs, speeds, strict=True)
+    ]
+    for name in set(TERMS) - {"turning"}:  # legs alone do not turn into each other
+        assert found.totals[name] == pytest.approx(sum(use.totals[name] for use in alone)), name
+    alike = energy_of_legs([replace(leg, speed=2.5) for leg in run.legs], MODEL, 2.5, known=known)
+    plain = energy_of_legs(run.legs, MODEL, 2.5, known=known)
+    assert all((alike.terms[name] == plain.terms[name]).all() for name in TERMS)
+    loitering = [energy_of_legs(own, MODEL, 2.5, known=known, loiters=True) for own in (legs, run.legs)]
+    extra = [
+        use.totals["propulsion"] - less.totals["propulsion"]
+        for use, less in zip(loitering, (found, plain), strict=True)
+    ]
+    assert extra[0] == pytest.approx(extra[1], rel=1e-3)  # it loiters at the vehicle's speed
 
 
 # --- paths -------------------------------------------------------------------------------------------

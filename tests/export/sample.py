@@ -82,3 +82,23 @@ def in_current(stream) -> Itinerary:
     arrives = leaves + np.linalg.norm(on[1] - on[0]) / np.linalg.norm(along.ground_velocity[0])
     second = PlannedLeg.of(2, 1, 2, on, [leaves, arrives], motion=along)
     return Itinerary("in a current", SITE, SPEED, (first, second))
+
+
+#: m/s through the water of three legs; the second has the vehicle's, which is `SPEED`.
+SPEEDS = (0.9, None, 1.5)
+_WAYS = ([[400, 0, 3], [200, 100, 0]], [[-100, 500, 0]], [[300, 300, 2], [0, 300, -2]])
+
+
+def at_speeds(stream, speeds=SPEEDS) -> Itinerary:
+    """Three legs of one or two lines in a current, at speeds of their own; a task is after the first."""
+    place, now, legs = np.array([0.0, 0.0, 5.0]), 0.0, []
+    for number, (way, own) in enumerate(zip(map(np.array, _WAYS), speeds, strict=True), 1):
+        motion = Motion.along("track", own or SPEED, way, np.broadcast_to(stream, way.shape))
+        lasts = np.linalg.norm(way, axis=1) / np.linalg.norm(motion.ground_velocity, axis=1)
+        places = place + np.concatenate([np.zeros((1, 3)), np.cumsum(way, axis=0)])
+        times = now + np.concatenate([[0.0], np.cumsum(lasts)])
+        hold = 40.0 if number == 1 else 0.0
+        leg = PlannedLeg.of(number, number - 1, number, places, times, hold=hold, motion=motion)
+        legs.append(replace(leg, speed=own))
+        place, now = places[-1], times[-1] + hold
+    return Itinerary("at speeds", SITE, SPEED, tuple(legs))

@@ -1,6 +1,7 @@
 """The mission sheet: coast and closed areas apart, land beyond the area, and what was assumed."""
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -23,7 +24,7 @@ from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of, write_html
-from tests.io.sample_run import make_run
+from tests.io.sample_run import at_speeds, make_run
 
 SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))
 BAY = """\
@@ -184,3 +185,31 @@ def test_limits_in_the_vertical_are_stated_beside_the_steepest_way():
     assert any("no file carries dive_rate_max 0.5 m/s" in note for note in itinerary_of(run).notes)
     run.vehicle = Vehicle(pitch_max=None)
     assert sheet_of(run).facts["in depth"] == fact
+
+
+def test_the_speed_of_each_leg_is_on_the_sheet_where_it_has_its_own(tmp_path):
+    speeds = (2.0, None, 3.0)
+    run = at_speeds(make_run(), speeds)
+    sheet = sheet_of(run)
+    assert sheet.facts["speed"] == "2.00 to 3.00 m/s through the water"
+    headings, rows = sheet.table()
+    assert [row[headings.index("through water, m/s")] for row in rows] == ["", "2.00", "", "3.00"]
+    assert "2.00 to 3.00 m/s" in write_html(sheet, tmp_path / "sheet.html").read_text()
+    assert [stop.get("speed") for stop in sheet.plain()["stops"]] == [None, *speeds]
+    data = run_data(run, run.summary())
+    assert [leg.get("speed") for leg in data["legs"]] == list(speeds)
+    # Over ground it is slow where it makes little of the leg's own speed, not of the vehicle's.
+    assert not any("speed over ground falls" in line for line in sheet.warnings)
+    slow = at_speeds(make_run(), (0.5, None, 3.0))
+    assert not any("speed over ground falls" in line for line in sheet_of(slow).warnings)
+    slow.legs = [replace(leg, speed=None) for leg in slow.legs]
+    assert any("speed over ground falls to 0.5 m/s" in line for line in sheet_of(slow).warnings)
+
+
+def test_without_speeds_of_their_own_nothing_is_said_of_them():
+    sheet = sheet_of(make_run())
+    assert "speed" not in sheet.facts
+    assert "through water, m/s" not in sheet.table()[0]
+    assert not any("speed" in stop for stop in sheet.plain()["stops"])
+    alike = sheet_of(at_speeds(make_run(), (2.0, 2.0, 2.0)))
+    assert alike.facts["speed"] == "2.00 m/s through the water"

@@ -1,5 +1,7 @@
 """A small hand-made run: four waypoints, three legs, a chart with a narrow spit, moving obstacles."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -136,3 +138,36 @@ def refused_leg(run: MissionRun) -> LegRecord:
     leg.plans = [make_plan(WAYPOINTS[1], WAYPOINTS[2], float(run.legs[1].times[0]), "leg", 10.0)]
     leg.obstacle_radii, leg.obstacle_kinds = np.array([30.0, 20.0]), ["static", "afloat"]
     return leg
+
+
+def at_speeds(run: MissionRun, speeds: Sequence[float | None]) -> MissionRun:
+    """Return a run whose legs are gone at speeds through the water of their own, one after the other."""
+    run = replace(run, legs=list(run.legs), routes=[replace(route) for route in run.routes])
+    now, begun = 0.0, {}
+    for k, (leg, speed) in enumerate(zip(run.legs, speeds, strict=True)):
+        share, begins = (speed or SPEED) / SPEED, float(leg.times[0])
+        begun[begins] = now
+
+        def later(times, begins=begins, now=now, share=share):
+            return now + (np.asarray(times) - begins) / share
+
+        def paced(motion, share=share):
+            return replace(motion, ground_velocity=share * motion.ground_velocity)
+
+        plans = [
+            replace(
+                plan, made_at=float(later(plan.made_at)), times=later(plan.times), motion=paced(plan.motion)
+            )
+            for plan in leg.plans
+        ]
+        run.legs[k] = replace(
+            leg, speed=speed, times=later(leg.times), motion=paced(leg.motion), plans=plans,
+            t_expected=leg.t_task + (leg.t_expected - leg.t_task) / share,
+        )  # fmt: skip
+        now = run.legs[k].ends
+    for route in run.routes:
+        route.made_at, count = begun[route.made_at], len(route.nodes) - 1
+        route.leg_times = [leg.t_expected for leg in run.legs[-count:]]
+        route.time, route.speeds = sum(route.leg_times), [speed or SPEED for speed in speeds[-count:]]
+    run.t_mission = now
+    return run

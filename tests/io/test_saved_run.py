@@ -25,7 +25,7 @@ from auvplan.path.motion import Motion
 from auvplan.runtime.files import ResultError, read_mission
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
-from tests.io.sample_run import SPIT, make_run, refused_leg
+from tests.io.sample_run import SPIT, at_speeds, make_run, refused_leg
 
 SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000.0))
 
@@ -173,12 +173,16 @@ def test_little_to_save_replaces_what_was_there(folder, legs):
     assert sorted(path.name for path in folder.iterdir()) == ["mission.nc", "summary.json"]
 
 
-@pytest.mark.parametrize("change", ["as it is", "bounded plan without histories", "bare"])
+@pytest.mark.parametrize("change", ["as it is", "bounded plan without histories", "bare", "at speeds"])
 def test_a_run_that_came_back_is_saved_as_it_was(written, run, tmp_path, change):
     _, one, back, _ = written
     if change == "bare":
         run = make_run((0, 1), chart=False, obstacles=False)
         run.scenario = Scenario().model_dump(mode="json")
+    elif change == "at speeds":
+        run = at_speeds(make_run(), (2.0, None, 3.0))
+        run.scenario = Scenario().model_dump(mode="json")
+        run.routes[0].energies = [1e5, 2e5, 3e5]
     elif change != "as it is":
         for plan in (plan for leg in run.legs for plan in leg.plans):
             plan.history, plan.lower_bound = {}, 100.0
@@ -191,6 +195,13 @@ def test_a_run_that_came_back_is_saved_as_it_was(written, run, tmp_path, change)
     save_run(back, tmp_path / "two")
     for name in ("mission.nc", "summary.json"):
         assert (one / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    speeds = [2.0, None, 3.0] if change == "at speeds" else [None] * len(back.legs)
+    assert [leg.speed for leg in back.legs] == speeds
+    assert ("leg_speed" in load_run(one)) == ("route_speed" in load_run(one)) == (change == "at speeds")
+    stated = [row.get("speed") for row in json.loads((one / "summary.json").read_text())["legs"]]
+    assert stated == speeds
+    for route, was in zip(back.routes, run.routes, strict=True):
+        assert (route.speeds, route.energies) == (was.speeds, was.energies)
     histories = [plan.history for leg in back.legs for plan in leg.plans]
     assert ("without histories" in change) == (not any(histories))
 

@@ -1,5 +1,7 @@
 """The simulator as a vehicle: what it meets, what it reports, and what can go wrong with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,19 @@ def test_a_vehicle_is_as_fast_as_its_faults_leave_it():
     assert way(vehicle, 20.0) == pytest.approx(10.0 * speed, rel=0.01)
     assert way(vehicle, 25.0) == 0.0
     assert way(vehicle, 20.0) == pytest.approx(10.0 * speed, rel=0.01)
+
+
+def test_a_vehicle_goes_each_leg_at_the_speed_of_that():
+    vehicle, plan = started()
+    speed = way(vehicle, 20.0) / 20.0
+    legs = [
+        replace(leg, speed=share * 1.75) for leg, share in zip(plan.itinerary.legs, (0.6, 1.2), strict=True)
+    ]
+    vehicle.upload(Upload(replace(plan.itinerary, legs=tuple(legs))))
+    vehicle.start(1)
+    assert way(vehicle, 20.0) == pytest.approx(12.0 * speed, rel=0.01)
+    vehicle.start(4)
+    assert way(vehicle, 20.0) == pytest.approx(24.0 * speed, rel=0.01)
 
 
 def sightings(vehicle, seconds, step=2.0):

@@ -1,5 +1,7 @@
 """Uploads: steps with the lines that lead there, and what is left of them on the way."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Limits, Upload
 from auvplan.link.opening import check_address
 from auvplan.link.progress import Progress
-from tests.export.sample import make_itinerary
+from tests.export.sample import SPEED, at_speeds, make_itinerary
 
 
 def test_steps_are_the_waypoints_of_the_files(upload):
@@ -102,3 +104,16 @@ def test_at_a_task_the_track_ahead_stays_for_what_is_left_of_it(upload):
         track, seconds = progress.track_ahead(near, 700.0 + since * task.hold)
         assert (track == task.position).all()
         assert seconds[-1] == pytest.approx(min((1.0 - since) * task.hold, 180.0))
+
+
+def test_the_speeds_of_legs_are_those_of_their_steps():
+    upload = Upload(replace(at_speeds((0.0, 0.0, 0.0)), over_ground=False))
+    assert [step.speed for step in upload.steps] == [0.9] * 3 + [SPEED] + [1.5] * 2
+    assert [step.pace for step in upload.steps] == pytest.approx([step.speed for step in upload.steps])
+    for done in range(6):
+        rest = upload.without(done)
+        assert [step.speed for step in rest.steps] == [step.speed for step in upload.steps[done:]]
+        assert item_speeds(rest.itinerary) == [step.speed for step in upload.steps[done:]]
+    # To the start it goes at the speed of the first leg.
+    start = upload.steps[0].position
+    assert Progress(upload).late(start - [90.0, 0.0, 0.0], 0.0) == pytest.approx(90.0 / 0.9)

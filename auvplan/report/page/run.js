@@ -740,11 +740,7 @@
       run.simulated && { title: "executed − expected", key: (leg) => leg.executed - leg.expected, text: late },
       report.number("task", "task"),
       report.number("way", "length"),
-      run.legs.some((leg) => report.isNumber(leg.speed)) && {
-        title: "speed, m/s",
-        key: (leg) => leg.speed,
-        text: (leg) => (report.isNumber(leg.speed) ? leg.speed.toFixed(2) : "–"),
-      },
+      run.legs.some((leg) => report.isNumber(leg.speed)) && report.number("speed, m/s", "speed", 2),
       { title: "depth", key: (leg) => leg.depths?.[1], text: (leg) => (leg.depths ? levels(leg) : "–") },
       clearance("coast", "coast"),
       clearance("closed", "closed area"),
