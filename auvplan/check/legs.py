@@ -114,7 +114,8 @@ def speed_faults(run: Saved) -> Iterator[str]:
         stated += [(f"route {number}", speed) for speed in speeds[~np.isnan(speeds)]]
     for name, speed in stated:
         if not least - 1e-6 <= speed <= most + 1e-6:
-            yield f"{name}: is gone at {speed:g} m/s, the scenario allows {least:g} to {most:g} m/s"
+            allowed = f"{least:g} to {most:g} m/s" if most > least else f"{most:g} m/s alone"
+            yield f"{name}: is gone at {speed:g} m/s, the scenario allows {allowed}"
 
 
 def energy_faults(run: Saved) -> Iterator[str]:

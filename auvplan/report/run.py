@@ -174,7 +174,7 @@ def _leg(run: MissionRun, leg: LegRecord, records: _Records, part: slice) -> dic
         "length": float(np.linalg.norm(np.diff(records.places[part], axis=0), axis=1).sum()),
         "depths": np.round(leg_depths(leg.times, records.places[part]), 1) if executed else None,
         **records.margins.least(part),
-        **({} if leg.speed is None else {"speed": leg.speed}),
+        **({"speed": float(np.asarray(run.vehicle_on(leg).speed))} if run.speeds else {}),
         "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * records.stride)),
     }

@@ -48,7 +48,7 @@ class Stop:
         place: longitude and latitude, degrees; None without a site.
         travel: s, of the leg to it.
         transit: m, least, mean and greatest depth on the leg to it; None at the start.
-        speed: m/s through the water on the leg to it; None where that is the vehicle's.
+        speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
     """
 
     name: str
@@ -127,7 +127,7 @@ class MissionSheet:
             asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
             for stop in self.stops
         ]
-        for stop in stops:  # where every leg is gone at the vehicle's there is nothing to say
+        for stop in stops:
             if stop["speed"] is None:
                 del stop["speed"]
         return {
@@ -331,7 +331,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         place=place,
         travel=float(times[-1] - times[0]),
         transit=None if leg is None else leg_depths(times, places),
-        speed=None if leg is None else leg.speed,
+        speed=float(np.asarray(run.vehicle_on(leg).speed)) if leg is not None and run.speeds else None,
     )
 
 

@@ -40,11 +40,12 @@ def test_legs_at_speeds_of_their_own_have_no_fault(simulated):
 
 
 @pytest.mark.parametrize(
-    ("span", "allowed"), [((2.2, 3.2), "2.2 to 3.2"), ((1.5, 2.8), "1.5 to 2.8"), (None, "2.5 to 2.5")]
+    ("span", "allowed"), [((2.2, 3.2), "2.2 to 3.2"), ((1.5, 2.8), "1.5 to 2.8"), (None, "2.5")]
 )
 def test_a_speed_that_the_scenario_does_not_allow_is_found(span, allowed):
     found = [fault for fault in faults(paced(span=span)) if "the scenario allows" in fault]
     assert all(f"the scenario allows {allowed} m/s" in fault for fault in found)
+    assert all(fault.endswith(" alone") == (span is None) for fault in found)
     wrong = {2.0: span != (1.5, 2.8), 3.0: span != (2.2, 3.2)}
     for leg, speed in ((0, 2.0), (2, 3.0)):
         assert any(f.startswith(f"leg {leg} ") and f"{speed:g} m/s" in f for f in found) == wrong[speed]

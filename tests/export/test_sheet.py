@@ -193,11 +193,12 @@ def test_the_speed_of_each_leg_is_on_the_sheet_where_it_has_its_own(tmp_path):
     sheet = sheet_of(run)
     assert sheet.facts["speed"] == "2.00 to 3.00 m/s through the water"
     headings, rows = sheet.table()
-    assert [row[headings.index("through water, m/s")] for row in rows] == ["", "2.00", "", "3.00"]
+    assert [row[headings.index("through water, m/s")] for row in rows] == ["", "2.00", "2.50", "3.00"]
     assert "2.00 to 3.00 m/s" in write_html(sheet, tmp_path / "sheet.html").read_text()
-    assert [stop.get("speed") for stop in sheet.plain()["stops"]] == [None, *speeds]
+    assert [stop.get("speed") for stop in sheet.plain()["stops"]] == [None, 2.0, 2.5, 3.0]
     data = run_data(run, run.summary())
-    assert [leg.get("speed") for leg in data["legs"]] == list(speeds)
+    assert [leg["speed"] for leg in data["legs"]] == [2.0, 2.5, 3.0]
+    assert not any("speed" in leg for leg in run_data(make_run(), make_run().summary())["legs"])
     # Over ground it is slow where it makes little of the leg's own speed, not of the vehicle's.
     assert not any("speed over ground falls" in line for line in sheet.warnings)
     slow = at_speeds(make_run(), (0.5, None, 3.0))
