@@ -13,7 +13,7 @@ import pytest
 
 from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
-from tests.export.sample import make_itinerary
+from tests.export.sample import SPEED, at_speeds, make_itinerary
 from tests.link.joining import free_port
 from tests.link.mavlink_peer import AUTO, COMPLETE, MANUAL, POSHOLD, RUNNING, SURFACE, Sub, place_of
 
@@ -142,6 +142,13 @@ def test_one_that_holds_its_speed_through_the_water_is_given_that(join):
     link, sub, _ = join(given={"over_ground": False})
     link.upload(Upload(make_itinerary(over_ground=True)))
     assert [item[3] for item in sub.items if item[1] == 178] == [1.75]
+    plan = Upload(at_speeds((0.2, -0.1, 0.0)))
+    link.upload(plan)
+    assert [item[3] for item in sub.items if item[1] == 178] == pytest.approx([0.9, SPEED, 1.5])
+    for step in (0, 3, 5):
+        link.start(step)
+        assert sub.speed == pytest.approx(plan.steps[step].speed)
+        link.hold()
 
 
 @pytest.mark.parametrize(("armed", "mission"), [(False, RUNNING), (True, COMPLETE)])

@@ -13,7 +13,7 @@ from auvplan.link import Limits, Refused, State, Upload, open_link
 imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
 
 from auvplan.link.imc import as_message  # noqa: E402
-from tests.export.sample import in_current, make_itinerary  # noqa: E402
+from tests.export.sample import at_speeds, in_current, make_itinerary  # noqa: E402
 from tests.link.conftest import FAST, SCALE  # noqa: E402
 from tests.link.joining import CLEAN, Faults, body_at, followed, free_port, held_as_planned  # noqa: E402
 from tests.link.peers import ImcPeer  # noqa: E402
@@ -108,9 +108,10 @@ def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(beside):
+@pytest.mark.parametrize("make", [in_current, at_speeds])
+def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(beside, make):
     stream = (-0.2, 0.25, 0.0)
-    plan = Upload(in_current(stream))
+    plan = Upload(make(stream))
     link, _ = beside(plan, stream=stream[:2])
     link.connect()
     link.upload(plan)
@@ -129,6 +130,10 @@ def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(beside):
     link.upload(plan)
     (held,) = peer.stored.values()
     assert {round(float(move.data.speed), 4) for move in held.maneuvers} == {1.75}
+    link.upload(Upload(replace(at_speeds((0.2, -0.1, 0.0)), name="at others")))
+    (held,) = [plan for plan in peer.stored.values() if plan.plan_id.startswith("at_others")]
+    speeds = {move.maneuver_id: round(float(move.data.speed), 4) for move in held.maneuvers}
+    assert speeds == {"start": 0.9, "leg1": 0.9, "task1": 1.2, "leg2": 1.2, "leg3": 1.5, "end": 1.2}
 
 
 def test_a_vehicle_that_refuses_is_told_of(upload, join):
