@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.mission.outlook import Outlook, look_ahead, onward_edges, sharpened
-from auvplan.mission.problem import Problem
+from auvplan.mission.problem import Problem, Used
 
 #: A priority-to-time price that pays best lies around the yield of the whole mission; each beam tries one.
 PRICES = (1.0, 0.75, 1.25)
@@ -32,7 +32,7 @@ LEAST_SHARE, DECAY = 0.05, 0.97
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Beam:
-    """Partial routes; `visited` is [W, N], `mark` a hash of the waypoints visited, the rest [W]."""
+    """Partial routes; `visited` is [W, N], `used` [W, L], `mark` a hash of the waypoints visited, all [W]."""
 
     here: jax.Array
     time: jax.Array
@@ -40,6 +40,7 @@ class _Beam:
     visited: jax.Array
     mark: jax.Array
     alive: jax.Array
+    used: Used | None
 
 
 @jax.tree_util.register_dataclass
@@ -86,13 +87,17 @@ def beam_search(
     def grow(state: tuple[_Beam, _Trace, jax.Array]) -> tuple[_Beam, _Trace, jax.Array]:
         beam, trace, step = state
         onward = problem.neighbours[beam.here]
-        times = problem.onward_times(beam.here, beam.time)
+        then = None if beam.used is None else problem.onward(beam.here, beam.used)
+        if then is None:
+            times = problem.onward_times(beam.here, beam.time)
+        else:
+            times = then.times.min(axis=-1) - beam.time[:, None]
         open_ = (
             beam.alive[:, None]
             & (beam.time[:, None] < problem.latest[beam.here])
             & ~beam.visited[width_index[:, None], onward]
         )
-        if problem.schedule is not None:
+        if problem.schedule is not None or then is not None:
             open_ = open_ & jnp.isfinite(times)
         gained = beam.worth[:, None] + gain[beam.here]
         if problem.falling:
@@ -103,7 +108,8 @@ def beam_search(
 
         open_ = open_ & ~to_goal[beam.here]
         time = beam.time[:, None] + times
-        value = gained - price * time
+        passed = time if then is None else problem.time_available * then.share(problem)
+        value = gained - price * passed
         if outlook is not None:
             charged = (beam.visited @ outlook.charge)[:, None] + outlook.charge[onward]
             value = value - charged + outlook.at(problem, onward, time)
@@ -138,6 +144,7 @@ def beam_search(
             visited=beam.visited[parent].at[width_index, here].set(True),
             mark=mark[chosen],
             alive=best > -jnp.inf,
+            used=jax.tree.map(lambda part: part.reshape(-1, part.shape[-1])[chosen], then),
         )
         return beam, trace, step + 1
 
@@ -149,6 +156,7 @@ def beam_search(
         visited=jnp.broadcast_to(jnp.arange(size) == start, (width, size)),
         mark=jnp.broadcast_to(codes[start], (width,)),
         alive=(width_index == 0) & (problem.start != problem.goal),
+        used=None if problem.levels is None else Used.nothing(problem, width),
     )
     trace = _Trace(
         jnp.zeros((size, width), jnp.int32),

@@ -36,6 +36,7 @@ def upper_bound(
     time_available: float,
     *,
     rounds: int = 12,
+    limits: Sequence[Any] = (),
 ) -> float:
     """No route from the start to the goal in time has more total priority than this.
 
@@ -53,6 +54,7 @@ def upper_bound(
         goal: index.
         time_available: T, s; a mission takes strictly less.
         rounds: linear programs solved at most, at least 1; more rounds, tighter bound.
+        limits: [N, N] each, finite on the edges: what they take of something of which there is 1.
 
     Returns:
         Bound on sum(rho_ij), rounded down to a multiple of `common_step` of the priorities where there is
@@ -78,11 +80,12 @@ def upper_bound(
     size, count, profit = len(times), len(tails), rho[edges]
     into = _incidence(heads, size)
     pairs = _pair_rows(edges, into)
-    rows, limits = [csr_matrix(times[edges][None] / time_available), into], [np.ones(1 + size)]
+    taken = [times[edges] / time_available, *(np.asarray(limit, float)[edges] for limit in limits)]
+    rows, most = [csr_matrix(np.stack(taken)), into], [np.ones(len(taken) + size)]
     sparse = count <= EDGES_PER_NODE * size
     if sparse:
         rows.append(pairs)
-        limits.append(np.zeros(len(pairs.indptr) - 1))
+        most.append(np.zeros(len(pairs.indptr) - 1))
 
     def violated(flow: Array, turn: int) -> list[csr_matrix] | None:
         found = [] if sparse else [pairs[np.flatnonzero(pairs @ flow > LEAST_VIOLATION)]]
@@ -104,7 +107,7 @@ def upper_bound(
 
     dearest = np.zeros(size)
     np.maximum.at(dearest, heads, profit)
-    program = _Program(profit, rows, limits, edges, (start, goal), size)
+    program = _Program(profit, rows, most, edges, (start, goal), size)
     return program.bound(float(dearest.sum()), rounds, violated)
 
 

@@ -6,6 +6,7 @@ from typing import Any, Self
 from auvplan.bbo import BBOConfig
 from auvplan.mission.decoder import DecoderName
 from auvplan.mission.objective import ObjectiveName
+from auvplan.mission.speeds import Saved
 
 _BBO = BBOConfig(population=150, iterations=200, mutation_genes=2.0, mutation_law="constant")
 
@@ -34,6 +35,8 @@ class MissionConfig:
         local_period: iterations between memetic steps.
         degree: places for neighbours of a waypoint at least; set it to the largest degree of the first graph
             where later ones lose edges, and nothing compiles again.
+        saves: what decides between routes of equal priority where energy is limited, "time" or "energy".
+        levels: at which speeds are tried where they are free, from least energy to least time.
 
     Raises:
         ValueError: a setting is out of its range, or no elite would keep the shortest mission alive.
@@ -53,14 +56,20 @@ class MissionConfig:
     local_width: int = 20
     local_period: int = 40
     degree: int = 16
+    saves: Saved = "time"
+    levels: int = 16
 
     def __post_init__(self) -> None:
-        for name, known in (("decoder", ("paper", "timely", "rate")), ("objective", ("priority", "eq15"))):
+        for name, known in (
+            ("decoder", ("paper", "timely", "rate")), ("objective", ("priority", "eq15")),
+            ("saves", ("time", "energy")),
+        ):  # fmt: skip
             if getattr(self, name) not in known:
                 raise ValueError(f"{name} must be one of {known}, got {getattr(self, name)!r}")
         for name, least in (
             ("rate_weight", 0), ("phi1", 0), ("phi2", 0), ("time_weight", 0), ("beam_width", 1),
             ("local_rounds", 0), ("local_width", 1), ("local_period", 1), ("degree", 1), ("seeds", 0),
+            ("levels", 1),
         ):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not value >= least:

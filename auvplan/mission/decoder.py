@@ -20,7 +20,7 @@ import chex
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.problem import Problem, highest
+from auvplan.mission.problem import Problem, Used, highest
 
 #: Inclusive bounds of a SIV (section 3.3).
 LOWEST, HIGHEST = -200, 100
@@ -46,6 +46,7 @@ class _Walk:
     inverse: jax.Array
     step: jax.Array
     active: jax.Array
+    used: Used | None
 
 
 @jax.tree_util.register_dataclass
@@ -63,6 +64,7 @@ class Decoded:
         remaining: [P] s, shortest time to the goal from the last waypoint; zero at the goal.
         late: [P] s, by how much the route overruns the deadline; "paper" only, zero elsewhere.
         reached: [P] bool, False for a route that ends in a dead end or is late.
+        energy: [P] J, the least with which it is feasible; None where it is not limited.
     """
 
     nodes: jax.Array
@@ -74,6 +76,7 @@ class Decoded:
     remaining: jax.Array
     late: jax.Array
     reached: jax.Array
+    energy: jax.Array | None = None
 
 
 def siv_count(size: int, decoder: DecoderName) -> int:
@@ -114,14 +117,18 @@ def decode(
         here = walk.current
         onward = problem.neighbours[here]
         value = walk.value[rows[:, None], onward]
-        times = problem.onward_times(here, walk.time)
+        then = None if walk.used is None else problem.onward(here, walk.used)
+        if then is None:
+            times = problem.onward_times(here, walk.time)
+        else:
+            times = then.times.min(axis=-1) - walk.time[:, None]
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
         if decoder == "paper":
             qualifies = jnp.isfinite(times)
         else:
             qualifies = walk.time[:, None] < problem.latest[here]
-            if problem.schedule is not None:
+            if problem.schedule is not None or then is not None:
                 qualifies = qualifies & jnp.isfinite(times)
         value = jnp.where(qualifies, value, -jnp.inf)
         best, edge = highest(value)
@@ -130,7 +137,12 @@ def decode(
         rho = jnp.where(moves, problem.priority[here, edge], 0.0)
         if problem.falling:
             rho = rho - jnp.where(moves, problem.lost(here, edge, walk.time, times[rows, edge]), 0.0)
-        clocked = problem.schedule is not None
+        found = problem.schedule is not None or then is not None
+        used = None
+        if then is not None:
+            used = jax.tree.map(
+                lambda new, old: jnp.where(moves[:, None], new[rows, edge], old), then, walk.used
+            )
         task = rho > 0.0
         entered = jnp.where(moves, there, size)
         return _Walk(
@@ -138,12 +150,13 @@ def decode(
             position=walk.position.at[rows, entered].set(walk.step + 1, mode="drop"),
             current=there,
             time=walk.time
-            + jnp.where(moves, times[rows, edge] if clocked else problem.leg_times[here, edge], 0.0),
+            + jnp.where(moves, times[rows, edge] if found else problem.leg_times[here, edge], 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
             inverse=walk.inverse + jnp.where(task, 1.0 / rho, 0.0),
             step=walk.step + 1,
             active=moves & (there != problem.goal),
+            used=used,
         )
 
     zero = jnp.zeros(habitats, problem.leg_times.dtype)
@@ -161,6 +174,7 @@ def decode(
             inverse=zero,
             step=jnp.int32(0),
             active=jnp.broadcast_to(problem.start != problem.goal, (habitats,)),
+            used=None if problem.levels is None else Used.nothing(problem, habitats),
         ),
     )
     place = jnp.where(walk.position < 0, size, walk.position)
@@ -175,6 +189,7 @@ def decode(
         remaining=problem.time_to_go[walk.current],
         late=late,
         reached=(walk.current == problem.goal) & (late == 0.0),
+        energy=None if walk.used is None else walk.used.energies.min(axis=-1),
     )
 
 

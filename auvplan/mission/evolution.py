@@ -33,6 +33,7 @@ class Missions:
         return_margin: [B] share by which the path to the goal is taken to last longer than expected.
         given: [B, P, D] habitats to start from, of which the first ones are used.
         known: [B, N] routes to start from, padded with -1; all -1 where there is none.
+        energy_available: [B] J; None where it is not limited.
     """
 
     edges: Edges
@@ -43,6 +44,7 @@ class Missions:
     return_margin: Any
     given: Any
     known: Any
+    energy_available: Any = None
 
 
 @partial(compiled, static_argnames=("config",), quick=True)
@@ -59,9 +61,10 @@ def search_missions(
 
     def one(key: jax.Array, mission: Missions) -> tuple[search.Result, decoders.Decoded, jax.Array]:
         ends, given = (mission.start, mission.goal), mission.given
-        problem = prepare(
-            mission.edges, *ends, mission.time_available, mission.visited, mission.return_margin
-        )
+        limits = [mission.time_available, mission.visited, mission.return_margin]
+        if mission.energy_available is not None:
+            limits.append(mission.energy_available)
+        problem = prepare(mission.edges, *ends, *limits)
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
         decoded = partial(decoders.decode, decoder=config.decoder, rate_weight=config.rate_weight)
@@ -128,6 +131,8 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
     """Put the known, the shortest, the beam's and the greediest routes over the last habitats."""
     greedy = decoders.greedy_habitat(problem, config.decoder)[None]
     nodes = jnp.stack([known, decoders.shortest_route(problem)])
+    if problem.levels is not None:
+        nodes = jnp.concatenate([nodes, jax.vmap(decoders.shortest_route)(problem.levels)])
     usable = nodes[:, 0] >= 0
     if config.seeds:
         route = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
@@ -158,7 +163,7 @@ def _cost(routes: decoders.Decoded, problem: Problem, config: MissionConfig) -> 
     if config.objective == "eq15":
         cost = objectives.eq15(routes, problem, config.phi1, config.phi2)
     else:
-        cost = objectives.total_priority(routes, problem, config.time_weight)
+        cost = objectives.total_priority(routes, problem, config.time_weight, config.saves)
     return cost, objectives.violation(routes, problem)
 
 
@@ -166,4 +171,4 @@ def _gain(problem: Problem, config: MissionConfig) -> jax.Array:
     """[N, K] by how much each edge lowers the cost."""
     if config.objective == "eq15":
         return objectives.eq15_gain(problem, config.phi1, config.phi2)
-    return objectives.total_priority_gain(problem, config.time_weight)
+    return objectives.total_priority_gain(problem, config.time_weight, config.saves)

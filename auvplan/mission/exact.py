@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -31,6 +31,7 @@ class ExactRoute:
         proved: whether the search ended with a proof that the route is of most total priority, or that there
             is none.
         infeasible: whether it is proved that no route reaches the goal in time.
+        chosen: [n - 1] places of the legs' speeds, where they were free; empty elsewhere.
     """
 
     nodes: IntArray
@@ -38,6 +39,7 @@ class ExactRoute:
     bound: float
     proved: bool
     infeasible: bool
+    chosen: IntArray = field(default_factory=lambda: np.zeros(0, int))
 
 
 def solve_exact(
@@ -49,6 +51,8 @@ def solve_exact(
     *,
     time_limit: float = 10.0,
     hint: Sequence[int] | NDArray[np.integer] | None = None,
+    energies: Any = None,
+    energy_available: float = np.inf,
 ) -> ExactRoute:
     """Search for the route of most total priority until it is proved or the time limit is reached.
 
@@ -59,20 +63,31 @@ def solve_exact(
     Routes of equal priority are not distinguished by their times, as a second aim would slow the proof down.
 
     Args:
-        leg_times: [N, N] s, t_ij with the task; infinite off the edges.
+        leg_times: [N, N] s, t_ij with the task; infinite off the edges. [K, N, N] with energies: at K speeds,
+            one of which is chosen for each leg.
         priority: [N, N] rho_ij >= 0.
         start: index.
         goal: index; equal to `start` it gives the empty mission.
         time_available: T, s; the route takes strictly less.
         time_limit: s of search; a second search gets what is left, and a tenth of it at least.
         hint: waypoints of a known route, where the search begins; what does not fit is passed over.
+        energies: [K, N, N] J of each leg with its task.
+        energy_available: J; the route takes less.
 
     Raises:
         ImportError: OR-Tools is not installed.
         ValueError: an argument is out of range or of the wrong shape.
     """
     load_cp_model()
-    times, rho = checked(leg_times, priority, start, goal, time_available)
+    if energies is None:
+        each, joules = np.asarray(leg_times, float)[None], None
+    else:
+        each, joules = np.asarray(leg_times, float), np.asarray(energies, float)
+        if each.ndim != 3 or each.shape != joules.shape:
+            raise ValueError(
+                f"leg_times and energies must be [K, N, N], got shapes {each.shape} and {joules.shape}"
+            )
+    times, rho = checked(each.min(axis=0), priority, start, goal, time_available)
     if not time_limit > 0.0:
         raise ValueError(f"time_limit must be positive, got {time_limit} s")
     if start == goal and time_available > 0.0:
@@ -82,7 +97,10 @@ def solve_exact(
     if not len(tails):
         return ExactRoute(nothing, 0.0, 0.0, proved=True, infeasible=True)
 
-    legs, profit = times[tails, heads], rho[tails, heads]
+    place, edge = np.nonzero(np.isfinite(each[:, tails, heads]))
+    tails, heads = tails[edge], heads[edge]
+    legs, profit = each[place, tails, heads], rho[tails, heads]
+    limited = joules is not None and np.isfinite(energy_available)
     unit = common_step(profit)
     if unit > 0.0:
         units = np.round(profit / unit)
@@ -94,6 +112,9 @@ def solve_exact(
         paths = PathModel(tails, heads, start, goal)
         ticks, budget = in_ticks(legs, time_available, rounding)
         paths.model.add(paths.total(ticks) <= budget)
+        if limited and joules is not None:
+            quanta, most = in_ticks(joules[place, tails, heads], energy_available, rounding)
+            paths.model.add(paths.total(quanta) <= most)
         paths.model.maximize(paths.total(units))
         if hint is not None:
             paths.add_hint(hint)
@@ -105,23 +126,25 @@ def solve_exact(
             bound = min(bound, math.floor(paths.solver.best_objective_bound + 1e-6) * unit)
         if status not in ("OPTIMAL", "FEASIBLE"):
             break
-        route = paths.nodes()
-        if sum(times[leg] for leg in pairwise(route.tolist())) < time_available:
+        route, taken = paths.path()
+        spent = 0.0 if joules is None else sum(joules[place[k], tails[k], heads[k]] for k in taken)
+        if sum(legs[taken]) < time_available and spent < energy_available:
             value = round(paths.solver.objective_value) * unit
             proved = status == "OPTIMAL" and value >= bound * (1.0 - 1e-9)
             break
         route = None
     if route is None:
         return ExactRoute(nothing, 0.0, bound, proved=False, infeasible=False)
-    found = float(rho[route[:-1], route[1:]].sum())
-    return ExactRoute(route, found, max(bound, found), proved=proved, infeasible=False)
+    found, chosen = float(rho[route[:-1], route[1:]].sum()), place[taken] if joules is not None else place[:0]
+    return ExactRoute(route, found, max(bound, found), proved, infeasible=False, chosen=chosen)
 
 
 def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
     """Improve a route and prove it by `solve_exact`, as far as that comes within the time limit.
 
     Its cost, population and history remain those of the search. A route with a return margin keeps its
-    waypoints, since the exact search knows the margin on the last leg only: its bound is proved.
+    waypoints, since the exact search knows the margin on the last leg only: its bound is proved. So does one
+    by the clock whose speeds are chosen: labels know time alone.
 
     Args:
         route: from `plan_mission`.
@@ -136,8 +159,12 @@ def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
     known = route.priority if route.feasible else -np.inf
     if clock is None:
         hint = route.nodes if route.feasible else None
-        asked = route.limiting_times, rho, start, route.goal, route.time_available
-        found = solve_exact(*asked, time_limit=time_limit, hint=hint)
+        each, limits = route.limiting_times, dict[str, Any]()
+        if route.speeds is not None:
+            each = route.speeds.times_of_edges
+            limits = {"energies": route.speeds.energies_of_edges, "energy_available": route.speeds.available}
+        asked = each, rho, start, route.goal, route.time_available
+        found = solve_exact(*asked, time_limit=time_limit, hint=hint, **limits)
         if found.infeasible:
             return route
         bound: float | None = min(found.bound, route.bound)
@@ -146,12 +173,15 @@ def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
         bound = min(found.bound, route.bound) if not found.proved else route.proven_bound
         if found.proved and np.isfinite(found.bound):
             bound = found.bound
-    route = replace(route, proven_bound=bound)
-    if not len(found.nodes) or route.return_margin > 0.0:
+    kept = route = replace(route, proven_bound=bound)
+    if not len(found.nodes) or route.return_margin > 0.0 or (clock is not None and route.speeds is not None):
         return route
     edges = found.nodes[:-1], found.nodes[1:]
     if clock is None:
         lasts, waits, worth = route.edge_times[edges], np.zeros(len(edges[0])), rho[edges]
+        if route.speeds is not None and isinstance(found, ExactRoute):
+            route = replace(route, speeds=route.speeds.along(found.nodes, found.chosen))
+            lasts = each[found.chosen, *edges]
         time_taken, priority = float(lasts.sum()), float(worth.sum())
     else:
         assert route.duration is not None
@@ -161,7 +191,7 @@ def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
         lasts, waits, time_taken = legs.ends - legs.departs, legs.begins - legs.arrives, float(legs.ends[-1])
         priority = sum(worth.tolist())
     if priority <= known or not time_taken < route.time_available:
-        return route
+        return kept
     return replace(
         route,
         nodes=found.nodes,
@@ -181,6 +211,7 @@ class PathModel:
 
     Args:
         tails, heads: [M] waypoints that each edge leads from and to; none into the start or out of the goal.
+            Several may lead from one waypoint to another.
         start, goal: indices, not equal.
 
     Attributes:
@@ -225,17 +256,19 @@ class PathModel:
         parameters.linearization_level = 2
         return self.solver.status_name(self.solver.solve(self.model))
 
-    def nodes(self) -> IntArray:
-        """Waypoints of the path found, from the start to the goal."""
+    def path(self) -> tuple[IntArray, list[int]]:
+        """Waypoints of the path found, from the start to the goal, and its edges by number."""
         following = {
-            i: j
-            for (i, j), take in zip(self._edges, self._taken, strict=True)
+            i: (j, number)
+            for number, ((i, j), take) in enumerate(zip(self._edges, self._taken, strict=True))
             if self.solver.boolean_value(take)
         }
-        route = [self._start]
+        route, edges = [self._start], list[int]()
         while route[-1] != self._goal:
-            route.append(following[route[-1]])
-        return np.array(route)
+            onward, number = following[route[-1]]
+            route.append(onward)
+            edges.append(number)
+        return np.array(route), edges
 
 
 def in_ticks(leg_times: Array, time_available: float, rounding: np.ufunc) -> tuple[IntArray, int]:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from auvplan.mission.speeds import SpeedOptions
 from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import Detours, PathsRound, Sketch, TravelTimeConfig, Trips, travel_times
 from auvplan.ocean.environment import Environment
@@ -39,6 +40,8 @@ class MissionGraph:
         waypoint_duration: [..., N] s, the same part of `duration`.
         timetable: travel times by departure, and windows of tasks; None where neither depends on the clock.
             With one, `travel_time` is its least.
+        options: speeds among which that of each leg may be chosen, with what edges take at them; None where
+            the vehicle's speed is given, and energy does not count.
 
     Raises:
         ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN.
@@ -52,6 +55,7 @@ class MissionGraph:
     waypoint_priority: Any = None
     waypoint_duration: Any = None
     timetable: Timetable | None = None
+    options: SpeedOptions | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.positions, np.ndarray | list | tuple):
@@ -267,6 +271,20 @@ class MissionGraph:
             travel_time=np.where(open_, least, np.nan),
             timetable=timetable,
         )
+
+    def at_speeds(self, chosen: NDArray[np.integer]) -> Self:
+        """Return a copy whose edges take the time that they do at speeds chosen among `options`.
+
+        Args:
+            chosen: [N, N] places of speeds, of one graph.
+        """
+        assert self.options is not None
+        times = self.options.at(chosen)
+        if self.timetable is not None:
+            return self.with_timetable(replace(self.timetable, travel_time=times))
+        known = np.isfinite(times)
+        adjacency = np.asarray(self.adjacency) & known
+        return replace(self, adjacency=adjacency, travel_time=np.where(known, times, np.nan))
 
     def itinerary(self, nodes: Sequence[int] | NDArray[np.int_], speed: Any, now: float = 0.0) -> Stages:
         """Go through a sequence of waypoints by the clock.

@@ -6,6 +6,9 @@ place. That covers insertion, removal and replacement.
 Where travel times depend on the clock a change is judged by the times of its own legs and by how much
 later the rest may begin if its legs take as long as before (forward time slack, Savelsbergh 1992); the
 changed route is then gone through, and dropped where it does not fit.
+
+Where energy is limited and speeds are free, each round keeps to the level of speeds on which a route leaves
+most of the scarcer of time and energy.
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.problem import Problem, highest
+from auvplan.mission.problem import Problem, Used, highest
 
 #: Waypoints that one change may cut out.
 CUT = 2
@@ -31,13 +34,36 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
     Returns:
         [P, N] routes that keep all limits and gain at least as much.
     """
-    places, width = None, problem.neighbours.shape[1]
-    times, gains = _table(problem, problem.leg_times, jnp.inf), _table(problem, gain, 0.0)
-    if problem.schedule is not None:
-        number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
-        places = _table(problem, number, width)
-    edges = _Edges(problem, gain, times, gains, places)
-    return jax.lax.fori_loop(0, rounds, lambda _, routes: _change_all(routes, edges), nodes)
+    if problem.levels is None:
+        edges = _Edges.of(problem, gain)
+        return jax.lax.fori_loop(0, rounds, lambda _, routes: _change_all(routes, edges), nodes)
+
+    def change(_: int, routes: jax.Array) -> jax.Array:
+        best = _best_levels(problem, routes)
+        one = jax.vmap(
+            lambda route, level: _change_all(route[None], _Edges.of(problem.on_level(level), gain))
+        )
+        return one(routes, best)[:, 0]
+
+    return jax.lax.fori_loop(0, rounds, change, nodes)
+
+
+def _best_levels(problem: Problem, nodes: jax.Array) -> jax.Array:
+    """Return the level [P] on which routes leave most of the scarcer of time and energy."""
+    number = jnp.broadcast_to(
+        jnp.arange(problem.neighbours.shape[1], dtype=jnp.int32), problem.neighbours.shape
+    )
+    places, rows = _table(problem, number, 0), jnp.arange(len(nodes))
+
+    def go(used: Used, leg: tuple[jax.Array, jax.Array]) -> tuple[Used, None]:
+        here, there = leg
+        then, edge = problem.onward(jnp.maximum(here, 0), used), places[here, there]
+        return jax.tree.map(
+            lambda new, old: jnp.where((there >= 0)[:, None], new[rows, edge], old), then, used
+        ), None
+
+    used, _ = jax.lax.scan(go, Used.nothing(problem, len(nodes)), (nodes[:, :-1].T, nodes[:, 1:].T))
+    return used.shares(problem).argmin(axis=1)
 
 
 def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
@@ -56,6 +82,8 @@ class _Edges(NamedTuple):
         gain: [N, K] what taking an edge is worth.
         times, gains: [N, N] s and worth; infinite and zero where there is no edge.
         places: [N, N] in their lists, K where there is no edge; None where nothing depends on the clock.
+        energies, power: [N, N] J in the least times, and W of each second more; None where energy is not
+            limited.
     """
 
     problem: Problem
@@ -63,6 +91,31 @@ class _Edges(NamedTuple):
     times: jax.Array
     gains: jax.Array
     places: jax.Array | None
+    energies: jax.Array | None = None
+    power: jax.Array | None = None
+
+    @classmethod
+    def of(cls, problem: Problem, gain: jax.Array) -> "_Edges":
+        """Return the edges of a problem on one level, worth `gain` [N, K]."""
+        places, width = None, problem.neighbours.shape[1]
+        times, gains = _table(problem, problem.leg_times, jnp.inf), _table(problem, gain, 0.0)
+        if problem.schedule is not None:
+            number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
+            places = _table(problem, number, width)
+        if problem.energy is None:
+            return cls(problem, gain, times, gains, places)
+        energies = _table(problem, problem.energy.least, jnp.inf), _table(problem, problem.energy.power, 0.0)
+        return cls(problem, gain, times, gains, places, *energies)
+
+    def energy(self, here: jax.Array, there: jax.Array, lasts: jax.Array) -> jax.Array:
+        """Return J that edges take where they last as many s; none where energy is not limited."""
+        if self.energies is None or self.power is None:
+            return jnp.zeros_like(lasts)
+        least = self.energies[here, there]
+        if self.places is None:
+            return least
+        more = jnp.where(jnp.isfinite(lasts), lasts - self.times[here, there], jnp.inf)
+        return least + self.power[here, there] * jnp.maximum(more, 0.0)
 
     def lasts(self, here: jax.Array, there: jax.Array, at: jax.Array) -> jax.Array:
         """Return the seconds that edges take where they are entered at times, all of one shape."""
@@ -139,9 +192,21 @@ def _by_the_clock(
     return arrival, slack.T, lost
 
 
+def _energies(nodes: jax.Array, arrival: jax.Array, edges: _Edges) -> tuple[jax.Array, jax.Array]:
+    """J that routes [P, N] have spent at each place, and by how much more each may be, both [P, N]."""
+    problem = edges.problem
+    assert problem.energy_available is not None
+    assert problem.return_energy is not None
+    here, onward = jnp.maximum(nodes[:, :-1], 0), jnp.maximum(nodes[:, 1:], 0)
+    legs = jnp.where(nodes[:, 1:] >= 0, edges.energy(here, onward, jnp.diff(arrival, axis=1)), 0.0)
+    spent = jnp.concatenate([jnp.zeros((len(nodes), 1)), jnp.cumsum(legs, axis=1)], axis=1)
+    spare = problem.energy_available - problem.return_energy[jnp.maximum(nodes, 0)] - spent
+    return spent, jax.lax.cummin(jnp.where(nodes >= 0, spare, jnp.inf), axis=1, reverse=True)
+
+
 def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
     """One best change to each route."""
-    problem, gain, times, gains, places = edges
+    problem, gain, times, gains, places = edges[:5]
     count, size = nodes.shape
     rows = jnp.arange(count)
     here, onward = jnp.maximum(nodes[:, :-1], 0), nodes[:, 1:]
@@ -164,11 +229,15 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
     if places is not None:
         arrival, slack, lost = _by_the_clock(problem, nodes, places)
         gained = gained - lost if problem.falling else gained
+    limited = problem.energy is not None
+    spent, spare = _energies(nodes, arrival, edges) if limited else (arrival, slack)
 
     via = problem.neighbours[at]
     open_ = (
         inside[:, :, None] & ~visited[rows[:, None, None], via] & (arrival[:, :, None] < problem.latest[at])
     )
+    if problem.spare is not None:
+        open_ &= spent[:, :, None] <= problem.spare[at]
     onward_times = problem.onward_times(at, arrival)
     then = arrival[:, :, None] + onward_times
     best = jnp.zeros(count)
@@ -194,7 +263,13 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
             edge = jnp.arange(via.shape[2])[None, None]
             richer = richer - problem.lost(at[:, :, None], edge, arrival[:, :, None], onward_times)
             richer = edges.less_lost(richer, via, there[:, :, None], then, second)
-        worth = jnp.where(open_ & fits[:, :, None] & (longer < room[:, :, None]), richer, -jnp.inf)
+        fitting = open_ & fits[:, :, None] & (longer < room[:, :, None])
+        if limited:
+            more = edges.energy(at[:, :, None], via, onward_times) + edges.energy(
+                via, there[:, :, None], second
+            )
+            fitting &= more <= (spare[:, ahead] + spent[:, ahead] - spent)[:, :, None]
+        worth = jnp.where(fitting, richer, -jnp.inf)
         value, index = highest(worth.reshape(count, -1))
         place, edge = index // via.shape[2], index % via.shape[2]
         best, choice = consider(best, choice, value, place, cut, via[rows, place, edge])
@@ -202,7 +277,10 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
             direct = edges.lasts(at, there, arrival)
             longer, richer = direct - old_time, gains[at, there] - old_gain
             richer = edges.less_lost(richer, at, there, arrival, direct)
-            worth = jnp.where(inside & fits & (longer < room), richer, -jnp.inf)
+            fitting = inside & fits & (longer < room)
+            if limited:
+                fitting &= edges.energy(at, there, direct) <= spare[:, ahead] + spent[:, ahead] - spent
+            worth = jnp.where(fitting, richer, -jnp.inf)
             best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 
     place, cut, node = (value[:, None] for value in choice)
@@ -212,8 +290,10 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
     changed = jnp.where(column <= place, nodes, jnp.where((column == place + 1) & (node >= 0), node, moved))
     better = best > 1e-6
     if places is not None:
-        _, slack, lost = _by_the_clock(problem, changed, places)
+        arrival, slack, lost = _by_the_clock(problem, changed, places)
         better &= slack[:, 0] >= 0.0
+        if limited:
+            better &= _energies(changed, arrival, edges)[1][:, 0] >= 0.0
         if problem.falling:
             i, j = jnp.maximum(changed[:, :-1], 0), jnp.maximum(changed[:, 1:], 0)
             whole = jnp.where(changed[:, 1:] >= 0, gains[i, j], 0.0).sum(axis=1) - lost[:, -1]

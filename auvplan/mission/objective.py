@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from auvplan.mission.decoder import Decoded
 from auvplan.mission.problem import Problem
+from auvplan.mission.speeds import Saved
 
 ObjectiveName = Literal["priority", "eq15"]
 
@@ -20,7 +21,9 @@ def violation(routes: Decoded, problem: Problem) -> jax.Array:
     return jnp.where(jnp.isfinite(routes.remaining), routes.remaining, unreachable) + routes.late
 
 
-def total_priority(routes: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
+def total_priority(
+    routes: Decoded, problem: Problem, time_weight: float = 0.05, saves: Saved = "time"
+) -> jax.Array:
     """Cost [P] of the aim of section 3.3.1: most total priority, ties to the shorter mission.
 
     cost = -sum(rho) + w rho_max T_Mission / T_available; a route that does not arrive costs N rho_max, more
@@ -29,18 +32,26 @@ def total_priority(routes: Decoded, problem: Problem, time_weight: float = 0.05)
     Args:
         time_weight: w < 1, what the whole of T_available is worth, as a share of the largest priority. A
             difference in total priority below it may be given up for a shorter mission.
+        saves: "energy" for ties to the mission of least energy, where it is limited and speeds are free: what
+            is available takes the place of T_available.
 
     Differences from the paper:
         Eq. 15 counts the unused time and sum(1 / rho), which grows with every task taken: its minimum is
         far from the most total priority. See `eq15`.
     """
-    cost = -routes.priority + _time_price(problem, time_weight) * routes.time
+    used, available = routes.time, problem.time_available
+    if saves == "energy" and routes.energy is not None:
+        used, available = routes.energy, problem.energies[1]
+    cost = -routes.priority + _price(problem, time_weight, available) * used
     return jnp.where(routes.reached, cost, _largest_priority(problem) * problem.size)
 
 
-def total_priority_gain(problem: Problem, time_weight: float = 0.05) -> jax.Array:
-    """[N, K] by how much each edge lowers `total_priority`."""
-    return problem.priority - _time_price(problem, time_weight) * _finite(problem.leg_times)
+def total_priority_gain(problem: Problem, time_weight: float = 0.05, saves: Saved = "time") -> jax.Array:
+    """[N, K] by how much each edge lowers `total_priority`, in its least time or with its least energy."""
+    used, available = problem.leg_times, problem.time_available
+    if saves == "energy" and problem.levels is not None:
+        used, available = problem.energies
+    return problem.priority - _price(problem, time_weight, available) * _finite(used)
 
 
 def eq15(routes: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
@@ -70,9 +81,9 @@ def _largest_priority(problem: Problem) -> jax.Array:
     return jnp.where(largest > 0.0, largest, 1.0)
 
 
-def _time_price(problem: Problem, time_weight: float) -> jax.Array:
-    """Return what `total_priority` asks for a second."""
-    available = jnp.where(problem.time_available > 0.0, problem.time_available, 1.0)
+def _price(problem: Problem, time_weight: float, available: jax.Array) -> jax.Array:
+    """Return what `total_priority` asks for a second, or a joule, of what is available."""
+    available = jnp.where(available > 0.0, available, 1.0)
     return time_weight * _largest_priority(problem) / available
 
 

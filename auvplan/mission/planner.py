@@ -19,6 +19,7 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
+from auvplan.mission.speeds import RouteSpeeds
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
@@ -48,6 +49,7 @@ def plan_mission(
     method: Literal["search", "exact"] = "search",
     time_limit: float = 10.0,
     budget: float | None = None,
+    energy_available: float | None = None,
 ) -> MissionRoute:
     """Find the route of most total priority that reaches the destination in time.
 
@@ -76,6 +78,8 @@ def plan_mission(
         budget: s of wall-clock time, compilation left out, after which the best route so far is returned, the
             exact method included; the same key then gives other routes on other machines. None for all the
             effort of the settings.
+        energy_available: J that the mission may take, for a graph that has speeds to choose from: the
+            speed of each leg is chosen with the order. None for no limit.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -116,6 +120,7 @@ def plan_mission(
         visited=None if visited is None else np.asarray(visited)[None],
         known_routes=None if known_route is None else [known_route],
         budget=budget,
+        energy_available=energy_available,
     )
     if budget is not None:
         time_limit = min(time_limit, max(budget - (time.perf_counter() - started), 0.01))
@@ -133,6 +138,7 @@ def replan_mission(
     config: MissionConfig | None = None,
     speed: float | None = None,
     budget: float | None = None,
+    energy_available: float | None = None,
 ) -> MissionRoute:
     """Re-plan the rest of a mission from a waypoint of its route (section 3.3.2).
 
@@ -150,6 +156,7 @@ def replan_mission(
         config: settings; defaults to `MissionConfig()`, as for `plan_mission`.
         speed: m/s, instead of `vehicle`.
         budget: s of wall-clock time, as for `plan_mission`.
+        energy_available: J that are left, as for `plan_mission`.
 
     Raises:
         ValueError: `here` is not on the route, or as `plan_mission`.
@@ -184,6 +191,7 @@ def replan_mission(
         speed=speed,
         known_route=nodes[reached:],
         budget=budget,
+        energy_available=energy_available,
     )
 
 
@@ -202,6 +210,7 @@ def plan_missions(
     return_margin: Any = 0.0,
     known_routes: Sequence[Sequence[int] | np.ndarray | None] | None = None,
     budget: float | None = None,
+    energy_available: Any = None,
 ) -> MissionRoutes:
     """`plan_mission` for B missions with one compiled program, on all cores at once.
 
@@ -220,6 +229,7 @@ def plan_missions(
             on the last legs. A route may then be reported out of time although it would just do.
         known_routes: for each mission the waypoints of a route from its start to its goal, or None.
         budget: s of wall-clock time for all missions together, as for `plan_mission`.
+        energy_available: [B] J or one for all, as for `plan_mission`.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -246,7 +256,19 @@ def plan_missions(
 
     if size == 2:  # there is one route at most: what looks for better ones is not compiled
         config = config.replace(seeds=0, local_rounds=0)
-    legs, iterations = graphs.leg_times(rate), config.bbo.iterations
+    iterations, options = config.bbo.iterations, graphs.options
+    if options is None and energy_available is not None:
+        raise ValueError(
+            "energy_available needs a graph with options: what its edges take, and at which speeds"
+        )
+    if options is not None and (config.decoder == "paper" or config.objective == "eq15"):
+        raise ValueError('speeds to choose from need decoder "rate" or "timely" and objective "priority"')
+    energy = _figures("energy_available", 1e30 if energy_available is None else energy_available, batch)
+    if options is None:
+        legs = graphs.leg_times(rate)
+    else:
+        graphs = _at_fastest(graphs)
+        legs = graphs.leg_times(1.0)
     more = next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1]) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
@@ -257,6 +279,8 @@ def plan_missions(
         None if graphs.timetable is None else graphs.timetable.padded(more),
         np.pad(graphs.duration, square),
     )
+    if options is not None:
+        edges = _on_levels(edges, graphs, config.levels, more)
     missions = Missions(
         edges,
         starts,
@@ -266,6 +290,7 @@ def plan_missions(
         margins.astype(np.float32),
         np.insert(given, [size] * more, 0, axis=2),
         np.pad(known, row, constant_values=-1),
+        None if options is None else energy.astype(np.float32),
     )
     watch = None if budget is None else Budget(budget, batch)
     program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
@@ -277,6 +302,8 @@ def plan_missions(
     nodes = np.where(np.asarray(best.reached), np.asarray(best.nodes[:, 0]), -1)
     nodes[:, 0] = starts
     asked = _Asked(graphs, open_legs, goals, available, margins)
+    if options is not None:
+        return _collect(result, nodes, np.asarray(least), asked, energy, config)
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     return _collect(result, nodes, np.asarray(least), asked)
@@ -336,8 +363,90 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
     return chosen
 
 
-def _collect(result: Any, nodes: np.ndarray, least: np.ndarray, asked: _Asked) -> MissionRoutes:
+def _at_fastest(graphs: MissionGraph) -> MissionGraph:
+    """Return stacked graphs with speeds to choose from, on which each edge takes its least time."""
+    options, clocked = graphs.options, graphs.timetable is not None
+    assert options is not None
+    if clocked != options.clocked:
+        raise ValueError(
+            "travel times of options must be by departure where there is a timetable, and only there"
+        )
+    times = options.travel_time.min(axis=1)
+    timetable = None if graphs.timetable is None else replace(graphs.timetable, travel_time=times)
+    least = times.min(axis=1) if clocked else times
+    known = np.isfinite(least)
+    adjacency, travel_time = graphs.adjacency & known, np.where(known, least, np.nan)
+    return replace(graphs, adjacency=adjacency, travel_time=travel_time, timetable=timetable)
+
+
+def _on_levels(edges: Edges, graphs: MissionGraph, levels: int, more: int) -> Edges:
+    """Return edges with `levels` of the speeds that graphs let choose from, `more` waypoints added."""
+    rows, square = [], [(0, more), (0, more)]
+    for b in range(len(graphs.positions)):
+        graph: MissionGraph = jax.tree.map(lambda leaf, b=b: leaf[b], graphs)
+        options = graph.options
+        assert options is not None
+        chosen = options.chosen(levels)
+        times = np.stack([options.at(row) for row in chosen])
+        travel = np.where(graph.adjacency, times.min(axis=1) if options.clocked else times, np.inf)
+        power = options.power[chosen]
+        with np.errstate(invalid="ignore"):
+            spent = np.where(np.isfinite(travel), power * travel, np.inf) + options.fixed
+        parts = travel + graph.duration, power, spent
+        padded = [np.pad(part, [(0, 0), *square], constant_values=np.inf) for part in parts]
+        timetable = None
+        if graph.timetable is not None:
+            each = [replace(graph.timetable, travel_time=row).padded(more) for row in times]
+            timetable = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
+        rows.append((*padded, np.pad(graph.duration, square), timetable))
+    return edges.on_levels(*jax.tree.map(lambda *leaves: np.stack(leaves), *rows))
+
+
+def _with_speeds(
+    nodes: np.ndarray, asked: _Asked, energy: np.ndarray, config: MissionConfig
+) -> tuple[_Asked, RouteSpeeds]:
+    """Choose the speeds of routes [B, N], within energies [B] J; return what is asked at them, and them."""
+    rows, chosen = [], np.zeros(asked.legs.shape, int)
+    graphs: list[MissionGraph] = [
+        jax.tree.map(lambda leaf, b=b: leaf[b], asked.graphs) for b in range(len(nodes))
+    ]
+    options = [graph.options for graph in graphs if graph.options is not None]
+    for b, (route, graph, option) in enumerate(zip(nodes, graphs, options, strict=True)):
+        given = route[route >= 0], graph.timetable, graph.duration, (asked.available[b], energy[b])
+        found = option.for_route(*given, config.saves, config.levels)
+        if found is None:
+            route[1:] = -1
+            found = option.chosen(config.levels)[-1]
+        chosen[b] = found
+        rows.append(graph.at_speeds(found))
+    at, open_ = MissionGraph.stack(rows), np.isfinite(asked.legs)
+    asked = asked._replace(graphs=at, legs=np.where(open_, at.leg_times(1.0), np.inf))
+    speeds, power = (
+        np.stack([getattr(option, name)[found] for option, found in zip(options, chosen, strict=True)])
+        for name in ("speeds", "power")
+    )
+    fixed = np.stack([option.fixed for option in options])
+    leg_times = asked.along(asked.legs, nodes) if at.timetable is None else _by_the_clock(at, nodes)[0]
+    with np.errstate(invalid="ignore"):
+        under_way = asked.along(power, nodes) * (leg_times - asked.along(at.duration, nodes))
+    energies = under_way + asked.along(fixed, nodes)
+    legs = asked.along(speeds, nodes)
+    assert at.options is not None
+    return asked, RouteSpeeds(at.options, chosen, legs, energies, energy, at.duration, open_)
+
+
+def _collect(
+    result: Any,
+    nodes: np.ndarray,
+    least: np.ndarray,
+    asked: _Asked,
+    energy: np.ndarray | None = None,
+    config: MissionConfig | None = None,
+) -> MissionRoutes:
     """Return routes [B, N], padded with -1, that a search found, added up in double precision."""
+    speeds, edge_times = None, asked.legs
+    if energy is not None and config is not None:
+        asked, speeds = _with_speeds(nodes, asked, energy, config)
     graphs, legs, goals, available, margins = asked
     reached = (nodes == goals[:, None]).any(axis=1)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
@@ -364,12 +473,13 @@ def _collect(result: Any, nodes: np.ndarray, least: np.ndarray, asked: _Asked) -
         time_available=available,
         population=result.state.population,
         history=result.history,
-        edge_times=legs,
+        edge_times=edge_times,
         edge_priority=graphs.priority,
         goals=goals,
         return_margin=margins,
         timetable=graphs.timetable,
         duration=None if graphs.timetable is None else graphs.duration,
+        speeds=speeds,
     )
 
 

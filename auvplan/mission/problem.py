@@ -4,8 +4,8 @@ Row i of a neighbour list holds the K waypoints to which an edge leads from i, s
 waypoints costs N K instead of N N. Rows are padded with waypoint 0 and infinite times.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import chex
 import jax
@@ -13,6 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.mission.timetable import Schedule, Timetable, latest_entries
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class EdgeEnergy:
+    """What edges take from the battery, by neighbour lists.
+
+    Attributes:
+        least: [..., N, K] J, of each edge with its task in its least time.
+        power: [..., N, K] W, of each second that it takes longer.
+    """
+
+    least: Any
+    power: Any
 
 
 @jax.tree_util.register_dataclass
@@ -26,12 +40,17 @@ class Edges:
         priority: [..., N, K] rho_ij.
         schedule: what depends on the time at which edges are entered; None where nothing does. Leg times are
             then the least.
+        energy: where it is limited; None elsewhere.
+        levels: the same edges at L speeds each, along one more axis before N, from least energy to least
+            time; None where their speeds are given. Of the edges themselves the times are the least then.
     """
 
     neighbours: Any
     leg_times: Any
     priority: Any
     schedule: Schedule | None = None
+    energy: EdgeEnergy | None = None
+    levels: "Edges | None" = None
 
     @classmethod
     def of(
@@ -65,6 +84,46 @@ class Edges:
             schedule,
         )
 
+    def on_levels(
+        self,
+        leg_times: np.ndarray,
+        power: np.ndarray,
+        energies: np.ndarray,
+        duration: np.ndarray,
+        timetable: Timetable | None,
+    ) -> "Edges":
+        """Return the edges with L levels of speeds, of the same waypoints.
+
+        Args:
+            leg_times: [..., L, N, N] s.
+            power: [..., L, N, N] W.
+            energies: [..., L, N, N] J.
+            duration: [..., N, N] s, of tasks.
+            timetable: of levels, with axes [..., L] before its own.
+        """
+        lead = leg_times.shape[:-2]
+
+        def spread(values: np.ndarray) -> np.ndarray:
+            return np.broadcast_to(values[..., None, :, :], (*lead, *values.shape[-2:]))
+
+        neighbours, used = spread(self.neighbours), spread(np.isfinite(self.leg_times))
+
+        def gathered(values: np.ndarray, padding: float) -> np.ndarray:
+            found = np.take_along_axis(values, neighbours, axis=-1)
+            return np.where(used, found, padding).astype(np.float32)
+
+        schedule = None
+        if timetable is not None:
+            schedule = Schedule.of(timetable, spread(duration), neighbours, used)
+        levels = Edges(
+            neighbours,
+            gathered(leg_times, np.inf),
+            spread(self.priority),
+            schedule,
+            EdgeEnergy(gathered(energies, np.inf), gathered(power, 0.0)),
+        )
+        return replace(self, levels=levels)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -85,6 +144,12 @@ class Problem:
         start, goal: indices.
         time_available: s, T_available.
         schedule: what depends on the time at which edges are entered; None where nothing does.
+        energy: of the edges where it is limited; None elsewhere, as the next two.
+        spare: [N, K] J, the most that may have been spent when an edge is entered.
+        return_energy: [N] J that the way to the goal takes, with the return margin.
+        energy_available: J.
+        levels: the same mission with the speeds of each of L levels, along a leading axis; a route is
+            feasible where it is on one of them. None where speeds are given.
     """
 
     neighbours: jax.Array
@@ -100,6 +165,11 @@ class Problem:
     goal: jax.Array
     time_available: jax.Array
     schedule: Schedule | None = None
+    energy: EdgeEnergy | None = None
+    spare: jax.Array | None = None
+    return_energy: jax.Array | None = None
+    energy_available: jax.Array | None = None
+    levels: "Problem | None" = None
 
     @property
     def size(self) -> int:
@@ -114,6 +184,42 @@ class Problem:
         lasts = self.schedule.lasts(here[..., None], edge, time[..., None])
         return jnp.where(jnp.isfinite(self.leg_times[here]), lasts, jnp.inf)
 
+    def energy_of(self, here: jax.Array, edge: Any, lasts: jax.Array) -> jax.Array:
+        """Return J that edges take, by place in lists, where they last as many s."""
+        assert self.energy is not None
+        least = self.energy.least[here, edge]
+        if self.schedule is None:
+            return least
+        more = jnp.where(jnp.isfinite(lasts), lasts - self.leg_times[here, edge], jnp.inf)
+        return least + self.energy.power[here, edge] * jnp.maximum(more, 0.0)
+
+    @property
+    def energies(self) -> tuple[jax.Array, jax.Array]:
+        """[N, K] J that edges take on the level of least energy, and J that are available."""
+        assert self.levels is not None
+        assert self.levels.energy is not None
+        assert self.levels.energy_available is not None
+        return self.levels.energy.least[0], self.levels.energy_available[0]
+
+    def entered(self, here: jax.Array, used: "Used") -> "Used":
+        """Return what is used [..., K] after each edge from waypoints `here` [...], on one level."""
+        edge = jnp.arange(self.neighbours.shape[1], dtype=jnp.int32)
+        lasts = self.onward_times(here, used.times)
+        spent = used.energies[..., None] + self.energy_of(here[..., None], edge, lasts)
+        assert self.spare is not None
+        fits = (used.times[..., None] < self.latest[here]) & (used.energies[..., None] <= self.spare[here])
+        times = used.times[..., None] + lasts
+        return Used(jnp.where(fits, times, jnp.inf), jnp.where(fits, spent, jnp.inf))
+
+    def onward(self, here: jax.Array, used: "Used") -> "Used":
+        """Return what is used [..., K, L] after each edge from waypoints `here` [...]."""
+        assert self.levels is not None
+        return jax.vmap(Problem.entered, (0, None, -1), -1)(self.levels, here, used)
+
+    def on_level(self, level: jax.Array) -> "Problem":
+        """Return the mission with the speeds of one level."""
+        return jax.tree.map(lambda leaf: leaf[level], self.levels)
+
     @property
     def falling(self) -> bool:
         """Whether priorities fall at some moments."""
@@ -124,6 +230,33 @@ class Problem:
         assert self.schedule is not None
         begins = time + lasts - self.schedule.duration[here, edge]
         return self.schedule.lost(here, edge, begins)
+
+
+class Used(NamedTuple):
+    """What routes have used so far, on each of L levels; infinite where a limit is broken.
+
+    Attributes:
+        times: [..., L] s.
+        energies: [..., L] J.
+    """
+
+    times: jax.Array
+    energies: jax.Array
+
+    @classmethod
+    def nothing(cls, problem: Problem, *shape: int) -> "Used":
+        """Return what is used at the start."""
+        assert problem.levels is not None
+        zero = jnp.zeros((*shape, len(problem.levels.goal)), problem.leg_times.dtype)
+        return cls(zero, zero)
+
+    def share(self, problem: Problem) -> jax.Array:
+        """Return the share [...] of the scarcer of time and energy that is used on the best level."""
+        return self.shares(problem).min(axis=-1)
+
+    def shares(self, problem: Problem) -> jax.Array:
+        """Return the share [..., L] of the scarcer of time and energy that is used on each level."""
+        return jnp.maximum(self.times / problem.time_available, self.energies / problem.energies[1])
 
 
 def highest(values: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -149,6 +282,7 @@ def prepare(
     time_available: jax.Array,
     visited: jax.Array,
     return_margin: jax.typing.ArrayLike = 0.0,
+    energy_available: jax.typing.ArrayLike = jnp.inf,
 ) -> Problem:
     """Work out what all routes on a graph have in common.
 
@@ -162,7 +296,9 @@ def prepare(
         time_available: T_available, s; less the rounding error that a sum of N legs can have it is the
             deadline of all routes.
         visited: [N] bool, waypoints not to be visited again.
-        return_margin: share by which the path to the goal is taken to last longer than expected.
+        return_margin: share by which the path to the goal is taken to last longer than expected, and to take
+            more energy.
+        energy_available: J; counts where edges have their energy.
     """
     neighbours = edges.neighbours
     size = neighbours.shape[0]
@@ -182,6 +318,21 @@ def prepare(
         shut = ~jnp.isfinite(leg_times)
         latest, due, following = latest_entries(edges.schedule, neighbours, shut, goal, deadline, margin)
         return_time = (1.0 + margin) * (deadline - due)
+    limits: dict[str, Any] = {}
+    if edges.energy is not None:
+        least = jnp.where(jnp.isfinite(leg_times), edges.energy.least, jnp.inf)
+        to_go, _ = shortest_routes(neighbours, least, goal)
+        back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * to_go
+        most = jnp.asarray(energy_available, leg_times.dtype) * (1.0 - rounding_margin(size, leg_times.dtype))
+        limits = {
+            "energy": EdgeEnergy(least, edges.energy.power),
+            "spare": most - (least + back[neighbours]),
+            "return_energy": back,
+            "energy_available": most,
+        }
+    if edges.levels is not None:
+        given = start, goal, time_available, visited, return_margin, energy_available
+        limits["levels"] = jax.vmap(lambda level: prepare(level, *given))(edges.levels)
     return Problem(
         neighbours=neighbours,
         leg_times=leg_times,
@@ -196,6 +347,7 @@ def prepare(
         goal=goal,
         time_available=time_available,
         schedule=edges.schedule,
+        **limits,
     )
 
 

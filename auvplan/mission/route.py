@@ -1,7 +1,7 @@
 """What the mission planner returns."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from auvplan.bbo import History
 from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
 from auvplan.mission.labels import Clocked, least_within_reach
+from auvplan.mission.speeds import RouteSpeeds
 from auvplan.mission.timetable import Timetable
 from auvplan.runtime.formatting import ReprMixin, between, counted, figure, shortened
 
@@ -27,6 +28,9 @@ class MissionStatus(Enum):
     )
     NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
 
+
+#: Shares of the energy in mixtures of time and energy by which routes are bounded.
+_MIXES = 0.25, 0.4, 0.5, 0.6, 0.75, 1.0
 
 #: Attributes of a route that are single numbers.
 _NUMBERS = {
@@ -59,6 +63,8 @@ class MissionRoute(ReprMixin):
         proven_bound: bound on the total priority that an exact search proved; None without one.
         timetable: by which it was planned, and `duration` [N, N] s of tasks; None where nothing depends on
             the clock. Edge times are the least then.
+        speeds: that were chosen, and the energy of the legs; None where energy does not count. Edge times are
+            the least at any speed then, and the timetable's those at the speeds chosen.
     """
 
     nodes: IntArray
@@ -80,6 +86,7 @@ class MissionRoute(ReprMixin):
     proven_bound: float | None = None
     timetable: Timetable | None = None
     duration: Array | None = None
+    speeds: RouteSpeeds | None = None
 
     @property
     def feasible(self) -> bool:
@@ -102,9 +109,9 @@ class MissionRoute(ReprMixin):
         """No route from here has more total priority; worked out on first use, see `upper_bound`."""
         if self.proven_bound is not None:
             return self.proven_bound
-        return upper_bound(
-            self.limiting_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
-        )
+        given = self.limiting_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
+        shares = [] if self.speeds is None else self.speeds.shares(_MIXES, self.time_available)
+        return upper_bound(*given, limits=shares)
 
     @property
     def limiting_times(self) -> Array:
@@ -118,12 +125,14 @@ class MissionRoute(ReprMixin):
 
     @property
     def clocked(self) -> Clocked:
-        """The mission by the clock, for one that has a timetable."""
+        """The mission by the clock, for one that has a timetable; at the least times of all speeds."""
         assert self.timetable is not None
         assert self.duration is not None
         open_, start = np.isfinite(self.edge_times), int(self.nodes[0])
-        ends = start, self.goal, self.time_available
-        return Clocked(self.timetable, self.duration, self.edge_priority, open_, *ends)
+        ends, timetable = (start, self.goal, self.time_available), self.timetable
+        if self.speeds is not None:
+            timetable = replace(timetable, travel_time=self.speeds.options.travel_time.min(axis=0))
+        return Clocked(timetable, self.duration, self.edge_priority, open_, *ends)
 
     @property
     def gap(self) -> float:
@@ -168,6 +177,7 @@ class MissionRoutes(ReprMixin):
     return_margin: Array
     timetable: Timetable | None = None
     duration: Array | None = None
+    speeds: RouteSpeeds | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -194,4 +204,7 @@ class MissionRoutes(ReprMixin):
         row = jax.tree.map(lambda leaf: leaf[b], rows)
         row |= {name: kind(row[name]) for name, kind in _NUMBERS.items()}
         row |= {"nodes": row["nodes"][:count]} | {k: row[k][: count - 1] for k in ("leg_times", "waits")}
+        if (speeds := row["speeds"]) is not None:
+            legs, energies = speeds.legs[: count - 1], speeds.energies[: count - 1]
+            row["speeds"] = replace(speeds, legs=legs, energies=energies, available=float(speeds.available))
         return MissionRoute(**row, status=self.status[b], goal=int(self.goals[b]))

@@ -1,0 +1,193 @@
+"""Orders of tasks with the speeds of their legs, in the time and the energy that there are."""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import jax
+import numpy as np
+import pytest
+
+from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission, plan_missions, random_graph
+from auvplan.mission.exact import solve_exact
+from auvplan.mission.speeds import SpeedOptions, fastest
+
+SPEEDS = np.array([0.8, 1.2, 1.7])
+POWER = 40.0 + 20.0 * SPEEDS**3
+QUICK = MissionConfig.quick()
+
+
+def posed(seed: int, size: int = 8, still: bool = False) -> tuple[MissionGraph, float, float]:
+    """Return a graph with three speeds, s and J: mostly both are scarce."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(0.0, 1000.0, (size, 3)) * [1.0, 1.0, 0.05]
+    graph = random_graph(rng, places, neighbours=3)
+    along = 0.0 if still else rng.uniform(-0.4, 0.4, (size, size))
+    distance = np.linalg.norm(places[:, None] - places[None], axis=2)
+    times = distance / (SPEEDS[:, None, None] + along)
+    fixed = 40.0 * graph.duration + rng.uniform(0.0, 5e3, (size, size))
+    graph = replace(graph, options=SpeedOptions(SPEEDS, POWER, times, fixed))
+    available = float(rng.uniform(900.0, 3000.0))
+    return graph, available, available * float(rng.uniform(45.0, 85.0))
+
+
+def best_of_all(graph: MissionGraph, time_available: float, energy_available: float) -> float:
+    """Return the most priority of any order at any speeds, by going through all; -1 where there is none."""
+    assert graph.options is not None
+    times = graph.options.travel_time + graph.duration
+    energies = graph.options.power[:, None, None] * graph.options.travel_time + graph.options.fixed
+    best, goal = -1.0, graph.size - 1
+
+    def go(route: list[int], priority: float, ways: np.ndarray) -> None:
+        nonlocal best
+        here = route[-1]
+        if here == goal:
+            best = max(best, priority)
+            return
+        for there in set(range(graph.size)) - set(route):
+            if graph.adjacency[here, there]:
+                legs = np.stack([times[:, here, there], energies[:, here, there]], axis=1)
+                onward = (ways[:, None] + legs[None]).reshape(-1, 2)
+                onward = onward[(onward[:, 0] < time_available) & (onward[:, 1] < energy_available)]
+                if len(onward):
+                    go([*route, there], priority + float(graph.priority[here, there]), onward)
+
+    go([0], 0.0, np.zeros((1, 2)))
+    return best
+
+
+@pytest.fixture(scope="module")
+def few() -> list[tuple[MissionGraph, float, float]]:
+    return [posed(seed, still=seed % 2 == 0) for seed in range(12)]
+
+
+def test_orders_and_speeds_are_those_of_exhaustive_search(few) -> None:
+    pytest.importorskip("ortools")
+    graphs = MissionGraph.stack(graph for graph, *_ in few)
+    limits = [np.array([case[k] for case in few]) for k in (1, 2)]
+    keys = jax.random.split(jax.random.key(0), len(few))
+    routes = plan_missions(
+        graphs, [0] * 12, [7] * 12, limits[0], speed=1.0, key=keys, energy_available=limits[1]
+    )
+    missed = 0
+    for (graph, time, energy), route in zip(few, routes, strict=True):
+        wanted = best_of_all(graph, time, energy)
+        assert graph.options is not None
+        each = np.where(graph.adjacency, graph.options.travel_time + graph.duration, np.inf)
+        spent = np.where(graph.adjacency, graph.options.energy(graph.duration), np.inf)
+        exact = solve_exact(each, graph.priority, 0, 7, time, energies=spent, energy_available=energy)
+        assert exact.infeasible if wanted < 0.0 else exact.priority == pytest.approx(wanted)
+        missed += (route.priority if route.feasible else -1.0) < wanted - 1e-9
+        if wanted > 0.0:
+            assert route.bound >= wanted - 1e-9
+        if route.feasible:
+            legs = list(pairwise(route.nodes.tolist()))
+            places = [int(np.flatnonzero(v == SPEEDS)[0]) for v in route.speeds.legs]
+            took = [each[k, i, j] for k, (i, j) in zip(places, legs, strict=True)]
+            drew = [spent[k, i, j] for k, (i, j) in zip(places, legs, strict=True)]
+            np.testing.assert_allclose(route.leg_times, took, rtol=1e-9)
+            np.testing.assert_allclose(route.speeds.energies, drew, rtol=1e-9)
+            assert route.time < time
+            assert route.speeds.energies.sum() <= energy
+    assert missed <= 1
+
+
+def test_more_time_or_more_energy_never_costs_priority() -> None:
+    graph, time, energy = posed(5)
+    asked = {"speed": 1.0, "config": QUICK, "key": jax.random.key(1)}
+    values = [
+        plan_mission(graph, 0, 7, more * time, energy_available=richer * energy, **asked).priority
+        for more, richer in ((1.0, 1.0), (1.5, 1.0), (1.0, 1.5), (1.5, 1.5))
+    ]
+    assert values[0] <= min(values[1:3])
+    assert max(values[1:3]) <= values[3]
+
+
+def test_without_a_limit_on_energy_all_legs_are_as_fast_as_can_be() -> None:
+    graph, time, _ = posed(4)
+    given = {"key": jax.random.key(2), "config": QUICK, "speed": 1.0}
+    free = plan_mission(graph, 0, 7, time, **given)
+    assert graph.options is not None
+    fast = replace(graph, options=None, travel_time=graph.options.travel_time.min(axis=0))
+    assert (free.speeds.legs == SPEEDS[-1]).all()
+    assert free.priority == plan_mission(fast, 0, 7, time, **given).priority
+
+
+def test_energy_is_saved_where_that_decides_between_routes_of_equal_priority() -> None:
+    graph, time, energy = posed(7)
+    found = [
+        plan_mission(
+            graph, 0, 7, 2.0 * time, speed=1.0, key=jax.random.key(0), energy_available=2.0 * energy,
+            config=QUICK.replace(saves=saves),
+        )
+        for saves in ("time", "energy")
+    ]  # fmt: skip
+    assert found[0].priority == found[1].priority
+    assert found[1].speeds.energies.sum() <= found[0].speeds.energies.sum()
+    assert found[0].time <= found[1].time
+
+
+def test_speeds_of_a_route_are_the_best_of_all() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        times = np.sort(rng.uniform(50.0, 300.0, (5, 3)), axis=1)[:, ::-1]
+        energies = np.sort(rng.uniform(1e3, 9e3, (5, 3)), axis=1)
+        limits = float(rng.uniform(600.0, 1100.0)), float(rng.uniform(1.5e4, 3e4))
+        all_ways = [
+            (times[range(5), way].sum(), energies[range(5), way].sum()) for way in product(range(3), repeat=5)
+        ]
+        fit = [way for way in all_ways if way[0] < limits[0] and way[1] <= limits[1]]
+        for number, saves in enumerate(("time", "energy")):
+            places = fastest(times, energies, limits, saves)
+            assert len(places) == (5 if fit else 0)
+            if fit:
+                least = min(way[number] for way in fit)
+                assert (times, energies)[number][range(5), places].sum() == pytest.approx(least)
+
+
+def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
+    graph, time, energy = posed(9)
+    assert graph.options is not None
+    departures, tide = np.linspace(0.0, 2.0 * time, 5), np.array([1.0, 0.9, 1.1, 1.2, 0.95])
+    opens, closes = np.zeros((8, 8, 1)), np.full((8, 8, 1), 0.6 * time)
+    options = replace(graph.options, travel_time=graph.options.travel_time[:, None] * tide[:, None, None])
+    table = Timetable(departures, options.travel_time[1], opens=opens, closes=closes)
+    clocked = replace(graph.with_timetable(table), options=options)
+    route = plan_mission(
+        clocked, 0, 7, 1.5 * time, speed=1.0, key=jax.random.key(0), energy_available=energy, config=QUICK
+    )
+    assert route.feasible
+    now, spent = 0.0, 0.0
+    for (i, j), speed, lasts, drawn in zip(
+        pairwise(route.nodes.tolist()), route.speeds.legs, route.leg_times, route.speeds.energies, strict=True
+    ):
+        k = int(np.flatnonzero(speed == SPEEDS)[0])
+        travel = np.interp(now, departures, options.travel_time[k, :, i, j])
+        wait = lasts - travel - graph.duration[i, j]
+        assert wait > -1e-6
+        assert now + travel + wait <= 0.6 * time + 1e-6
+        assert drawn == pytest.approx(POWER[k] * (travel + wait) + options.fixed[i, j], rel=1e-6)
+        now, spent = now + lasts, spent + drawn
+    assert now == pytest.approx(route.time)
+    assert now < 1.5 * time
+    assert spent <= energy
+
+
+def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
+    graph = replace(posed(0)[0], options=None)
+    with pytest.raises(ValueError, match="energy_available needs a graph with options"):
+        plan_mission(graph, 0, 7, 1e4, key=jax.random.key(0), energy_available=1e6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"power": [40.0]}, "power must be"),
+        ({"travel_time": np.ones((2, 3, 3))}, "travel_time must be"),
+        ({"fixed": np.ones((2, 2))}, "fixed must be"),
+        ({"fixed": -np.ones((3, 3))}, "fixed of speeds must be"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(changes: dict, message: str) -> None:
+    given = {"speeds": SPEEDS, "power": POWER, "travel_time": np.ones((3, 3, 3)), "fixed": np.zeros((3, 3))}
+    with pytest.raises(ValueError, match=message):
+        SpeedOptions(**given | changes)
