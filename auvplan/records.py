@@ -219,8 +219,8 @@ class RouteRecord:
         time: s, expected.
         priority: total of its tasks.
         cpu: s of wall-clock time.
-        cause: "start", "late" (a leg took longer than expected), "early", or "refused" (a leg could not be
-            executed in time).
+        cause: "start", "late" (a leg took longer than expected), "early", "refused" (a leg could not be
+            executed in time), "charge" (it does not do for the rest) or "spare" (it leaves much).
         leg_times: s, expected of each leg with waiting and task; empty where it was not kept.
         waits: s of them that pass in waiting for the task's window; empty where it was not kept.
         speeds: m/s through the water of each leg; empty where that is the vehicle's.
@@ -380,17 +380,23 @@ class MissionRun(ReprMixin):
         return f"{between(own, 2)} m/s" if any(leg.speed is not None for leg in self.done) else ""
 
     @property
+    def draw(self) -> float:
+        """What the vehicle draws in truth, in shares of what its power model says; 1 in a plan."""
+        return float(self.scenario.get("simulation", {}).get("draw", 1.0)) if self.simulated else 1.0
+
+    @property
     def energy(self) -> EnergyUse | None:
         """Energy that the mission took, by term, and the charge along it; None without a power model."""
         if self.vehicle.power is None:
             return None
-        return energy_of_legs(
+        use = energy_of_legs(
             self.legs,
             self.vehicle.power,
             float(np.asarray(self.vehicle.speed)),
             known=self.simulated,
             loiters=(self.scenario.get("mission") or {}).get("wait") == "loiter",
         )
+        return use if self.draw == 1.0 else use.scaled(self.draw)
 
     @property
     def energy_lack(self) -> str:

@@ -131,7 +131,9 @@ def energy_faults(run: Saved) -> Iterator[str]:
     total = sum(terms.values())
     if not _same(total, energy["total_wh"]):
         yield f"energy by term adds up to {total:.2f} Wh, total_wh is {energy['total_wh']:.2f}"
+    draw = run.section("simulation").get("draw", 1.0) if run.simulated else 1.0
     for name, (least, most) in _energy_bounds(run, power).items():
+        least, most = draw * least, draw * most
         found, room = terms[name], 0.01 + 1e-3 * most
         if not least - room <= found <= most + room:
             yield f"{name} takes {found:.2f} Wh, time and track make it {least:.2f} to {most:.2f}"

@@ -1,7 +1,7 @@
 """The energy that a track or a mission takes, by term, and the charge that is left along it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -105,6 +105,10 @@ class EnergyUse:
     def largest(self) -> str:
         """The term that takes most."""
         return max(self.totals, key=lambda name: self.totals[name])
+
+    def scaled(self, factor: float) -> "EnergyUse":
+        """Return the same of a vehicle that draws as many times as much."""
+        return replace(self, terms={name: factor * part for name, part in self.terms.items()})
 
     @property
     def charge(self) -> Array:

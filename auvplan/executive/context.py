@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.energy.power import PowerModel
+from auvplan.energy.power import WATT_HOUR, PowerModel
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
@@ -36,6 +36,9 @@ from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
+
+#: Speeds that are tried between the least and the greatest of a vehicle.
+_SPEEDS = 9
 
 #: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
 HORIZON = 180.0
@@ -66,6 +69,8 @@ class MissionContext:
         places: spheres of known obstacles that programs are made for at least, so that those that become
             known need no other ones; where there are more, twice as many. 0 for as many as there are.
         power: what the vehicle draws, or None.
+        speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
+            alone where its battery is limited and its speed is not free; None where energy does not count.
     """
 
     scenario: Scenario
@@ -80,6 +85,7 @@ class MissionContext:
     followed: dict[tuple[int, int], Followed] | None = None
     places: int = 0
     power: PowerModel | None = None
+    speeds: Array | None = None
 
     @cached_property
     def rules(self) -> PlanningSettings:
@@ -265,7 +271,11 @@ class Mission:
         route: of tasks that is followed, and `step` the place in it.
         slack: s that the route left of the available time, less the reserve, when it was made.
         cause: why a new route is due, or empty.
-        learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
+        learnt: s, travel times of edges (i, j) whose planned path was refused for its time; where speeds are
+            chosen, in shares of those estimated.
+        chosen: [N, N] places of the speeds of edges among the context's, or None.
+        slow_and_fast: departures and travel times, as below, at the least and the greatest of these.
+        energy_slack: J that the route left beyond the reserve, when it was made.
         departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where currents are
             forecast to change; None before they are timed.
         sketches: paths [K, S, 3] m by which edges are timed, by the ends of each, [6] m as bytes.
@@ -297,6 +307,9 @@ class Mission:
     slack: float = 0.0
     cause: str = "start"
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
+    chosen: NDArray[np.integer] | None = None
+    slow_and_fast: dict[float, tuple[Array | None, Array | None]] = field(default_factory=dict)
+    energy_slack: float = 0.0
     departures: Array | None = None
     travel_time: Array | None = None
     sketches: dict[bytes, Array] = field(default_factory=dict)
@@ -329,6 +342,23 @@ class Mission:
         return self.leg
 
     @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle at the speed of the leg that it is on."""
+        speed = None if self.leg is None else self.leg.record.speed
+        return self.context.vehicle if speed is None else replace(self.context.vehicle, speed=speed)
+
+    @property
+    def speed(self) -> float:
+        """|v| on the leg that it is on, m/s."""
+        return float(self.vehicle.speed)  # type: ignore[arg-type]
+
+    @property
+    def energy_left(self) -> float:
+        """J left beyond the battery's reserve, by what was drawn so far; infinite where none is known."""
+        energy = self.run.energy
+        return np.inf if energy is None else energy.margin * WATT_HOUR
+
+    @property
     def doing(self) -> str:
         """What it does now, in a few words."""
         return f"at {self.run.place(self.here)}" if self.leg is None else self.leg_name
@@ -345,6 +375,7 @@ class Mission:
             "run": replace(self.run, routes=list(self.run.routes), legs=list(self.run.legs)),
             "sea": copy(self.sea),
             "learnt": dict(self.learnt),
+            "slow_and_fast": dict(self.slow_and_fast),
             "visited": set(self.visited),
             "barred": set(self.barred),
         }
@@ -399,7 +430,7 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     """
     planning = scenario.planning.resolved
     phi1, phi2 = planning.phi
-    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
+    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2, "saves": planning.saves}
     if planning.preset == "paper":
         config = MissionConfig.paper().replace(**aim)
         return config, config
@@ -432,6 +463,10 @@ def make_context(
 
     home = scenario.folder if folder is None else str(folder)
     vehicle = make_vehicle(scenario, home)
+    speeds, power = scenario.vehicle.speed_range, vehicle.power
+    limited = power is not None and power.battery is not None
+    limited &= scenario.planning.resolved.objective == "priority"
+    fixed = np.asarray([scenario.vehicle.speed]) if limited else None
     return MissionContext(
         scenario,
         path_config(scenario, ahead),
@@ -439,5 +474,6 @@ def make_context(
         vehicle.without_power(),
         load_area(scenario, home) if area is None else area,
         home,
-        power=vehicle.power,
+        power=power,
+        speeds=fixed if speeds is None else np.linspace(*speeds, _SPEEDS),
     )

@@ -148,6 +148,7 @@ def _course(mission: Mission) -> Course:
     """Return what a vehicle does until the next look; one that is held up keeps station."""
     leg, now, faults = mission.active_leg, mission.now, mission.faults
     moving, share = leg.moving and not faults.left(HeldUp, now), faults.speed(now)
+    share *= mission.speed / mission.context.speed if leg.record.speed is not None else 1.0
     return Course(leg.track, leg.arc, moving, now, mission.sea.field, leg.truth.motion, share)
 
 

@@ -62,7 +62,7 @@ def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key
         env: the world of this leg alone, as a batch of one.
         key: consumed.
     """
-    context = mission.context
+    context, vehicle = mission.context, mission.vehicle
     planned = 0
 
     def detour(start: Array, goal: Array, depart: float) -> PathPlan:
@@ -72,7 +72,7 @@ def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key
             np.clip(start, *context.box)[None],
             np.asarray(goal, float)[None],
             env,
-            context.vehicle.without_transit(),  # lines are surveyed at depths of their own
+            vehicle.without_transit(),  # lines are surveyed at depths of their own
             depart=np.asarray([depart]),
             key=prng.stacked([prng.folded(key, planned)]),
             config=context.path_config,
@@ -80,9 +80,9 @@ def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key
             budget=context.rules.budget,
         )[0]
 
-    own = Conditions(env, context.vehicle, context.path_config, 0).world()
+    own = Conditions(env, vehicle, context.path_config, 0).world()
     ends = np.asarray(line.start, float), np.asarray(line.end, float)
-    return follow_line(place, ends, own, context.vehicle, context.path_config, mission.now, detour)
+    return follow_line(place, ends, own, vehicle, context.path_config, mission.now, detour)
 
 
 def count_line(mission: Mission, record: LegRecord) -> None:

@@ -19,6 +19,7 @@ from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
+from auvplan.executive.speeds import energy_due, energy_lacking
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
@@ -232,6 +233,7 @@ def _update_edge_times(missions: list[Mission]) -> None:
             due = "late"
         elif slack - planning.allowance * (ends - mission.now) > planning.gain:
             due = "early"
+        due = due or energy_due(mission)
         if decide(Facts(due=due)).act is Act.REPLAN_REST:
             mission.cause = due
 
@@ -249,7 +251,11 @@ def _begin(missions: list[Mission]) -> None:
         expects, hold = float(times[i, j]), 0.0
         if mission.timed.timetable is not None:
             expects, hold = _by_the_clock(mission, i, j, expects)
-        records.append(LegRecord(i, j, expects, task, rho, revisit=j in mission.visited, t_hold=hold))
+        speeds, speed = mission.context.speeds, None
+        if speeds is not None and len(speeds) > 1 and mission.chosen is not None:
+            speed = float(speeds[mission.chosen[i, j]])
+        revisit = j in mission.visited
+        records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold, speed=speed))
     begin_legs(missions, records)
     for mission, times, record in zip(missions, expected, records, strict=True):
         mission.run.legs.append(record)
@@ -294,7 +300,9 @@ def why_refused(mission: Mission, times: np.ndarray) -> str:
     back = (1.0 + mission.last_route.return_margin) * to_go
     lasts = leg.followed.travel_time / mission.pace + leg.record.t_task
     late = mission.now + lasts + back - mission.run.t_available
-    return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
+    if late > 0.0:
+        return f"its path would leave {late:.0f} s too little for the way back"
+    return energy_lacking(mission)
 
 
 def _reject_leg(mission: Mission, why: str) -> None:
@@ -308,6 +316,9 @@ def _reject_leg(mission: Mission, why: str) -> None:
     if barred:
         mission.barred |= {(i, j), (j, i)}
         mission.graph = mission.graph.without_edges([(i, j)])
+    elif mission.context.speeds is not None:
+        expected = leg.record.t_expected - leg.record.t_task
+        mission.learnt[i, j] = leg.followed.travel_time / expected * mission.learnt.get((i, j), 1.0)
     else:
         mission.learnt[i, j] = leg.followed.travel_time
     mission.cause = "refused"
@@ -326,7 +337,7 @@ def _judge(mission: Mission) -> None:
         record.current_difference = mission.sea.difference(record.positions, record.times)
         record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
     if context.simulated:
-        made = leg.speed_made / context.speed
+        made = leg.speed_made / mission.speed
         mission.pace = made if abs(made - 1.0) > _PACE else 1.0
     if planning.charge_compute:
         mission.charge(record.cpu)

@@ -16,7 +16,7 @@ from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
+from auvplan.path import PathPlan, plan_paths, replan_paths
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.planner import sketch_paths
 from auvplan.path.sensitivity import Conditions
@@ -70,8 +70,8 @@ def offered(
         env = believed(those, currents)
         context, legs = those[0].context, [mission.active_leg for mission in those]
         if not growing:
-            met = context.lookahead, context.speed
-            growth = [leg.belief.growth * leg.belief.within(leg.position, *met) for leg in legs]
+            met = [(leg.position, context.lookahead, one.speed) for one, leg in zip(those, legs, strict=True)]
+            growth = [leg.belief.growth * leg.belief.within(*at) for leg, at in zip(legs, met, strict=True)]
             env = replace(env, obstacles=replace(env.obstacles, growth=np.stack(growth)))
         plans, seconds = context.clock.time(partial(_call, those, env, keys, cold))
         for row, plan in zip(going, plans, strict=True):
@@ -87,7 +87,7 @@ def _staying(mission: Mission) -> PathPlan:
     positions = leg.origin + share[:, None] * (leg.target - leg.origin)
     times, middle = mission.now + TURN_TO * share, 0.5 * (positions[1:] + positions[:-1])
     return PathPlan.unsearched(
-        Conditions(context.environment(forecast), context.vehicle, context.path_config),
+        Conditions(context.environment(forecast), mission.vehicle, context.path_config),
         travel_time=TURN_TO,
         length=float(np.linalg.norm(leg.target - leg.origin)),
         positions=positions,
@@ -139,7 +139,7 @@ def _call(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
     """Return a plan each: along its survey line, or the planner's."""
     lines = [mission.active_leg.record.line for mission in missions]
     if not any(lines):
-        return list(_searched(missions, env, keys, cold))
+        return _searched(missions, env, keys, cold)
     found = {
         row: follow(mission, line, mission.active_leg.position, rows_of(env, [row]), keys[row])
         for row, (mission, line) in enumerate(zip(missions, lines, strict=True))
@@ -151,9 +151,17 @@ def _call(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
     return [found[row] for row in range(len(missions))]
 
 
-def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
-    """Return the planning call of legs that are free to go any way."""
-    context = missions[0].context
+def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> list[PathPlan]:
+    """Return the planning call of legs that are free to go any way, one for each speed."""
+    context, speeds = missions[0].context, [mission.speed for mission in missions]
+    if len(set(speeds)) > 1:
+        found = dict[int, PathPlan]()
+        for speed in dict.fromkeys(speeds):
+            rows = [row for row, own in enumerate(speeds) if own == speed]
+            chosen = [missions[row] for row in rows], rows_of(env, rows), keys[np.asarray(rows)]
+            found |= dict(zip(rows, _searched(*chosen, cold), strict=True))
+        return [found[row] for row in range(len(missions))]
+    vehicle = missions[0].vehicle
     legs = [mission.active_leg for mission in missions]
     now = np.asarray([mission.now for mission in missions])
     places = np.stack([np.clip(leg.position, *context.box) for leg in legs])
@@ -161,8 +169,8 @@ def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: 
     common["budget"] = context.rules.budget
     if cold:
         goals = np.stack([leg.target for leg in legs])
-        return plan_paths(places, goals, env, context.vehicle, depart=now, **common)
-    return replan_paths([leg.followed for leg in legs], places, now, env, context.vehicle, **common)
+        return list(plan_paths(places, goals, env, vehicle, depart=now, **common))
+    return list(replan_paths([leg.followed for leg in legs], places, now, env, vehicle, **common))
 
 
 def take(mission: Mission, offer: Offer, bounded: bool = False) -> None:

@@ -80,7 +80,7 @@ def review(mission: Mission, cause: str) -> Review:
     if leg.escaping:
         return Review(mission, cause, forecast, None, (True, True))
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
-    common = context.vehicle, context.path_config, context.area.closures
+    common = mission.vehicle, context.path_config, context.area.closures
     rest = outlook(leg.followed, sample, mission.now, forecast, *common)
     return Review(mission, cause, forecast, rest, (hazard(mission, context.lookahead), rest.broken))
 

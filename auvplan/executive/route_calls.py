@@ -10,6 +10,7 @@ import numpy as np
 from auvplan.executive.context import Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
+from auvplan.executive.speeds import drawn, offer_speeds, with_still_water
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_path
 from auvplan.mission.jobs import edges_off_lines
@@ -40,33 +41,57 @@ def time_edges(missions: list[Mission]) -> None:
     Where files forecast changing currents they are estimated once, for all departures of the mission.
     """
     for mission in missions:
-        context, planning = mission.context, mission.context.rules
-        mission.timed, seconds = mission.graph, 0.0
-        if context.by_clock:
-            if mission.travel_time is None or context.area.forecast is None:
-                seconds = _time_departures(mission)
-            assert mission.departures is not None
-            assert mission.travel_time is not None
-            mission.timed = _with_times(mission, mission.graph, mission.departures, mission.travel_time)
-        elif planning.travel_times == "learnt":
-            mission.timed = _as_learnt(mission)
-        elif planning.travel_times == "sea":
-            mission.sea.advance(mission.now)
-            timed, seconds = _timed(mission)
-            mission.timed = _along_lines(mission, timed)
-            if timed.timetable is not None:
-                closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
-                mission.timed = _with_times(mission, mission.timed, np.zeros(1), closed[None])
-        mission.timed = as_followed(mission, mission.timed)
-        mission.run.estimate_seconds += seconds
-        if seconds and planning.charge_compute:
-            mission.charge(seconds)
-        if mission.pace != 1.0:
-            mission.timed = _slower(mission.timed, mission.pace)
-        for (i, j), seconds in mission.learnt.items():
-            mission.timed = mission.timed.with_travel_time(i, j, seconds)
+        _time(mission)
+        if mission.context.speeds is not None:
+            offer_speeds(mission, _at_speeds(mission))
         if (timetable := mission.timed.timetable) is not None:
             mission.timed = replace(mission.timed, timetable=timetable.since(mission.now))
+
+
+def _time(mission: Mission) -> None:
+    """Estimate them at the vehicle's speed; times of departure count from the epoch."""
+    context, planning = mission.context, mission.context.rules
+    mission.timed, seconds = mission.graph, 0.0
+    if context.by_clock:
+        if mission.travel_time is None or context.area.forecast is None:
+            seconds = _time_departures(mission)
+        assert mission.departures is not None
+        assert mission.travel_time is not None
+        mission.timed = _with_times(mission, mission.graph, mission.departures, mission.travel_time)
+    elif planning.travel_times == "learnt":
+        mission.timed = _as_learnt(mission)
+    elif planning.travel_times == "sea":
+        mission.sea.advance(mission.now)
+        timed, seconds = _timed(mission)
+        mission.timed = _along_lines(mission, timed)
+        if timed.timetable is not None:
+            closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
+            mission.timed = _with_times(mission, mission.timed, np.zeros(1), closed[None])
+    mission.timed = as_followed(mission, mission.timed)
+    mission.run.estimate_seconds += seconds
+    if seconds and planning.charge_compute:
+        mission.charge(seconds)
+    if mission.pace != 1.0:
+        mission.timed = _slower(mission.timed, mission.pace)
+    if context.speeds is None:
+        for (i, j), seconds in mission.learnt.items():
+            mission.timed = mission.timed.with_travel_time(i, j, seconds)
+
+
+def _at_speeds(mission: Mission) -> dict[float, MissionGraph]:
+    """Return the graph timed at the vehicle's speed, and at the least and the greatest to choose from."""
+    context = mission.context
+    known = {context.speed: mission.timed}
+    assert context.speeds is not None
+    for speed in {context.speeds.item(0), context.speeds.item(-1)} - set(known):
+        departures, travel_time = mission.slow_and_fast.get(speed, (None, None))
+        vehicle = replace(context.vehicle, speed=speed)
+        own = replace(context, vehicle=vehicle)
+        other = mission.fork(context=own, departures=departures, travel_time=travel_time)
+        _time(other)
+        mission.slow_and_fast[speed] = other.departures, other.travel_time
+        known[speed] = other.timed
+    return known
 
 
 def _as_learnt(mission: Mission) -> MissionGraph:
@@ -221,6 +246,8 @@ def _prepare(mission: Mission, attempt: _Attempt) -> bool:
 def _untimed(mission: Mission) -> MissionGraph:
     """Return the graph with the edges that the estimate closed, as long as they are in still water."""
     adjacency, timetable = mission.graph.adjacency, mission.timed.timetable
+    if mission.timed.options is not None:
+        return with_still_water(mission.timed, mission.graph)
     if timetable is None:
         return replace(mission.timed, adjacency=adjacency)
     still = replace(mission.graph, travel_time=None, duration=0.0 * mission.graph.duration)
@@ -286,6 +313,7 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
             speed=context.vehicle.speed,
+            energy_available=None if context.speeds is None else _energy_available(missions, longer),
             key=prng.stacked([prng.folded(mission.key, 0, len(mission.run.routes)) for mission in missions]),
             population=populations,
             config=config,
@@ -299,6 +327,11 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             _take(mission, route, seconds / len(missions))
 
 
+def _energy_available(missions: list[Mission], longer: float) -> Array:
+    """Return J that the missions may plan to take by their power models, beyond what `longer` keeps."""
+    return np.asarray([max(one.energy_left, 0.0) / drawn(one) / longer for one in missions])
+
+
 def _take(mission: Mission, route: MissionRoute, seconds: float) -> None:
     """Follow a new route, and keep a record of it."""
     run, planning = mission.run, mission.context.rules
@@ -306,7 +339,15 @@ def _take(mission: Mission, route: MissionRoute, seconds: float) -> None:
     run.first_route = run.first_route or route
     figures = float(route.time), float(route.priority), seconds
     legs, waits = ([float(seconds) for seconds in of] for of in (route.leg_times, route.waits))
-    run.routes.append(RouteRecord(mission.now, nodes, *figures, mission.cause, legs, waits))
+    speeds, energies = list[float](), list[float]()
+    if route.speeds is not None:
+        mission.chosen = np.asarray(route.speeds.chosen)
+        mission.timed = mission.timed.at_speeds(mission.chosen)
+        energies = [float(joules) for joules in route.speeds.energies]
+        speeds = [float(speed) for speed in route.speeds.legs] if len(route.speeds.options.speeds) > 1 else []
+        mission.energy_slack = mission.energy_left - drawn(mission) * sum(energies)
+    record = RouteRecord(mission.now, nodes, *figures, mission.cause, legs, waits, speeds, energies)
+    run.routes.append(record)
     mission.route, mission.step, mission.cause = route, 0, ""
     mission.slack = run.t_available - planning.reserve - (mission.now + float(route.time))
     if planning.charge_compute:

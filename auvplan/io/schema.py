@@ -40,7 +40,7 @@ TIME_UNITS = "seconds since 2000-01-01 00:00:00"
 KINDS = ("static", "afloat", "self-motivated", "known")
 #: Why a path or a route was planned.
 PLAN_CAUSES = ("leg", "window", "hazard")
-ROUTE_CAUSES = ("start", "late", "early", "refused")
+ROUTE_CAUSES = ("start", "late", "early", "refused", "charge", "spare")
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,12 @@ class SpeedOptions:
         wanted = np.linspace(pace[0], pace[-1], levels) if levels > 1 else pace[-1:]
         return rows[np.abs(pace[:, None] - wanted).argmin(axis=0)]
 
+    def passable(self, chosen: IntArray) -> IntArray:
+        """Return places of speeds [N, N], in place of those that an edge cannot be taken at its fastest."""
+        times = self.least
+        known = np.isfinite(np.take_along_axis(times, chosen[None], axis=0)[0])
+        return np.where(known, chosen, times.argmin(axis=0))
+
     def at(self, chosen: IntArray) -> Array:
         """Return travel times of edges at places of speeds [N, N], as `travel_time` without its K."""
         place = chosen[None, None] if self.clocked else chosen[None]

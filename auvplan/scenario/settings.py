@@ -261,6 +261,10 @@ class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
     speed: Positive = setting(2.5, "m/s through the water")
+    speed_range: tuple[Positive, Positive] | None = optional(
+        "m/s through the water, least and greatest: the speed of each leg is chosen between them with the "
+        "order of tasks; needs power; all legs are gone at speed if absent"
+    )
     surge_max: Positive = setting(5.0, "m/s, of the ground speed along the track")
     sway_max: Positive = setting(1.5, "m/s, of the current across the track")
     turn_rate_max: Positive = setting(0.1, "rad/s")
@@ -283,6 +287,19 @@ class VehicleSettings(Section):
         "what it draws, and its battery: a mapping, the name of a shipped vehicle, or path of a YAML file; "
         "energy does not count if absent"
     )
+
+    @model_validator(mode="after")
+    def _speeds_are_chosen_by_power(self) -> "VehicleSettings":
+        if self.speed_range is not None:
+            least, greatest = self.speed_range
+            if self.power is None:
+                raise RuleError("needs the vehicle's power", field="speed_range", concerns=("power",))
+            if not least < greatest:
+                raise RuleError("must be the least and then the greatest speed", field="speed_range")
+            if not least <= self.speed <= greatest:
+                reason = f"must have vehicle.speed, {self.speed:g} m/s, between its two"
+                raise RuleError(reason, field="speed_range", concerns=("speed",))
+        return self
 
     @field_validator("power", mode="before", json_schema_input_type=str | PowerSettings | None)
     @classmethod
@@ -394,6 +411,7 @@ class SimulationSettings(Section):
     """What a simulated mission meets and no plan knows of."""
 
     obstacles: SimulatedObstacles = SimulatedObstacles()
+    draw: Positive = setting(1.0, "what the vehicle draws in truth, in shares of what its power model says")
 
 
 class SensorSettings(Section):
@@ -603,6 +621,11 @@ class PlanningSettings(Section):
     budget: Positive | None = optional(
         "s of wall-clock time that a planning call may take, compilation left out; the best plan "
         "so far is followed then, so that a seed gives other missions on other machines; no limit if absent"
+    )
+    saves: Literal["time", "energy"] = setting(
+        "energy",
+        "what decides between routes of equal priority where the vehicle has a power model: 'energy' goes as "
+        "slowly as the time allows, 'time' as fast as the energy does",
     )
     lower_bounds: bool = setting(
         False,

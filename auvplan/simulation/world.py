@@ -68,10 +68,11 @@ def make_vehicle(scenario: Scenario, folder: str | Path | None = None) -> Vehicl
     Raises:
         ScenarioError: its power is not known.
     """
-    apart = {"depth_min", "depth_max", "transit_depth", "power"}
+    apart = {"depth_min", "depth_max", "transit_depth", "power", "speed_range"}
     stated: dict[str, Any] = scenario.vehicle.model_dump(exclude=apart)
     home, power = scenario.folder if folder is None else folder, scenario.vehicle.power
-    stated["power"] = power_model(power, home, scenario.vehicle.speed)
+    fastest = (scenario.vehicle.speed_range or (scenario.vehicle.speed,))[-1]
+    stated["power"] = power_model(power, home, fastest)
     stated["pitch_max"] = scenario.pitch_max
     transit = scenario.vehicle.transit_depth
     if isinstance(transit, TransitAltitude):

@@ -19,6 +19,8 @@
     late: "late",
     early: "early",
     refused: "leg refused",
+    charge: "charge",
+    spare: "charge to spare",
   };
 
   // --- what holds at a time --------------------------------------------------------------------------

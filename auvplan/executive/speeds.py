@@ -1,0 +1,127 @@
+"""Speeds and energy under way: what edges take at each speed, and whether the charge does for the rest."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from auvplan.executive.context import Array, Mission
+from auvplan.mission import MissionGraph, time_to_go
+from auvplan.mission.speeds import SpeedOptions
+from auvplan.ocean.currents import evaluated
+
+
+def offer_speeds(mission: Mission, known: Mapping[float, MissionGraph]) -> None:
+    """Let the speed of each edge be chosen among the context's, and time edges at those that are chosen.
+
+    Along one path the speed over ground grows with that through the water: between those known it is taken
+    to be linear.
+
+    Args:
+        mission: whose edges are timed at the vehicle's speed.
+        known: its graph, timed at some speeds, m/s, the least and the greatest among them.
+    """
+    context, base, power = mission.context, mission.timed, mission.context.power
+    speeds = context.speeds
+    assert speeds is not None
+    assert power is not None
+    knots = sorted(known)
+    rates = []
+    for knot in knots:
+        graph = known[knot]
+        timetable = graph.timetable
+        times = graph.leg_times(knot) - graph.duration if timetable is None else timetable.travel_time
+        rates.append(1.0 / np.maximum(times, 1e-9))
+    travel = np.stack([_between(speed, knots, rates) for speed in speeds.tolist()])
+    for (i, j), longer in mission.learnt.items():
+        travel[..., i, j] *= longer
+    watts = np.asarray([float(power.power(speed)) for speed in speeds.tolist()])
+    options = SpeedOptions(speeds, watts, travel, _fixed(mission))
+    chosen = mission.chosen
+    if chosen is None:
+        chosen = np.full(base.adjacency.shape, int(np.abs(speeds - context.speed).argmin()))
+    mission.chosen = chosen = options.passable(chosen)
+    open_ = np.isfinite(options.least).any(axis=0)
+    mission.timed = replace(base, adjacency=open_, options=options).at_speeds(chosen)
+
+
+def _between(speed: float, knots: list[float], rates: list[Array]) -> Array:
+    """Return travel times, s, at a speed, from 1 / s at those known; infinite where a slower one is zero."""
+    after = int(np.clip(np.searchsorted(knots, speed), 1 if len(knots) > 1 else 0, len(knots) - 1))
+    before = max(after - 1, 0)
+    share = (speed - knots[before]) / (knots[after] - knots[before]) if after > before else 1.0
+    rate = (1.0 - share) * rates[before] + share * rates[after]
+    if 0.0 < share < 1.0:
+        rate = np.where((rates[before] > 0.0) & (rates[after] > 0.0), rate, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.where(rate > 0.0, 1.0 / rate, np.inf)
+
+
+def _fixed(mission: Mission) -> Array:
+    """Return J [N, N] of edges at any speed: of their change of depth, and of their tasks.
+
+    A vehicle that stays for a task keeps station in the current of now, or loiters.
+    """
+    context, graph = mission.context, mission.graph
+    power, places = context.power, np.asarray(graph.positions)
+    assert power is not None
+    down = places[None, :, 2] - places[:, None, 2]
+    depth = power.dive * np.maximum(down, 0.0) + power.climb * np.maximum(-down, 0.0)
+    water = evaluated(mission.sea.forecast(), *places.T, t=np.full(len(places), mission.now))
+    drift = np.hypot(*(np.asarray(axis) for axis in water[:2]))
+    if context.scenario.mission.wait == "loiter":
+        drift = np.full(len(places), context.speed)
+    staying = np.asarray(power.power(drift)) + power.task
+    return depth + graph.duration * staying + power.task_start * (graph.priority > 0.0)
+
+
+def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:
+    """Return a graph with speeds whose closed edges, open in the whole one, are timed as in still water."""
+    options = graph.options
+    assert options is not None
+    still = replace(whole, travel_time=None, duration=0.0 * whole.duration, timetable=None)
+    times = np.stack([still.leg_times(speed) for speed in options.speeds.tolist()])
+    shape = (slice(None), None) if options.clocked else slice(None)
+    known = np.isfinite(options.travel_time)
+    options = replace(options, travel_time=np.where(known, options.travel_time, times[shape]))
+    graph = replace(graph, adjacency=whole.adjacency, options=options)
+    return graph.at_speeds(options.passable(np.zeros(graph.adjacency.shape, int)))
+
+
+def drawn(mission: Mission) -> float:
+    """Return what the vehicle has drawn so far, in shares of what its power model says."""
+    return mission.run.draw if mission.run.done else 1.0
+
+
+def energy_due(mission: Mission) -> str:
+    """Return why the route no longer fits the charge, or an empty string: "charge" or "spare"."""
+    options, chosen, rest = mission.timed.options, mission.chosen, mission.rest
+    if options is None or chosen is None or not np.isfinite(left := mission.energy_left):
+        return ""
+    legs = rest[:-1], rest[1:]
+    passed = mission.timed.itinerary(rest, mission.context.speed)
+    travel = passed.ends - passed.departs - mission.timed.duration[legs]
+    needs = float((options.power[chosen[legs]] * travel + options.fixed[legs]).sum())
+    slack, rules = left - drawn(mission) * needs, mission.context.rules
+    watts = float(options.power.mean())
+    if slack < min(mission.energy_slack, 0.0) - rules.tolerance * watts:
+        return "charge"
+    return "spare" if slack - mission.energy_slack > rules.gain * watts else ""
+
+
+def energy_lacking(mission: Mission) -> str:
+    """Return why the charge does not do for the planned leg and the way back, or an empty string."""
+    options, chosen, leg = mission.timed.options, mission.chosen, mission.active_leg
+    if options is None or chosen is None or not np.isfinite(left := mission.energy_left):
+        return ""
+    edge = leg.record.start, leg.record.goal
+    energies = np.take_along_axis(options.energy(mission.timed.duration), chosen[None], axis=0)[0]
+    energies = np.where(mission.timed.adjacency, energies, np.inf)
+    if mission.context.rules.visits == "once":
+        energies[:, edge[0]] = np.inf
+    to_go = (1.0 + mission.last_route.return_margin) * float(time_to_go(energies, mission.run.goal)[edge[1]])
+    own = options.power[chosen[edge]] * leg.followed.travel_time / mission.pace + options.fixed[edge]
+    lack = drawn(mission) * (own + to_go) - left
+    if not 0.0 < lack < np.inf:
+        return ""
+    return f"its path would leave {lack / 3600.0:.0f} Wh too little for the way back"
