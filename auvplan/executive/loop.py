@@ -19,7 +19,7 @@ from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
-from auvplan.executive.speeds import energy_due, energy_lacking
+from auvplan.executive.speeds import energy_due, lacking
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
@@ -229,9 +229,11 @@ def _update_edge_times(missions: list[Mission]) -> None:
         else:
             ends = mission.now + float(mission.timed.itinerary(rest, speed).ends[-1])
         slack, due = mission.run.t_available - planning.reserve - ends, ""
+        # Chosen speeds use the time as far as that saves energy.
+        planned = 0.0 if mission.timed.options is None else max(mission.slack, 0.0)
         if slack < min(mission.slack, 0.0) - planning.tolerance:
             due = "late"
-        elif slack - planning.allowance * (ends - mission.now) > planning.gain:
+        elif slack - planning.allowance * (ends - mission.now) - planned > planning.gain:
             due = "early"
         due = due or energy_due(mission)
         if decide(Facts(due=due)).act is Act.REPLAN_REST:
@@ -290,6 +292,8 @@ def why_refused(mission: Mission, times: np.ndarray) -> str:
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not rules.guard_return:
         return ""
+    if mission.timed.options is not None:
+        return lacking(mission)
     if rules.visits == "once":
         times = times.copy()
         times[:, leg.record.start] = np.inf
@@ -300,9 +304,7 @@ def why_refused(mission: Mission, times: np.ndarray) -> str:
     back = (1.0 + mission.last_route.return_margin) * to_go
     lasts = leg.followed.travel_time / mission.pace + leg.record.t_task
     late = mission.now + lasts + back - mission.run.t_available
-    if late > 0.0:
-        return f"its path would leave {late:.0f} s too little for the way back"
-    return energy_lacking(mission)
+    return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
 def _reject_leg(mission: Mission, why: str) -> None:

@@ -109,19 +109,34 @@ def energy_due(mission: Mission) -> str:
     return "spare" if slack - mission.energy_slack > rules.gain * watts else ""
 
 
-def energy_lacking(mission: Mission) -> str:
-    """Return why the charge does not do for the planned leg and the way back, or an empty string."""
+def lacking(mission: Mission) -> str:
+    """Return what the planned leg would leave too little of for the way back, or an empty string.
+
+    The way back may be gone at any speed: it does where time and charge both do for it on one level.
+    """
     options, chosen, leg = mission.timed.options, mission.chosen, mission.active_leg
-    if options is None or chosen is None or not np.isfinite(left := mission.energy_left):
-        return ""
-    edge = leg.record.start, leg.record.goal
-    energies = np.take_along_axis(options.energy(mission.timed.duration), chosen[None], axis=0)[0]
-    energies = np.where(mission.timed.adjacency, energies, np.inf)
+    assert options is not None
+    assert chosen is not None
+    edge, duration = (leg.record.start, leg.record.goal), mission.timed.duration
+    lasts = leg.followed.travel_time / mission.pace
+    left = mission.run.t_available - mission.now - lasts - leg.record.t_task
+    own = options.power[chosen[edge]] * lasts + options.fixed[edge]
+    charge = mission.energy_left / drawn(mission) - own
+    closed = ~np.asarray(mission.timed.adjacency)
     if mission.context.rules.visits == "once":
-        energies[:, edge[0]] = np.inf
-    to_go = (1.0 + mission.last_route.return_margin) * float(time_to_go(energies, mission.run.goal)[edge[1]])
-    own = options.power[chosen[edge]] * leg.followed.travel_time / mission.pace + options.fixed[edge]
-    lack = drawn(mission) * (own + to_go) - left
-    if not 0.0 < lack < np.inf:
+        closed[:, edge[0]] = True
+    lacks = []
+    for row in options.chosen(mission.context.route_configs[0].levels):
+        back = []
+        for values in (options.least + duration, options.energy(duration)):
+            at = np.where(closed, np.inf, np.take_along_axis(values, row[None], axis=0)[0])
+            back.append(float(time_to_go(at, mission.run.goal)[edge[1]]))
+        seconds, joules = (1.0 + mission.last_route.return_margin) * np.asarray(back)
+        lacks.append((seconds - left, joules - charge))
+    if not np.isfinite(lacks).any() or min(max(lack) for lack in lacks) <= 0.0:
         return ""
-    return f"its path would leave {lack / 3600.0:.0f} Wh too little for the way back"
+    seconds = min(lack[0] for lack in lacks)
+    if seconds > 0.0:
+        return f"its path would leave {seconds:.0f} s too little for the way back"
+    joules = min(lack[1] for lack in lacks if lack[0] <= 0.0)
+    return f"its path would leave {joules / 3600.0:.0f} Wh too little for the way back"

@@ -413,7 +413,10 @@ def _with_speeds(
     options = [graph.options for graph in graphs if graph.options is not None]
     for b, (route, graph, option) in enumerate(zip(nodes, graphs, options, strict=True)):
         given = route[route >= 0], graph.timetable, graph.duration, (asked.available[b], energy[b])
-        found = option.for_route(*given, config.saves, config.levels)
+        # Rounding of the search may leave no room for the margin.
+        margins = dict.fromkeys((float(asked.margins[b]), 0.0))
+        tried = (option.for_route(*given, config.saves, config.levels, margin) for margin in margins)
+        found = next((places for places in tried if places is not None), None)
         if found is None:
             route[1:] = -1
             found = option.chosen(config.levels)[-1]

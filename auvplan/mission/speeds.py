@@ -122,6 +122,7 @@ class SpeedOptions:
         available: tuple[float, float],
         saves: Saved,
         levels: int,
+        margin: float = 0.0,
     ) -> IntArray | None:
         """Choose the speeds of a route, and of all other edges that of the level that suits it best.
 
@@ -131,6 +132,7 @@ class SpeedOptions:
             duration: [N, N] s of tasks.
             available, saves: as for `fastest`.
             levels: as for `chosen`.
+            margin: share by which the last leg is taken to last longer, and to take more energy.
 
         Returns:
             [N, N] places of speeds; None where the route keeps both limits at none.
@@ -143,6 +145,7 @@ class SpeedOptions:
             times = self.travel_time[:, *legs].T + tasks[:, None]
             energies = self.power * np.where(np.isfinite(times), times - tasks[:, None], np.inf)
             energies = np.where(np.isfinite(times), energies, np.inf) + fixed[:, None]
+            times[-1], energies[-1] = (1.0 + margin) * times[-1], (1.0 + margin) * energies[-1]
             sums = [
                 (times[np.arange(count), row[legs]].sum(), energies[np.arange(count), row[legs]].sum())
                 for row in rows
@@ -161,7 +164,9 @@ class SpeedOptions:
                 passed = stages(replace(alone, travel_time=travel), duration[square], order)
                 with np.errstate(invalid="ignore"):
                     spent = self.power[places] * (passed.ends - passed.departs - tasks) + fixed
-                return float(passed.ends[-1]), float(np.nan_to_num(spent, nan=np.inf).sum())
+                    lasts = passed.ends[-1] + margin * (passed.ends - passed.departs)[-1]
+                    whole = lasts, spent.sum() + margin * spent[-1]
+                return float(np.nan_to_num(whole[0], nan=np.inf)), float(np.nan_to_num(whole[1], nan=np.inf))
 
             first = [row[legs] for row in rows]
             sums = [went(row) for row in first]

@@ -141,6 +141,9 @@ class Scenario(Section):
         untimed = self.mission.jobs is not None and self.planning.task_time == "expected"
         reason = "'expected' leaves out the time that jobs take"
         refuse(untimed, "planning.task_time", reason, "mission.jobs")
+        fixed = self.vehicle.speed_range is not None and self.planning.resolved.objective != "priority"
+        reason = "speeds are chosen for objective 'priority' alone"
+        refuse(fixed, "vehicle.speed_range", reason, "planning.objective", "planning.preset")
         low, high = self.box
         nothing = "leaves, with depth_max, nothing of the area's depths"
         refuse(low[2] > high[2], "vehicle.depth_min", nothing, *_BOX_FIELDS)
