@@ -430,7 +430,9 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     """
     planning = scenario.planning.resolved
     phi1, phi2 = planning.phi
-    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2, "saves": planning.saves}
+    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
+    if scenario.vehicle.power is not None:
+        aim["saves"] = planning.saves
     if planning.preset == "paper":
         config = MissionConfig.paper().replace(**aim)
         return config, config

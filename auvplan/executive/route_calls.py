@@ -10,7 +10,7 @@ import numpy as np
 from auvplan.executive.context import Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
-from auvplan.executive.speeds import drawn, offer_speeds, with_still_water
+from auvplan.executive.speeds import drawn, offer_speeds, way_home, with_still_water
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_path
 from auvplan.mission.jobs import edges_off_lines
@@ -313,7 +313,7 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
             speed=context.vehicle.speed,
-            energy_available=None if context.speeds is None else _energy_available(missions, longer),
+            energy_available=None if context.speeds is None else _energy_available(missions, share, longer),
             key=prng.stacked([prng.folded(mission.key, 0, len(mission.run.routes)) for mission in missions]),
             population=populations,
             config=config,
@@ -327,9 +327,16 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             _take(mission, route, seconds / len(missions))
 
 
-def _energy_available(missions: list[Mission], longer: float) -> Array:
-    """Return J that the missions may plan to take by their power models, beyond what `longer` keeps."""
-    return np.asarray([max(one.energy_left, 0.0) / drawn(one) / longer for one in missions])
+def _energy_available(missions: list[Mission], share: float, longer: float) -> Array:
+    """Return J that the missions may plan to take by their power models, beyond what `longer` keeps.
+
+    Under way, where no slack is kept any more, that is what the way home takes, whatever is left.
+    """
+    available = np.asarray([max(one.energy_left, 0.0) / drawn(one) / longer for one in missions])
+    if share == 0.0:
+        homes = [way_home(one) if one.route is not None else 0.0 for one in missions]
+        available = np.maximum(available, 1.02 * np.asarray(homes))
+    return available
 
 
 def _take(mission: Mission, route: MissionRoute, seconds: float) -> None:

@@ -93,6 +93,15 @@ def drawn(mission: Mission) -> float:
     return mission.run.draw if mission.run.done else 1.0
 
 
+def way_home(mission: Mission) -> float:
+    """Return J of the way of least energy from where a vehicle is to its destination; 0 without one."""
+    assert mission.timed.options is not None
+    energies = mission.timed.options.energy(mission.timed.duration).min(axis=0)
+    energies = np.where(mission.timed.adjacency, energies, np.inf)
+    least = float(time_to_go(energies, mission.run.goal)[mission.here])
+    return least if np.isfinite(least) else 0.0
+
+
 def energy_due(mission: Mission) -> str:
     """Return why the route no longer fits the charge, or an empty string: "charge" or "spare"."""
     options, chosen, rest = mission.timed.options, mission.chosen, mission.rest

@@ -132,7 +132,11 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
     greedy = decoders.greedy_habitat(problem, config.decoder)[None]
     nodes = jnp.stack([known, decoders.shortest_route(problem)])
     if problem.levels is not None:
-        nodes = jnp.concatenate([nodes, jax.vmap(decoders.shortest_route)(problem.levels)])
+        # As many as there is room for beside those of a beam.
+        levels, room = len(problem.levels.goal), len(population) - config.seeds - 4
+        chosen = np.unique(np.linspace(0, levels - 1, min(levels, room)).round().astype(int))
+        shortest = jax.vmap(decoders.shortest_route)(jax.tree.map(lambda leaf: leaf[chosen], problem.levels))
+        nodes = jnp.concatenate([nodes, shortest])
     usable = nodes[:, 0] >= 0
     if config.seeds:
         route = decoders.decode(greedy, problem, config.decoder, config.rate_weight)

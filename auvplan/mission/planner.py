@@ -471,7 +471,7 @@ def _collect(
         cost=result.cost,
         leg_times=leg_times,
         waits=waits,
-        status=tuple(_status(*row) for row in zip(reached, least, late, strict=True)),
+        status=tuple(_status(*row, speeds is not None) for row in zip(reached, least, late, strict=True)),
         least_time=least,
         time_available=available,
         population=result.state.population,
@@ -501,12 +501,15 @@ def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
     return found
 
 
-def _status(reached: bool, least: float, late: bool) -> MissionStatus:
+def _status(reached: bool, least: float, late: bool, limited: bool) -> MissionStatus:
     if reached:
         return MissionStatus.OK
     if not np.isfinite(least):
         return MissionStatus.UNREACHABLE
-    return MissionStatus.OUT_OF_TIME if late else MissionStatus.NOT_FOUND
+    if late:
+        return MissionStatus.OUT_OF_TIME
+    # The shortest ways at many speeds were among those tried.
+    return MissionStatus.OUT_OF_ENERGY if limited else MissionStatus.NOT_FOUND
 
 
 def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:

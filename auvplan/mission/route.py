@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
+from auvplan.energy.power import WATT_HOUR
 from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
+from auvplan.mission.graph import time_to_go
 from auvplan.mission.labels import Clocked, least_within_reach
 from auvplan.mission.speeds import RouteSpeeds
 from auvplan.mission.timetable import Timetable
@@ -25,6 +27,10 @@ class MissionStatus(Enum):
     OUT_OF_TIME = (
         "the destination cannot be reached in the time available: "
         "allow more time, go faster or choose a nearer destination"
+    )
+    OUT_OF_ENERGY = (
+        "the destination cannot be reached in time with the energy available: "
+        "charge more, allow more time or choose a nearer destination"
     )
     NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
 
@@ -147,6 +153,11 @@ class MissionRoute(ReprMixin):
                 f"the shortest way takes {self.least_time:.1f} s, {self.time_available:.1f} s are available"
             )
             return f"{self.status.value} ({needs})"
+        if self.status is MissionStatus.OUT_OF_ENERGY and self.speeds is not None:
+            energies = self.speeds.energies_of_edges.min(axis=0)
+            least = float(time_to_go(energies, self.goal)[int(self.nodes[0])]) / WATT_HOUR
+            needs = f"the way of least energy takes {least:.1f} Wh"
+            return f"{self.status.value} ({needs}, {self.speeds.available / WATT_HOUR:.1f} Wh are available)"
         return self.status.value
 
 

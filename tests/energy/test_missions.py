@@ -1,4 +1,6 @@
-"""Missions of vehicles with power: planned and simulated as without, and failed below the reserve."""
+"""Missions of vehicles with power: as without it, and within the battery's energy where there is one."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,25 +17,36 @@ pytestmark = pytest.mark.usefixtures("light_search")
 PLAIN = scenario(mission=SMALL["mission"] | {"waypoints": 5, "neighbours": 3, "time_available": 4000})
 
 
-def powered(capacity):
+def powered(**battery):
+    power = {"hotel": 40, "turning": 20, "dive": 60, "task": 15, "propulsion": {"constant": 8, "factor": 12}}
+    return PLAIN.with_({"vehicle.power": power | ({"battery": battery} if battery else {})})
+
+
+def limited(capacity, **changes):
     battery = {"capacity": capacity, "usable": 0.9, "reserve": 0.25}
-    power = {"hotel": 40, "turning": 20, "dive": 60, "task": 15, "battery": battery}
-    return PLAIN.with_({"vehicle.power": power | {"propulsion": {"constant": 8, "factor": 12}}})
+    return powered(**battery).with_(changes) if changes else powered(**battery)
 
 
 @pytest.mark.parametrize("execute", [plan_scenario, ap.run_mission], ids=["plan", "simulation"])
-def test_a_mission_is_the_same_with_power_and_fails_below_the_reserve(execute, tmp_path):
+def test_a_mission_is_the_same_with_power_and_no_battery(execute):
     plain = execute(PLAIN, seed=2)
     assert plain.success, plain.reason
     before = compilations()
-    enough = execute(powered(2000), seed=2)
+    same = execute(powered(), seed=2)
     assert compilations() == before, "programs know nothing of power"
-    assert enough.success
-    assert enough.reason == plain.reason
-    assert len(enough.legs) == len(plain.legs)
-    for one, other in zip(enough.legs, plain.legs, strict=True):
+    assert same.success
+    assert same.reason == plain.reason
+    assert len(same.legs) == len(plain.legs)
+    for one, other in zip(same.legs, plain.legs, strict=True):
         np.testing.assert_array_equal(one.positions, other.positions)
         np.testing.assert_array_equal(one.times, other.times)
+        assert one.speed is None
+
+
+@pytest.mark.parametrize("execute", [plan_scenario, ap.run_mission], ids=["plan", "simulation"])
+def test_tasks_are_chosen_within_the_energy_and_a_mission_without_enough_fails(execute, tmp_path):
+    enough = execute(limited(2000), seed=2)
+    assert enough.success, enough.reason
     energy = enough.energy
     assert energy.times[-1] - energy.times[0] == pytest.approx(enough.t_mission, rel=1e-6)
     assert energy.totals["hotel"] == pytest.approx(40.0 * enough.t_mission / 3600.0, rel=1e-6)
@@ -42,14 +55,77 @@ def test_a_mission_is_the_same_with_power_and_fails_below_the_reserve(execute, t
     assert energy.totals["tasks"] == pytest.approx(sum(leg.t_task for leg in enough.earning) * 15.0 / 3600.0)
     assert check_run(save_run(enough, tmp_path / "enough")).ok
 
-    short = execute(powered(1.2 * energy.total), seed=2)
-    assert compilations() == before
-    assert short.arrived
-    assert not short.success
-    assert "Wh short of the battery's reserve: energy " in short.reason
-    assert short.reason.startswith(plain.reason + ", ")
-    assert f"the largest term is {energy.largest}, {energy.totals[energy.largest]:,.0f} Wh" in short.reason
-    assert check_run(save_run(short, tmp_path / "short")).ok
-    again = ap.restore_run(tmp_path / "short")
-    assert not again.success
-    assert again.energy.total == pytest.approx(short.energy.total, rel=1e-4)
+    fewer = execute(limited(1.2 * energy.total), seed=2)
+    assert fewer.success, fewer.reason
+    assert fewer.energy.margin >= 0.0
+    assert fewer.total_priority < enough.total_priority
+
+    none = execute(limited(0.2 * energy.total), seed=2)
+    assert not none.arrived
+    assert "cannot be reached in time with the energy available" in none.reason
+    assert "the way of least energy takes" in none.reason
+
+
+def test_more_drawn_than_the_model_says_is_seen_and_planned_for(tmp_path):
+    capacity = 1.45 * ap.run_mission(limited(2000), seed=2).energy.total
+    said = ap.run_mission(limited(capacity), seed=2)
+    drawn = ap.run_mission(limited(capacity, **{"simulation.draw": 1.3}), seed=2)
+    assert drawn.arrived
+    model = drawn.energy.scaled(1.0 / 1.3)
+    assert drawn.energy.total == pytest.approx(1.3 * model.total)
+    assert drawn.total_priority <= said.total_priority
+    assert check_run(save_run(drawn, tmp_path / "drawn")).ok
+    if not drawn.success:
+        assert "Wh short of the battery's reserve: energy " in drawn.reason
+
+
+@pytest.fixture(scope="module")
+def free():
+    return limited(320, **{"vehicle.speed_range": [1.5, 3.0]})
+
+
+def test_speeds_of_legs_are_chosen_and_kept(free, tmp_path):
+    run = ap.run_mission(free, seed=2)
+    assert run.success, run.reason
+    speeds = [leg.speed for leg in run.done]
+    offered = np.linspace(1.5, 3.0, 9)
+    assert all(np.abs(offered - speed).min() < 1e-9 for speed in speeds)
+    for leg in run.done:
+        through = np.linalg.norm(leg.motion.body_velocity, axis=1)
+        moving = np.linalg.norm(leg.motion.ground_velocity, axis=1) > 0.0
+        assert np.median(through[moving]) == pytest.approx(leg.speed, rel=0.02)
+    first = run.routes[0]
+    assert len(first.speeds) == len(first.energies) == len(first.nodes) - 1
+    assert sum(first.energies) / 3600.0 <= 0.75 * 0.9 * 320
+    report = check_run(save_run(run, tmp_path / "run"))
+    assert report.ok, str(report)
+    again = ap.restore_run(tmp_path / "run")
+    assert [leg.speed for leg in again.done] == pytest.approx(speeds)
+    assert again.energy.total == pytest.approx(run.energy.total, rel=1e-4)
+
+
+def test_saved_time_and_saved_energy_are_what_they_say(free):
+    fast, slow = (
+        plan_scenario(free.with_({"planning.saves": saves}), seed=2) for saves in ("time", "energy")
+    )
+    assert fast.total_priority == slow.total_priority
+    assert fast.t_mission < slow.t_mission
+    assert slow.energy.total < fast.energy.total
+    assert all(a.ends <= b.ends for a, b in pairwise(slow.done))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"vehicle.speed_range": [1.0, 3.0]}, "needs the vehicle's power"),
+        ({"vehicle.speed_range": [3.0, 1.0], "vehicle.power": "jaiabot"}, "must be the least and then the"),
+        ({"vehicle.speed_range": [1.0, 2.0], "vehicle.power": "jaiabot"}, "must have vehicle.speed, 2.5 m/s"),
+        (
+            {"vehicle.speed_range": [2.0, 3.0], "vehicle.power": "jaiabot", "planning.preset": "paper"},
+            "speeds are chosen for objective 'priority' alone",
+        ),
+    ],
+)
+def test_ranges_of_speeds_that_cannot_be_are_refused(changes, message):
+    with pytest.raises(ap.ScenarioError, match=message):
+        PLAIN.with_(changes)
