@@ -167,7 +167,7 @@ def missions(seeds: Sequence[int]) -> dict[str, Any]:
         mean = [
             np.mean(part) for part in zip(*((r.total_priority, r.energy.total) for r in runs), strict=True)
         ]
-        line = f"{home} of {len(runs)} home in time, with the reserve; priority {mean[0]:.1f}, {mean[1]:.0f} Wh"
+        line = f"{home} of {len(runs)} home in time, reserve kept; priority {mean[0]:.1f}, {mean[1]:.0f} Wh"
         rows.append([f"simulated, true draw {draw:g} of the model's", line])
     area, pairs = load_area(scenario), []
     for seed in track(seeds, "constant speeds"):

@@ -431,8 +431,6 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     planning = scenario.planning.resolved
     phi1, phi2 = planning.phi
     aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
-    if scenario.vehicle.power is not None:
-        aim["saves"] = planning.saves
     if planning.preset == "paper":
         config = MissionConfig.paper().replace(**aim)
         return config, config
@@ -469,10 +467,13 @@ def make_context(
     limited = power is not None and power.battery is not None
     limited &= scenario.planning.resolved.objective == "priority"
     fixed = np.asarray([scenario.vehicle.speed]) if limited else None
+    first, later = mission_configs(scenario)
+    if speeds is not None or limited:
+        first, later = (config.replace(saves=scenario.planning.saves) for config in (first, later))
     return MissionContext(
         scenario,
         path_config(scenario, ahead),
-        mission_configs(scenario),
+        (first, later),
         vehicle.without_power(),
         load_area(scenario, home) if area is None else area,
         home,

@@ -7,6 +7,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.check.run import check_run
+from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.io import save_run
 from auvplan.runtime.compiled import compilations
@@ -85,15 +86,14 @@ def free():
 
 
 def test_speeds_of_legs_are_chosen_and_kept(free, tmp_path):
-    run = ap.run_mission(free, seed=2)
+    run = ap.run_mission(free.with_({"current.vortices": 0}), seed=2)
     assert run.success, run.reason
     speeds = [leg.speed for leg in run.done]
     offered = np.linspace(1.5, 3.0, 9)
     assert all(np.abs(offered - speed).min() < 1e-9 for speed in speeds)
     for leg in run.done:
-        through = np.linalg.norm(leg.motion.body_velocity, axis=1)
-        moving = np.linalg.norm(leg.motion.ground_velocity, axis=1) > 0.0
-        assert np.median(through[moving]) == pytest.approx(leg.speed, rel=0.02)
+        through = np.linalg.norm(leg.motion.ground_velocity, axis=1)
+        assert np.median(through[through > 0.0]) == pytest.approx(leg.speed, rel=1e-3)
     first = run.routes[0]
     assert len(first.speeds) == len(first.energies) == len(first.nodes) - 1
     assert sum(first.energies) / 3600.0 <= 0.75 * 0.9 * 320
@@ -127,5 +127,5 @@ def test_saved_time_and_saved_energy_are_what_they_say(free):
     ],
 )
 def test_ranges_of_speeds_that_cannot_be_are_refused(changes, message):
-    with pytest.raises(ap.ScenarioError, match=message):
+    with pytest.raises(ScenarioError, match=message):
         PLAIN.with_(changes)
