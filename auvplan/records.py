@@ -395,8 +395,14 @@ class MissionRun(ReprMixin):
             float(np.asarray(self.vehicle.speed)),
             known=self.simulated,
             loiters=(self.scenario.get("mission") or {}).get("wait") == "loiter",
+            drifts=self.dives,
         )
         return use if self.draw == 1.0 else use.scaled(self.draw)
+
+    @property
+    def dives(self) -> bool:
+        """Whether its paths are saw-teeth: at rest the vehicle does nothing, and its turns are waypoints."""
+        return bool((self.scenario.get("vehicle") or {}).get("saw_tooth"))
 
     @property
     def energy_lack(self) -> str:

@@ -121,6 +121,33 @@ def gliders(rows: Iterable[dict[str, str]]) -> list[dict[str, Any]]:
     return found
 
 
+def pumps(rows: Sequence[dict[str, str]]) -> list[dict[str, Any]]:
+    """Return what each glider draws all the time, and J of its pump a dive, by least squares over stretches.
+
+    Beside them are the least and the greatest with a stretch left out, the mean error of predicting a stretch
+    by the others, and that of predicting it by their mean power.
+    """
+    found = []
+    for glider in dict.fromkeys(row["glider"] for row in rows):
+        own = [row for row in rows if row["glider"] == glider]
+        seconds, dives, wh = columns(own, "submerged_s", "n_profiles", "energy_Wh")
+        terms, joules, each = np.stack([seconds, dives], axis=1), 3600.0 * wh, np.arange(len(own))
+        whole = np.linalg.lstsq(terms, joules, rcond=None)[0]
+        without = np.array([
+            np.linalg.lstsq(terms[each != k], joules[each != k], rcond=None)[0] for k in each
+        ])  # fmt: skip
+        mean = np.array([joules[each != k].sum() / seconds[each != k].sum() for k in each])
+        found.append({
+            "glider": glider, "stretches": len(own), "hotel_w": float(whole[0]), "pump_j": float(whole[1]),
+            "hotel_range": (float(without[:, 0].min()), float(without[:, 0].max())),
+            "pump_range": (float(without[:, 1].min()), float(without[:, 1].max())),
+            "error": float(np.abs((terms * without).sum(axis=1) / joules - 1.0).mean()),
+            "error_by_mean": float(np.abs(seconds * mean / joules - 1.0).mean()),
+            "mean_wh": float(wh.sum() / dives.sum()),
+        })  # fmt: skip
+    return found
+
+
 def draw(missions: Missions, file: Path) -> None:
     """Draw predictions against what was measured."""
     from auvplan.plot import style
@@ -168,9 +195,20 @@ def main(folder: str, picture: str) -> dict[str, Any]:
             f"{row['error_m_per_s_90']:.3f}", f"{row['error_share']:.0%}",
         ] for row in dived],
     )  # fmt: skip
+    pumped = pumps(read(place / "slocum.csv"))
+    table(
+        ["glider", "stretches", "W but for the pump", "one left out", "J a dive", "one left out",
+         "error", "error by mean power"],
+        [[
+            row["glider"], str(row["stretches"]), f"{row['hotel_w']:.2f}",
+            "{:.2f}-{:.2f}".format(*row["hotel_range"]), f"{row['pump_j']:,.0f}",
+            "{:,.0f}-{:,.0f}".format(*row["pump_range"]), f"{row['error']:.0%}",
+            f"{row['error_by_mean']:.0%}",
+        ] for row in pumped],
+    )  # fmt: skip
     if picture:
         draw(missions, Path(picture))
-    return {"scores": scores, "constants": constants, "gliders": dived}
+    return {"scores": scores, "constants": constants, "gliders": dived, "pumps": pumped}
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.check.saved import TIME_TOLERANCE, Array, Leg, Saved, near
+from auvplan.check.track import events
 from auvplan.runtime.files import MISSION, SUMMARY
 
 #: Shares of its speed that a vehicle moves at through the water on a simulated track: something may slow it.
@@ -179,6 +180,7 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     seconds = np.concatenate([np.zeros(0), *(np.diff(leg.times) for leg in legs)])
     steps = np.concatenate([np.zeros((0, 3)), *(np.diff(leg.positions, axis=0) for leg in legs)])
     down, moved = steps[:, 2].astype(float), np.linalg.norm(steps, axis=1)
+    descents = sum(len(list(events(np.diff(leg.positions[:, 2]) > 0.0))) for leg in legs)
     law = power["propulsion"]
 
     def watts(speed: float) -> float:
@@ -206,7 +208,7 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             slow,
             fast + watts(fastest) * max(lasts - under_way, 0.0),
         ),
-        "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()),) * 2,
+        "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()) + power.get("pump", 0.0) * descents,) * 2,
         "climb": (power["climb"] * float(np.maximum(-down, 0.0).sum()),) * 2,
         # Along survey lines a task is under way.
         "tasks": (tasks, tasks + power["task"] * under_way),

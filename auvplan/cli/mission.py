@@ -62,12 +62,14 @@ def _run(
     as_json: bool,
     pictures: Pictures,
     certify: bool = False,
+    *,
+    leg: bool = False,
     **settings: Any,
 ) -> None:
     """Run one mission, or one leg, write its results and print its summary; settings as `shared.load`."""
     quiet = quiet or as_json
     with shared.naming(source), Painter(pictures) as painter, ExitStack() as stack:
-        scenario, folder = shared.load(source, **settings)
+        scenario, folder = shared.load(source, leg=leg, **settings)
         from auvplan.runtime.compiled import MISSIONS, preload
 
         preload(MISSIONS, scenario.fingerprint)
@@ -77,18 +79,20 @@ def _run(
         area = load_area(scenario, folder)
         if not quiet:
             shared.say_notes(area.notes)
-        from auvplan.executive import run_mission
+        from auvplan.executive import plan_scenario, run_mission
 
         partial = stack.enter_context(whole_result(out))
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with shared.time_bar("loading the planners", available, quiet) as advance:
-            run = run_mission(
+            # The leg of a saw-tooth is planned and not simulated.
+            execute: Any = plan_scenario if leg and scenario.vehicle.saw_tooth else run_mission
+            run = execute(
                 scenario,
                 seed=seed,
                 folder=folder,
                 area=area,
-                progress=lambda _, now, doing: advance(now, doing),
+                progress=lambda *at: advance(*at[-2:]),
             )
         painter.begin(run, partial)
         from auvplan.io import save_run

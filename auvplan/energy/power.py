@@ -159,6 +159,8 @@ class PowerModel:
         payload: W, of what the mission carries, always on as well.
         propulsion: W by speed through the water: a `PowerTable`, a `PowerLaw`, or another pytree like them.
         dive, climb: J per metre of depth that is gained and lost, beyond the propulsion.
+        pump: J each time that a descent ends, of a buoyancy engine; it counts as energy of dives, as what it
+            takes by the metre of depth does.
         turning: J per rad of change of heading.
         task: W, in addition while a task is done or a survey line followed.
         task_start: J, each time that a task is done.
@@ -182,6 +184,7 @@ class PowerModel:
     task: ArrayLike = 0.0
     task_start: ArrayLike = 0.0
     battery: Battery | None = None
+    pump: ArrayLike = 0.0
 
     def __post_init__(self) -> None:
         names = (part.name for part in fields(self) if part.name not in ("propulsion", "battery"))

@@ -73,7 +73,7 @@ def energy_of_plan(plan: "PathPlan", power: PowerModel) -> float:
     """Return the energy of a planned path, Wh, as that of a mission's leg is worked out."""
     speed, seconds = float(np.asarray(plan.conditions.vehicle.speed)), np.diff(np.asarray(plan.times, float))
     down, (turn, _) = np.diff(np.asarray(plan.positions, float)[:, 2]), _turns(plan.motion.yaw, np.nan)
-    spent = energy_of_steps(power, seconds, np.full(len(seconds), speed), down, turn)
+    spent = _with_pump(energy_of_steps(power, seconds, np.full(len(seconds), speed), down, turn), power, down)
     return float(sum(part.sum() for part in spent.values())) / WATT_HOUR
 
 
@@ -165,7 +165,13 @@ class EnergyUse:
 
 
 def energy_of_legs(
-    legs: "Sequence[LegRecord]", power: PowerModel, speed: float, *, known: bool, loiters: bool = False
+    legs: "Sequence[LegRecord]",
+    power: PowerModel,
+    speed: float,
+    *,
+    known: bool,
+    loiters: bool = False,
+    drifts: bool = False,
 ) -> EnergyUse:
     """Return the energy of executed or planned legs, one after the other.
 
@@ -179,6 +185,7 @@ def energy_of_legs(
         speed: m/s through the water, of legs that have none of their own, and of loitering.
         known: whether the recorded current is what the vehicle met; a plan's is what it was planned in.
         loiters: whether it loiters where it stays.
+        drifts: whether it does not move through the water there.
     """
     legs = [leg for leg in legs if len(leg.times)]
     moments = [float(leg.times[0]) - leg.t_hold for leg in legs[:1]] or [0.0]
@@ -197,11 +204,12 @@ def energy_of_legs(
         through, moving = _through_water(leg, None if known and leg.current is not None else own)
         turn, heading = _turns(np.where(moving, leg.motion.yaw[: len(moving)], np.nan), heading)
         seconds, down = np.diff(leg.times), np.diff(np.asarray(leg.positions, float)[:, 2])
-        drift = speed if loiters else _drift(leg, through, moving)
+        drift = 0.0 if drifts else speed if loiters else _drift(leg, through, moving)
         # Between two legs a vehicle is held, or waits for its planner.
         stay(float(leg.times[0]) - moments[-1], drift)
         if len(seconds):
             spent = energy_of_steps(power, seconds, np.where(moving, through, drift), down, turn)
+            spent = _with_pump(spent, power, down)
             rows.append(_with_tasks(spent, power.task * seconds * (leg.line is not None)))
             moments += np.asarray(leg.times[1:], float).tolist()
         if leg.arrived:
@@ -217,6 +225,12 @@ def energy_of_legs(
 def _with_tasks(spent: dict[str, Any], tasks: Any) -> dict[str, Array]:
     """Return the energy of steps with that of tasks, as arrays of their own."""
     return {name: np.array(part, float) for name, part in (spent | {"tasks": tasks}).items()}
+
+
+def _with_pump(spent: dict[str, Any], power: PowerModel, down: Array) -> dict[str, Any]:
+    """Return the energy of steps one after the other with that of the pump where descents end."""
+    ends = (down > 0.0) & ~np.append(down[1:] > 0.0, False)
+    return spent | {"dive": spent["dive"] + power.pump * ends}
 
 
 def _through_water(leg: "LegRecord", stated: float | None) -> tuple[Array, NDArray[np.bool_]]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR, PowerModel
+from auvplan.errors import ScenarioError
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
@@ -23,6 +24,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.known import Spheres, spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
+from auvplan.path.saw_tooth import SawTooth
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
@@ -71,6 +73,7 @@ class MissionContext:
         power: what the vehicle draws, or None.
         speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
             alone where its battery is limited and its speed is not free; None where energy does not count.
+        saw_tooth: that paths become, for which the vehicle is that of `SawTooth.for_planning`; or None.
     """
 
     scenario: Scenario
@@ -86,6 +89,7 @@ class MissionContext:
     places: int = 0
     power: PowerModel | None = None
     speeds: Array | None = None
+    saw_tooth: SawTooth | None = None
 
     @cached_property
     def rules(self) -> PlanningSettings:
@@ -149,6 +153,12 @@ class MissionContext:
     def lookahead(self) -> float:
         """S ahead within which a plan must be clear: what is further away is seen from near before."""
         return max(HORIZON, self.scenario.sensors.range / self.speed)
+
+    @property
+    def as_built(self) -> Vehicle:
+        """The vehicle with its power, and as fast as it is through the water."""
+        glides = {"speed": self.scenario.vehicle.speed, "transit_depth": None} if self.saw_tooth else {}
+        return replace(self.vehicle, power=self.power, **glides)
 
     @property
     def speed(self) -> float:
@@ -450,10 +460,12 @@ def make_context(
     folder: str | Path | None = None,
     area: OperatingArea | None = None,
     ahead: bool = False,
+    simulated: bool = True,
 ) -> MissionContext:
     """Gather the operating area, the vehicle and the planners' settings of a scenario.
 
-    All is planned `ahead` of the departure or under way, see `path_config`.
+    All is planned `ahead` of the departure or under way, see `path_config`; missions are `simulated` or go as
+    planned.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
@@ -462,9 +474,17 @@ def make_context(
     from auvplan.io.area import load_area
 
     home = scenario.folder if folder is None else str(folder)
-    vehicle = make_vehicle(scenario, home)
+    vehicle, shape = make_vehicle(scenario, home), scenario.vehicle.saw_tooth
+    saw = None if shape is None else shape.made()
+    area = load_area(scenario, home) if area is None else area
+    for wrong, reason in (
+        (simulated, "is planned for and not simulated: use `auvplan plan`, or leave it out"),
+        (area.jobs and area.jobs.lines, "does not keep the depth of survey lines: leave one of them out"),
+    ):
+        if saw is not None and wrong:
+            raise ScenarioError(reason, field="vehicle.saw_tooth")
     speeds, power = scenario.vehicle.speed_range, vehicle.power
-    limited = power is not None and power.battery is not None
+    limited = power is not None and power.battery is not None and saw is None
     limited &= scenario.planning.resolved.objective == "priority"
     fixed = np.asarray([scenario.vehicle.speed]) if limited else None
     first, later = mission_configs(scenario)
@@ -474,9 +494,11 @@ def make_context(
         scenario,
         path_config(scenario, ahead),
         (first, later),
-        vehicle.without_power(),
-        load_area(scenario, home) if area is None else area,
+        (vehicle if saw is None else saw.for_planning(vehicle)).without_power(),
+        area,
         home,
+        simulated=simulated,
         power=power,
         speeds=fixed if speeds is None else np.linspace(*speeds, _SPEEDS),
+        saw_tooth=saw,
     )

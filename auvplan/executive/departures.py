@@ -150,7 +150,7 @@ def plan_departures(
     if area is None:
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
-    if scenario.mission.waypoints == 2 and area.jobs is None:
+    if scenario.mission.waypoints == 2 and area.jobs is None and scenario.vehicle.saw_tooth is None:
         legs = leaving(planning_context(scenario, folder, area), key, moments)
         return replace(_plan_legs(legs, progress), least=least)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]

@@ -7,7 +7,6 @@ tasks; when a mission ends the next one takes its place.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -164,7 +163,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
-        context.vehicle if context.power is None else replace(context.vehicle, power=context.power),
+        context.as_built,
         graph,
         area.chart,
         0,

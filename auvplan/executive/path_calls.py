@@ -19,6 +19,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, plan_paths, replan_paths
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.planner import sketch_paths
+from auvplan.path.saw_tooth import saw_tooth_plan
 from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
 from auvplan.runtime import prng
@@ -73,7 +74,11 @@ def offered(
             met = [(leg.position, context.lookahead, one.speed) for one, leg in zip(those, legs, strict=True)]
             growth = [leg.belief.growth * leg.belief.within(*at) for leg, at in zip(legs, met, strict=True)]
             env = replace(env, obstacles=replace(env.obstacles, growth=np.stack(growth)))
+        if (saw := context.saw_tooth) is not None:
+            env = replace(env, seabed=saw.with_room(env.seabed))
         plans, seconds = context.clock.time(partial(_call, those, env, keys, cold))
+        if saw is not None:
+            plans = [saw_tooth_plan(plan, saw, context.as_built, context.area.seabed) for plan in plans]
         for row, plan in zip(going, plans, strict=True):
             found[row] = Offer(plan, causes[row], seconds / len(going))
     return [found[row] for row in range(len(missions))]

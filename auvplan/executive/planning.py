@@ -129,8 +129,8 @@ def planning_context(
         area = replace(area, forecast=forecast, truth=forecast)
     # Planning is done before the departure: it costs the mission no time.
     planning = scenario.planning.model_copy(update={"charge_compute": False})
-    context = make_context(scenario.model_copy(update={"planning": planning}), folder, area, ahead)
-    context.simulated, context.clock = False, Untimed()
+    context = make_context(scenario.model_copy(update={"planning": planning}), folder, area, ahead, False)
+    context.clock = Untimed()
     return context
 
 

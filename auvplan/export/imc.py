@@ -155,10 +155,15 @@ def _leg(itinerary: Itinerary, leg: PlannedLeg, parts: list[Stretch]) -> list[tu
     found = []
     for part in parts:
         called = f"{name}_last{last - part.first}" if part.first else name
-        if part.last - part.first > 1:
+        first, end = leg.waypoints[part.first], leg.waypoints[part.last]
+        seconds = math.ceil(leg.kept_times[part.last] - leg.kept_times[part.first])
+        if not (end - first).any():
+            rest = _stay(itinerary, end, seconds, _timeout(float(seconds), f"rest on leg {leg.number}"))
+            found.append((called, rest))
+        elif part.last - part.first > 1:
             found.append((called, _follow_path(itinerary, leg, part, patience)))
         else:
-            found.append((called, _goto(itinerary, leg.waypoints[part.last], part.speed, patience)))
+            found.append((called, _goto(itinerary, end, part.speed, patience)))
     return found
 
 

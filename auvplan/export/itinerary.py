@@ -304,7 +304,7 @@ class Waypoint:
         longitude, latitude: degrees.
         seconds: since the epoch, when the planned path is there, as on the mission sheet. Straight lines take
             a little more or less; by how much, the leg's note says.
-        hold: s, of the task there; 0 where there is none.
+        hold: s, of the task there, or of a rest under way; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
         yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
@@ -337,6 +337,8 @@ class Waypoint:
     def task(self) -> str:
         """One line on the task, or nothing."""
         words = f"task of priority {figure(self.priority)}, {self.hold:.0f} s"
+        if self.hold and not self.ends_leg:
+            return f"rest of {self.hold:.0f} s"
         return words if self.hold or self.priority else ""
 
 
@@ -356,6 +358,8 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             name = leg.start_name if k == 0 else leg.goal_name if k == last else between
             longitude, latitude = places[k, :2].tolist()
             hold, priority = (leg.hold, leg.priority) if k == last else (0.0, 0.0)
+            if k < last and not (leg.waypoints[k + 1] - place).any():
+                hold = float(leg.kept_times[k + 1] - leg.kept_times[k])
             yaw, pitch = float(np.degrees(motion.yaw[k])), float(np.degrees(motion.pitch[k]))
             seconds = float(leg.times[leg.kept[k]])
             charge = np.nan if leg.charge is None else float(leg.charge[leg.kept[k]])

@@ -7,9 +7,10 @@ import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
 from auvplan.export.speeds import SLOW, track_notes
-from auvplan.export.thin import thin
+from auvplan.export.thin import thin, thin_between
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.path.saw_tooth import turns
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario.provenance import source_files
 from auvplan.site import Site
@@ -52,10 +53,11 @@ def itinerary_of(
             number, leg.start, leg.goal, plan.positions, plan.times,
             names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
-        few = thin(
-            plan.positions, plan.times, _environment(leg, plan, run), run.vehicle_on(leg),
-            tolerance=tolerance, margin=margin, line=leg.line,
-        )  # fmt: skip
+        path = plan.positions, plan.times, _environment(leg, plan, run), run.vehicle_on(leg)
+        if run.dives:
+            few = thin_between(turns(plan.positions), *path, tolerance=tolerance, margin=margin)
+        else:
+            few = thin(*path, tolerance=tolerance, margin=margin, line=leg.line)
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
             clearance=few.clearance, speed=leg.speed,

@@ -152,7 +152,9 @@ def track_notes(
         turns = np.abs(np.diff(np.arctan2(lines[:, 1], lines[:, 0])))
         turns = np.minimum(np.minimum(turns, 2.0 * np.pi - turns), 0.99 * np.pi)
         needed = radius * np.tan(0.5 * turns)
-        sharp = np.flatnonzero(needed > 0.5 * np.minimum(level[:-1], level[1:]))
+        rests = np.logical_not(lines.any(axis=1))
+        sharp = (needed > 0.5 * np.minimum(level[:-1], level[1:])) & ~(rests[:-1] | rests[1:])
+        sharp = np.flatnonzero(sharp)
         if len(sharp):
             notes.append(
                 f"leg {leg.number} turns too sharply for {radius:.0f} m at {_at(sharp + 1)}: "

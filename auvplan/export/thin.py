@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -111,6 +113,24 @@ def thin(
             share = late / float(total) if total > _SHORT else 0.0
             return Thinned(chain, places[chain], arrivals, share, float(clear[: DISTANCES - 1].min()))
     raise AssertionError("the path itself is among the chains")
+
+
+def thin_between(kept: NDArray[np.intp], positions: Array, times: Array, *world: Any, **how: Any) -> Thinned:
+    """`thin` what lies between each two of some samples [K], both ends among them, by itself.
+
+    Where the path rests between two, it does so as long.
+    """
+    places, indices, arrivals, clear = np.asarray(positions, float), [kept[:1]], [times[:1]], np.inf
+    for first, last in pairwise(kept.tolist()):
+        own, chosen, after = slice(first, last + 1), np.array([last - first]), times[[last]] - times[first]
+        if np.diff(places[own], axis=0).any():
+            part = thin(places[own], times[own], *world, **how)
+            chosen, after, clear = part.indices[1:], part.times[1:] - times[first], min(clear, part.clearance)
+        indices.append(first + chosen)
+        arrivals.append(arrivals[-1][-1] + after)
+    chosen, reached = np.concatenate(indices), np.concatenate(arrivals)
+    change = float((reached[-1] - times[-1]) / max(times[-1] - times[0], _SHORT))
+    return Thinned(chosen, places[chosen], reached, change, clear)
 
 
 def _covers(line: LinePart, places: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.bool_]:

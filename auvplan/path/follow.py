@@ -319,9 +319,9 @@ def _rounded(line: _Piece, way: _Piece, radius: float) -> tuple[list[_Piece], fl
     return parts, float(radii[k])
 
 
-def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:
-    """[V, N], how far steps break each limit of `VIOLATIONS`; a straight line does not turn."""
-    coast, obstacle, altitude, across, ground, made, *vertical = steps.room
+def excess_of(room: Array, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:
+    """[V, N], how far `Steps.room` breaks each limit of `VIOLATIONS`; a straight line does not turn."""
+    coast, obstacle, altitude, across, ground, made, *vertical = room
     sway, surge = (float(np.asarray(getattr(vehicle, f"{name}_max"))) for name in ("sway", "surge"))
     limits = vehicle.vertical_limits
     bed = 0.0 if env.seabed is None else float(env.seabed.clearance)
@@ -341,7 +341,7 @@ def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig
     return np.maximum(np.stack([found[name] for name in VIOLATIONS]), 0.0)
 
 
-def _met(water: Array, ground: Array, units: Array, vehicle: Vehicle, config: PathConfig) -> Array:
+def met_along(water: Array, ground: Array, units: Array, vehicle: Vehicle, config: PathConfig) -> Array:
     """[N, 3] m/s, the current of segments along which the vehicle makes its mean speed over ground [N] m/s.
 
     Args:
@@ -383,7 +383,7 @@ def _joined(
     way = np.diff(positions, axis=0)
     gaps = np.linalg.norm(way, axis=1)
     water = np.add.reduceat(steps.water, cut.offsets) / np.bincount(cut.line)[:, None]
-    excess = np.maximum.reduceat(_excess(steps, env, vehicle, config), cut.offsets, axis=1)
+    excess = np.maximum.reduceat(excess_of(steps.room, env, vehicle, config), cut.offsets, axis=1)
     room = np.minimum.reduceat(steps.room[:DISTANCES], cut.offsets, axis=1)
     obstacle, first = VIOLATIONS.index("obstacle"), 0
     for piece, part in zip(pieces, parts, strict=True):
@@ -413,7 +413,7 @@ def _joined(
         altitude=float(min([room[2].min(), *heights])),
         cost=took
         + float(weights @ excess.mean(axis=1)) * float(gaps.sum()) / float(np.asarray(vehicle.speed)),
-        water=_met(water, gaps / np.diff(times), way / gaps[:, None], vehicle, config),
+        water=met_along(water, gaps / np.diff(times), way / gaps[:, None], vehicle, config),
         closed=max((plan.closed for plan in detours), default=0.0),
         **history,
     )

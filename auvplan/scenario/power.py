@@ -69,6 +69,10 @@ class PowerSettings(Section):
     propulsion: PropulsionSettings | None = optional("W by speed through the water")
     dive: NotNegative | None = optional("J per metre that is dived, beyond the propulsion; default 0")
     climb: NotNegative | None = optional("J per metre that is climbed; default 0")
+    pump: NotNegative | None = optional(
+        "J each time that a dive of a saw-tooth ends and the vehicle makes itself lighter; in place of the "
+        "propulsion of its vehicle, and of one that is not given; default 0"
+    )
     turning: NotNegative | None = optional("J per rad of change of heading; default 0")
     task: NotNegative | None = optional("W, in addition during tasks and along survey lines; default 0")
     task_start: NotNegative | None = optional("J, each time that a task is done; default 0")
@@ -76,7 +80,7 @@ class PowerSettings(Section):
 
     @model_validator(mode="after")
     def _has_propulsion(self) -> "PowerSettings":
-        if self.vehicle is None and self.propulsion is None:
+        if self.vehicle is None and self.propulsion is None and not self.pump:
             raise ValueError("needs propulsion, or the vehicle that it is of")
         battery = self.battery
         if self.vehicle is None and battery is not None and battery.capacity is None:

@@ -1,5 +1,6 @@
 """A scenario: everything that a mission needs to know but its seed, validated."""
 
+import math
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -144,6 +145,8 @@ class Scenario(Section):
         fixed = self.vehicle.speed_range is not None and self.planning.resolved.objective != "priority"
         reason = "speeds are chosen for objective 'priority' alone"
         refuse(fixed, "vehicle.speed_range", reason, "planning.objective", "planning.preset")
+        glides = self.vehicle.speed_range is not None and self.vehicle.saw_tooth is not None
+        refuse(glides, "vehicle.speed_range", "does not go with a saw-tooth", "vehicle.saw_tooth")
         low, high = self.box
         nothing = "leaves, with depth_max, nothing of the area's depths"
         refuse(low[2] > high[2], "vehicle.depth_min", nothing, *_BOX_FIELDS)
@@ -156,6 +159,18 @@ class Scenario(Section):
         elif transit is not None:
             inside = low[2] <= transit <= high[2]
             refuse(not inside, "vehicle.transit_depth", f"{transit:g} m {outside}", *_BOX_FIELDS)
+        if (saw := self.vehicle.saw_tooth) is not None:
+            steep = math.radians(saw.glide_angle) > (self.pitch_max or math.inf) + 1e-6
+            low_bed = bed.source != "none" and saw.above_bed < safety.seabed
+            for wrong, reason, *concerns in (
+                (transit is not None, "excludes transit_depth", "vehicle.transit_depth"),
+                (self.planning.preset == "paper", "goes with preset 'default' alone", "planning.preset"),
+                (saw.shallow < low[2] or saw.deep > high[2], f"has a turn that {outside}", *_BOX_FIELDS),
+                (saw.dives > 0 < low[2], "surfaces, and depth 0 is outside the area", *_BOX_FIELDS),
+                (low_bed, f"above_bed is less than the clearance of {safety.seabed:g} m", "safety.seabed"),
+                (steep, "glide_angle is more than pitch_max", "vehicle.pitch_max"),
+            ):
+                refuse(bool(wrong), "vehicle.saw_tooth", str(reason), *map(str, concerns))
         for name, point in (("start", self.mission.start), ("goal", self.mission.goal)):
             inside = point is None or all(a <= p <= b for a, p, b in zip(low, point, high, strict=True))
             refuse(not inside, f"mission.{name}", f"{point} {outside}", *_BOX_FIELDS)

@@ -17,6 +17,8 @@ from auvplan.site import Site, as_utc
 Velocity = tuple[Finite, Finite, Finite]
 
 if TYPE_CHECKING:
+    from auvplan.path.saw_tooth import SawTooth
+
     # The preset fills the value in before anything looks at it: see `PlanningSettings.resolved`.
     _Value = TypeVar("_Value")
     Preset = Annotated[_Value, "None for the preset's"]
@@ -257,6 +259,31 @@ class TransitAltitude(Section):
     altitude: Positive = Field(description="m above the sea bed")
 
 
+class SawToothSettings(Section):
+    """Dives one after the other, as gliders and profilers go; `speed` is that along the glide slope."""
+
+    glide_angle: Annotated[float, Field(ge=5.0, le=80.0)] = Field(description="degrees, to the horizontal")
+    shallow: NotNegative = setting(3.0, "m, depth of the upper turns")
+    deep: Positive = Field(description="m, depth of the lower turns")
+    above_bed: Positive = setting(10.0, "m above the sea bed, at which a descent ends at the latest")
+    dives: Annotated[int, Field(ge=0)] = setting(0, "between two surfacings on a leg; 0: none")
+    surface_time: NotNegative = setting(0.0, "s at the surface each time")
+
+    @model_validator(mode="after")
+    def _dives(self) -> "SawToothSettings":
+        if self.surface_time and not self.dives:
+            raise RuleError("goes with dives alone", field="surface_time", concerns=("dives",))
+        self.made()
+        return self
+
+    def made(self) -> "SawTooth":
+        """Return the shape of the paths."""
+        from auvplan.path.saw_tooth import SawTooth  # it loads JAX
+
+        shape: dict[str, Any] = self.model_dump() | {"glide_angle": math.radians(self.glide_angle)}
+        return SawTooth(**shape)
+
+
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
@@ -287,6 +314,15 @@ class VehicleSettings(Section):
         "what it draws, and its battery: a mapping, the name of a shipped vehicle, or path of a YAML file; "
         "energy does not count if absent"
     )
+    saw_tooth: SawToothSettings | None = optional(
+        "the dives of a glider or profiler, whose speed is that along the slope; paths are level or as depth "
+        "makes them quickest if absent"
+    )
+
+    @property
+    def way_speed(self) -> float:
+        """Speed through the water along the horizontal, surfacings included, m/s."""
+        return self.saw_tooth.made().way_speed(self.speed) if self.saw_tooth else self.speed
 
     @model_validator(mode="after")
     def _speeds_are_chosen_by_power(self) -> "VehicleSettings":

@@ -113,10 +113,9 @@ def power_model(
             whole = _over(load_vehicle(settings.vehicle, folder).power, settings)
     except ScenarioError as error:
         raise ScenarioError(error.reason, field="vehicle.power") from None
-    from auvplan.energy.power import Battery, PowerModel, PowerTable
+    from auvplan.energy.power import Battery, PowerLaw, PowerModel, PowerTable
 
-    assert whole.propulsion is not None
-    propulsion = whole.propulsion.made()
+    propulsion = PowerLaw(0.0, 0.0) if whole.propulsion is None else whole.propulsion.made()
     if speed is not None and isinstance(propulsion, PowerTable) and speed > 1.000001 * propulsion.speeds[-1]:
         reason = (
             f"{speed:g} m/s is beyond the table of vehicle.power, which ends at {propulsion.speeds[-1]:g} m/s"
@@ -142,6 +141,9 @@ def _given(section: Section, *apart: str) -> dict[str, Any]:
 def _over(base: PowerSettings, own: PowerSettings) -> PowerSettings:
     """Return settings whose fields count more than those of a vehicle's file."""
     changes = _given(own, "vehicle", "battery")
+    # A pump stands in place of propulsion, and propulsion of a pump, unless both are given together.
+    changes = {"pump": None, **changes} if own.propulsion else changes
+    changes = {"propulsion": None, **changes} if own.pump else changes
     battery = own.battery
     if battery is not None and base.battery is not None:
         battery = base.battery.model_copy(update=_given(battery))

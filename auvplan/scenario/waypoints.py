@@ -158,12 +158,12 @@ def _jobs_graph(
     positions, travel_time = np.asarray(graph.positions), np.array(graph.travel_time)
     blocked = np.asarray(graph.adjacency) & ~lines_clear(positions, scenario, area)
     for i, j in np.argwhere(np.triu(blocked)):
-        seconds = detours.length(positions[i], positions[j]) / scenario.vehicle.speed
+        seconds = detours.length(positions[i], positions[j]) / scenario.vehicle.way_speed
         if np.isfinite(seconds):  # what of a survey line nothing leads round is not passed
             travel_time[i, j] = travel_time[j, i] = seconds
     graph = replace(graph, travel_time=travel_time)
     if hours := task_hours(jobs.points, jobs.lines, graph.size):
-        still = graph.leg_times(scenario.vehicle.speed) - graph.duration
+        still = graph.leg_times(scenario.vehicle.way_speed) - graph.duration
         waiting = settings.wait != "none"
         graph = graph.with_timetable(Timetable(np.zeros(1), still[None], **hours, waiting=waiting))
     return graph, names
@@ -181,7 +181,7 @@ def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> Job
         out = scenario.safety.coast - float(closure.chart.distance(north, east))
         if out <= 0.0:
             continue
-        early = point.duration + step + 2.0 * out / scenario.vehicle.speed
+        early = point.duration + step + 2.0 * out / scenario.vehicle.way_speed
         spans = point.windows or ((-np.inf, np.inf),)
         for begins, ends in closure.spans:
             parts = [((first, min(last, begins - early)), (max(first, ends), last)) for first, last in spans]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.errors import ScenarioError
 from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.scenario.area import OperatingArea
@@ -68,11 +69,13 @@ def make_vehicle(scenario: Scenario, folder: str | Path | None = None) -> Vehicl
     Raises:
         ScenarioError: its power is not known.
     """
-    apart = {"depth_min", "depth_max", "transit_depth", "power", "speed_range"}
+    apart = {"depth_min", "depth_max", "transit_depth", "power", "saw_tooth", "speed_range"}
     stated: dict[str, Any] = scenario.vehicle.model_dump(exclude=apart)
     home, power = scenario.folder if folder is None else folder, scenario.vehicle.power
     fastest = (scenario.vehicle.speed_range or (scenario.vehicle.speed,))[-1]
-    stated["power"] = power_model(power, home, fastest)
+    stated["power"] = model = power_model(power, home, fastest)
+    if model is not None and model.pump and scenario.vehicle.saw_tooth is None:
+        raise ScenarioError("has a pump, which goes with vehicle.saw_tooth alone", field="vehicle.power")
     stated["pitch_max"] = scenario.pitch_max
     transit = scenario.vehicle.transit_depth
     if isinstance(transit, TransitAltitude):

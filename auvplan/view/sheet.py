@@ -305,7 +305,8 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     places = np.asarray(run.graph.positions, float)[[node]] if leg is None else leg.positions
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     times = np.zeros(1) if leg is None else leg.times
-    speeds = steps[np.diff(times) > 0.0] / np.diff(times)[np.diff(times) > 0.0]
+    gone = (np.diff(times) > 0.0) & ((steps > 0.0) | (not run.dives))
+    speeds = steps[gone] / np.diff(times)[gone]
     margins = Margins.along(run, times, places) if leg is None else Margins.of(run, leg)
     place = None
     if run.site is not None:  # to a tenth of a metre

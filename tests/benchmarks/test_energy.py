@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.energy import Missions, gliders, main, read
+from benchmarks.energy import Missions, gliders, main, pumps, read
 
 
 @pytest.fixture
@@ -32,10 +32,18 @@ def test_gliders_take_what_is_stated(data):
     assert maria["wh_per_km"] == pytest.approx(3.7, abs=0.1)
 
 
+def test_two_gliders_have_one_pump(data):
+    maria, rosie = pumps(read(data / "slocum.csv"))
+    assert maria["pump_j"] == pytest.approx(4850, abs=20)
+    assert rosie["pump_j"] == pytest.approx(4780, abs=20)
+    assert maria["pump_range"][0] < rosie["pump_j"] < maria["pump_range"][1]
+    assert maria["error"] < maria["error_by_mean"]
+
+
 def test_the_benchmark_draws_and_returns_its_figures(data, tmp_path):
     found = main(str(data), str(tmp_path / "energy.png"))
     assert (tmp_path / "energy.png").stat().st_size > 1000
-    assert set(found) == {"scores", "constants", "gliders"}
+    assert set(found) == {"scores", "constants", "gliders", "pumps"}
 
 
 def test_data_that_are_not_there_are_named(tmp_path):

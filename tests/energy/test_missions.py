@@ -119,6 +119,14 @@ def test_saved_time_and_saved_energy_are_what_they_say(free):
     [
         ({"vehicle.speed_range": [1.0, 3.0]}, "needs the vehicle's power"),
         ({"vehicle.speed_range": [3.0, 1.0], "vehicle.power": "jaiabot"}, "must be the least and then the"),
+        (
+            {
+                "vehicle.speed_range": [2.0, 3.0],
+                "vehicle.power": "jaiabot",
+                "vehicle.saw_tooth": {"deep": 30},
+            },
+            "does not go with a saw-tooth",
+        ),
         ({"vehicle.speed_range": [1.0, 2.0], "vehicle.power": "jaiabot"}, "must have vehicle.speed, 2.5 m/s"),
         (
             {"vehicle.speed_range": [2.0, 3.0], "vehicle.power": "jaiabot", "planning.preset": "paper"},
