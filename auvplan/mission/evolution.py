@@ -56,7 +56,8 @@ def search_missions(
     Rows of histories after the iterations to be made are zero.
 
     Returns:
-        Results, decoded best habitats [B, 1, ...] and least times to the goal [B] s.
+        Results, decoded best habitats [B, 1, ...] or, where speeds are free, all [B, P, ...], best first, and
+        least times to the goal [B] s.
     """
 
     def one(key: jax.Array, mission: Missions) -> tuple[search.Result, decoders.Decoded, jax.Array]:
@@ -88,7 +89,8 @@ def search_missions(
             config.local_period,
             iterations,
         )
-        return result, decoded(result.x[None], problem), problem.time_to_go[mission.start]
+        shown = result.x[None] if problem.levels is None else result.state.population
+        return result, decoded(shown, problem), problem.time_to_go[mission.start]
 
     return over_rows(one)(keys, missions)
 

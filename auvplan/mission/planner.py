@@ -1,7 +1,7 @@
 """The mission planner: a graph and a time budget into a route (section 3.3)."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -24,6 +24,10 @@ from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
+
+#: Shares of time and energy with which speeds to choose from are searched as well: levels hold few of the
+#: ways to go a route, and some of those found keep both limits at other speeds. Routes that are tried for it.
+_MORE, _TRIED = (1.02, 1.1), 60
 
 #: Iterations up to which one program serves searches.
 _ITERATIONS = 256
@@ -292,18 +296,20 @@ def plan_missions(
         np.pad(known, row, constant_values=-1),
         None if options is None else energy.astype(np.float32),
     )
+    if options is not None and options.speeds.shape[-1] > 1:
+        keys, missions = _with_more(keys, missions)
     watch = None if budget is None else Budget(budget, batch)
     program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
     result, best, least = batch_map(program, keys, missions)
+    found = np.where(np.asarray(best.reached)[..., None], np.asarray(best.nodes[..., :size]), -1)
+    found[..., 0] = np.resize(starts, len(found))[:, None]
+    result, least = jax.tree.map(lambda leaf: leaf[:batch], (result, least))
     population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
-    result = replace(result, state=replace(result.state, population=population))
-    best = replace(best, nodes=best.nodes[..., :size])
+    result, nodes = replace(result, state=replace(result.state, population=population)), found[:batch, 0]
     open_legs = np.where(closed[:, None, :], np.inf, legs)
-    nodes = np.where(np.asarray(best.reached), np.asarray(best.nodes[:, 0]), -1)
-    nodes[:, 0] = starts
     asked = _Asked(graphs, open_legs, goals, available, margins)
     if options is not None:
-        return _collect(result, nodes, np.asarray(least), asked, energy, config)
+        return _collect(result, found, np.asarray(least), asked, energy, config)
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     return _collect(result, nodes, np.asarray(least), asked)
@@ -402,26 +408,62 @@ def _on_levels(edges: Edges, graphs: MissionGraph, levels: int, more: int) -> Ed
     return edges.on_levels(*jax.tree.map(lambda *leaves: np.stack(leaves), *rows))
 
 
+def _with_more(keys: jax.Array, missions: Missions) -> tuple[jax.Array, Missions]:
+    """Return B missions once more with each of `_MORE` of time and energy, behind them."""
+    count, batch = 1 + len(_MORE), len(missions.start)
+    whole = jax.tree.map(lambda leaf: np.concatenate([leaf] * count), missions)
+    more = np.repeat(np.asarray([1.0, *_MORE], np.float32), batch)
+    time, energy = more * whole.time_available, more * whole.energy_available
+    return keys[np.resize(np.arange(batch), count * batch)], replace(
+        whole, time_available=time, energy_available=energy
+    )
+
+
+def _richer(routes: np.ndarray, least: float, graph: MissionGraph) -> Iterator[np.ndarray]:
+    """Yield routes [C, N] of more priority than `least`, the richest first."""
+    routes = np.unique(routes, axis=0)
+    here, there = routes[:, :-1], routes[:, 1:]
+    worth = np.where(there >= 0, graph.priority[here, there], 0.0).sum(axis=1)
+    order = np.argsort(-worth, kind="stable")
+    yield from routes[order[worth[order] > least + 1e-9]][
+        : _TRIED if graph.timetable is None else _TRIED // 5
+    ]
+
+
 def _with_speeds(
-    nodes: np.ndarray, asked: _Asked, energy: np.ndarray, config: MissionConfig
-) -> tuple[_Asked, RouteSpeeds]:
-    """Choose the speeds of routes [B, N], within energies [B] J; return what is asked at them, and them."""
-    rows, chosen = [], np.zeros(asked.legs.shape, int)
+    found: np.ndarray, asked: _Asked, energy: np.ndarray, config: MissionConfig
+) -> tuple[np.ndarray, _Asked, RouteSpeeds]:
+    """Choose routes [B, N] and their speeds, within energies [B] J, among those found.
+
+    Those of the first B rows of `found` [R B, P, N] keep their limits on some level, the first of each row is
+    the best; the others may keep them at other speeds.
+
+    Returns:
+        Routes, what is asked at their speeds, and these.
+    """
+    nodes, rows, chosen = found[: len(asked.legs), 0].copy(), [], np.zeros(asked.legs.shape, int)
     graphs: list[MissionGraph] = [
         jax.tree.map(lambda leaf, b=b: leaf[b], asked.graphs) for b in range(len(nodes))
     ]
     options = [graph.options for graph in graphs if graph.options is not None]
     for b, (route, graph, option) in enumerate(zip(nodes, graphs, options, strict=True)):
-        given = route[route >= 0], graph.timetable, graph.duration, (asked.available[b], energy[b])
-        # Rounding of the search may leave no room for the margin.
-        margins = dict.fromkeys((float(asked.margins[b]), 0.0))
-        tried = (option.for_route(*given, config.saves, config.levels, margin) for margin in margins)
-        found = next((places for places in tried if places is not None), None)
-        if found is None:
+        given = graph.timetable, graph.duration, (asked.available[b], energy[b]), config.saves, config.levels
+        known = asked.along(graph.priority[None], route[None]).sum() if route[1] >= 0 else -1.0
+        others = found[b :: len(nodes)].reshape(-1, len(route))
+        others = others[(others == asked.goals[b]).any(axis=1)]
+        # Rounding of the search may leave the route itself no room for the margin.
+        margin = float(asked.margins[b])
+        tried = [*((other, margin) for other in _richer(others, known, graph)), (route, margin), (route, 0.0)]
+        best = None
+        for other, longer in tried:
+            if (best := option.for_route(other[other >= 0], *given, longer)) is not None:
+                route[:] = other
+                break
+        if best is None:
             route[1:] = -1
-            found = option.chosen(config.levels)[-1]
-        chosen[b] = found
-        rows.append(graph.at_speeds(found))
+            best = option.chosen(config.levels)[-1]
+        chosen[b] = best
+        rows.append(graph.at_speeds(best))
     at, open_ = MissionGraph.stack(rows), np.isfinite(asked.legs)
     asked = asked._replace(graphs=at, legs=np.where(open_, at.leg_times(1.0), np.inf))
     speeds, power = (
@@ -435,7 +477,7 @@ def _with_speeds(
     energies = under_way + asked.along(fixed, nodes)
     legs = asked.along(speeds, nodes)
     assert at.options is not None
-    return asked, RouteSpeeds(at.options, chosen, legs, energies, energy, at.duration, open_)
+    return nodes, asked, RouteSpeeds(at.options, chosen, legs, energies, energy, at.duration, open_)
 
 
 def _collect(
@@ -446,10 +488,13 @@ def _collect(
     energy: np.ndarray | None = None,
     config: MissionConfig | None = None,
 ) -> MissionRoutes:
-    """Return routes [B, N], padded with -1, that a search found, added up in double precision."""
+    """Return routes [B, N], padded with -1, that a search found, added up in double precision.
+
+    With energies [B] J, `nodes` are those among which `_with_speeds` chooses.
+    """
     speeds, edge_times = None, asked.legs
     if energy is not None and config is not None:
-        asked, speeds = _with_speeds(nodes, asked, energy, config)
+        nodes, asked, speeds = _with_speeds(nodes, asked, energy, config)
     graphs, legs, goals, available, margins = asked
     reached = (nodes == goals[:, None]).any(axis=1)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))

@@ -123,7 +123,7 @@ def test_saved_time_and_saved_energy_are_what_they_say(free):
             {
                 "vehicle.speed_range": [2.0, 3.0],
                 "vehicle.power": "jaiabot",
-                "vehicle.saw_tooth": {"deep": 30},
+                "vehicle.saw_tooth": {"glide_angle": 26, "deep": 30},
             },
             "does not go with a saw-tooth",
         ),
