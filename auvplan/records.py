@@ -182,6 +182,12 @@ class LegRecord(ReprMixin):
         return self.plans[self.followed].travel_time
 
     @property
+    def as_begun(self) -> "LegRecord":
+        """The leg as it would have gone by the plan that it was begun with."""
+        plan = self.plans[self.followed]
+        return replace(self, times=plan.times, positions=plan.positions, motion=plan.motion, current=None)
+
+    @property
     def followed_numbers(self) -> list[int]:
         """Numbers in `plans` of those that were followed: the first, and the last one of each re-plan."""
         if not self.plans:
@@ -387,17 +393,19 @@ class MissionRun(ReprMixin):
     @property
     def energy(self) -> EnergyUse | None:
         """Energy that the mission took, by term, and the charge along it; None without a power model."""
+        use = self._energy_of(self.legs, known=self.simulated)
+        return use if use is None or self.draw == 1.0 else use.scaled(self.draw)
+
+    def _energy_of(self, legs: list[LegRecord], *, known: bool) -> EnergyUse | None:
+        """Return the energy of legs by the power model, with the recorded current where it is `known`."""
         if self.vehicle.power is None:
             return None
-        use = energy_of_legs(
-            self.legs,
-            self.vehicle.power,
-            float(np.asarray(self.vehicle.speed)),
-            known=self.simulated,
-            loiters=(self.scenario.get("mission") or {}).get("wait") == "loiter",
-            drifts=self.dives,
-        )
-        return use if self.draw == 1.0 else use.scaled(self.draw)
+        speed = float(np.asarray(self.vehicle.speed))
+        stays = {
+            "loiters": (self.scenario.get("mission") or {}).get("wait") == "loiter",
+            "drifts": self.dives,
+        }
+        return energy_of_legs(legs, self.vehicle.power, speed, known=known, **stays)
 
     @property
     def dives(self) -> bool:
@@ -408,7 +416,15 @@ class MissionRun(ReprMixin):
     def energy_lack(self) -> str:
         """Why its energy does not do, in words; empty where it does or none is known."""
         energy = self.energy
-        return "" if energy is None else energy.lack
+        if energy is None or not energy.lack:
+            return ""
+        planned = self._energy_of([leg.as_begun for leg in self.done if leg.plans], known=False)
+        if not self.simulated or planned is None:
+            return energy.lack
+        grown = {name: most - planned.totals[name] for name, most in energy.totals.items()}
+        name = max(grown, key=lambda term: grown[term])
+        more = f"; {name} grew most, by {grown[name]:,.0f} Wh over what legs were begun with"
+        return energy.lack + more if grown[name] > 0.5 else energy.lack
 
     @property
     def success(self) -> bool:

@@ -28,8 +28,8 @@ class Pictures(StrEnum):
     ALL = "all"
 
 
-#: All pictures, those that take long first.
-_NAMES = "mission.png", "currents.png", "timeline.png", "convergence.png", "obstacles.png"
+#: All pictures, those that take long first; the last one of vehicles with a power model.
+_NAMES = "mission.png", "currents.png", "timeline.png", "convergence.png", "obstacles.png", "energy.png"
 
 
 class Painter:
@@ -70,7 +70,8 @@ class Painter:
     def begin(self, run: "MissionRun", folder: Path) -> None:
         """Begin to draw where that goes on beside other work."""
         self._run, self._folder = run, folder
-        wanted = {Pictures.ALL: _NAMES, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
+        every = _NAMES if run.energy is not None else _NAMES[:-1]
+        wanted = {Pictures.ALL: every, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
         self._left = deque(wanted)
         if self.process is not None:
             self.server = Thread(target=self._serve, daemon=True)

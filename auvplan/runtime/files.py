@@ -32,7 +32,7 @@ DEPARTURES, DEPARTED = "departures.csv", "departures.json"
 #: Names of the other files of a run, as patterns.
 RESULTS = (
     REPORT, "itinerary.*", "sheet.html", "sheet.pdf",
-    "mission.png", "mission.gif", "mission.mp4", "timeline.png",
+    "mission.png", "mission.gif", "mission.mp4", "timeline.png", "energy.png",
     *(f"{name}{leg}.png" for name in ("currents", "obstacles", "convergence") for leg in ("", "-[0-9]*")),
 )  # fmt: skip
 

@@ -1,5 +1,6 @@
 """Missions of vehicles with power: as without it, and within the battery's energy where there is one."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.check.run import check_run
+from auvplan.energy.power import Battery
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.io import save_run
@@ -76,8 +78,12 @@ def test_more_drawn_than_the_model_says_is_seen_and_planned_for(tmp_path):
     assert drawn.energy.total == pytest.approx(1.3 * model.total)
     assert drawn.total_priority <= said.total_priority
     assert check_run(save_run(drawn, tmp_path / "drawn")).ok
-    if not drawn.success:
-        assert "Wh short of the battery's reserve: energy " in drawn.reason
+    assert drawn.vehicle.power is not None
+    small = replace(drawn.vehicle.power, battery=Battery(1.1 * drawn.energy.total, reserve=0.2))
+    short = replace(drawn, vehicle=replace(drawn.vehicle, power=small))
+    assert not short.success
+    assert "Wh short of the battery's reserve: energy " in short.energy_lack
+    assert "propulsion grew most, by " in short.energy_lack
 
 
 @pytest.fixture(scope="module")
