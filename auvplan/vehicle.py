@@ -39,10 +39,11 @@ _UNITS = {
     "dive_rate_max": "m/s",
     "transit_depth": "m",
     "transit_altitude": "m",
+    "depth_toll": "s/m",
 }
 
 #: Fields that a vehicle may be without.
-_OPTIONAL = *VERTICAL_LIMITS.values(), "transit_depth", "transit_altitude"
+_OPTIONAL = *VERTICAL_LIMITS.values(), "transit_depth", "transit_altitude", "depth_toll"
 
 
 @register_without_init
@@ -61,6 +62,8 @@ class Vehicle:
         transit_depth: m, depth that paths go down or up to between their ends, as far as box and sea bed
             allow; None for depths that are free.
         transit_altitude: m, the same above the sea bed: paths follow the terrain.
+        depth_toll: s per metre of change in depth, up or down, that the cost of paths counts beside time, see
+            `with_tolls`; None for none.
         power: what it draws, and its battery; None where energy does not count. Planners of paths and routes
             do without it.
 
@@ -83,6 +86,7 @@ class Vehicle:
     dive_rate_max: ArrayLike | None = None
     transit_depth: ArrayLike | None = None
     transit_altitude: ArrayLike | None = None
+    depth_toll: ArrayLike | None = None
     power: PowerModel | None = None
 
     def __post_init__(self) -> None:
@@ -94,7 +98,9 @@ class Vehicle:
                 np.asarray(value).dtype.kind not in "iuf"
             ):
                 raise TypeError(f"vehicle {name} must be a number of {unit}, got {value!r}")
-            least = np.asarray(value) >= 0 if name == "transit_depth" else np.asarray(value) > 0
+            least = (
+                np.asarray(value) >= 0 if name in ("transit_depth", "depth_toll") else np.asarray(value) > 0
+            )
             if not (least & np.isfinite(value)).all():
                 raise ValueError(f"vehicle {name} must be positive and finite, got {value}")
             if name == "pitch_max" and (np.asarray(value) > 0.5 * np.pi + 1e-6).any():
@@ -117,6 +123,19 @@ class Vehicle:
     def without_power(self) -> "Vehicle":
         """Return a copy without its power model, which planners are compiled for."""
         return self if self.power is None else replace(self, power=None)
+
+    def with_tolls(self, power: PowerModel, price: ArrayLike = 0.0) -> "Vehicle":
+        """Return a copy whose quickest paths, tolls included, take least energy at its speed.
+
+        Energy and price are (P(v) + price) T + dive * metres down + climb * metres up. Between two ends
+        metres down exceed metres up by the same on every path, so that both count as their mean, on each.
+
+        Args:
+            power: what it draws.
+            price: W, what a second is worth beyond that.
+        """
+        per_metre = 0.5 * (power.dive + power.climb)  # type: ignore[operator]
+        return replace(self, depth_toll=per_metre / (power.power(self.speed) + price))
 
     @property
     def vertical_limits(self) -> dict[str, jax.Array]:

@@ -1,6 +1,7 @@
 from .config import PathConfig as PathConfig
 from .config import Penalties as Penalties
 from .cost import VIOLATIONS as VIOLATIONS
+from .energy import plan_least_energy as plan_least_energy
 from .plan import PathPlan as PathPlan
 from .plan import PathPlans as PathPlans
 from .plan import PathStatus as PathStatus
@@ -17,6 +18,7 @@ __all__ = [
     "PathPlans",
     "PathStatus",
     "Penalties",
+    "plan_least_energy",
     "plan_path",
     "plan_paths",
     "replan_path",

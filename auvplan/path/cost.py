@@ -55,6 +55,9 @@ _ROUNDING = 1e-6
 #: Shares of a segment at which the path that was found is judged, and excess that is let pass there.
 JUDGED_AT, WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 
+#: m, change in depth on a segment up to which tolls are rounded off.
+_LEVEL = 0.02
+
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
 
@@ -84,7 +87,7 @@ class Trajectory:
             when it is passed; infinite where there is neither.
         obstacles: [S - 1, P] m, the same to collision boundaries.
         altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; infinite without one.
-        price: [P] s, charged for uncertain areas and by `Environment.price`.
+        price: [P] s, charged for uncertain areas, by `Environment.price` and `Vehicle.depth_toll`.
     """
 
     x: jax.Array
@@ -218,6 +221,8 @@ def evaluate(
     coast_clear, price = coast_clearance(x, y, level, duration, env, config)
     if env.price is not None:
         price = price + (jnp.maximum(env.price(*middle, middle_time), 0.0) * duration).sum(axis=0)
+    if vehicle.depth_toll is not None:
+        price = price + toll(dz, vehicle.depth_toll)
     if env.closures:
         coast_clear = jnp.minimum(coast_clear, closed_clearance(x, y, level, times, env))
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
@@ -237,6 +242,18 @@ def evaluate(
     excess = tuple(found.get(name, jnp.zeros_like(gap)) for name in VIOLATIONS)
     length = gap.sum(axis=0)
     return Trajectory(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
+
+
+def toll(rises: jax.Array, depth_toll: jax.typing.ArrayLike) -> jax.Array:
+    """Return what changes in depth along paths cost, [P] s.
+
+    Less than a metre in a segment counts less, so that slopes of the cost settle where paths are level.
+
+    Args:
+        rises: [S - 1, P] m, by which depth grows on each segment.
+        depth_toll: s/m.
+    """
+    return jnp.asarray(depth_toll) * (jnp.sqrt(rises * rises + _LEVEL**2) - _LEVEL).sum(axis=0)
 
 
 def _beyond(value: jax.Array, limit: jax.typing.ArrayLike) -> jax.Array:

@@ -131,7 +131,7 @@ def trace_passages(
         first. `fine` are the same paths with the control points of `config.fine()`. Times of broken limits
         hold a deterrent; where there are fewer passages the last ones repeat, with infinite times. `closed`
         is the size of the cells where no path between them keeps clear of coast and obstacles, zero where one
-        does; `known` the time of the quickest path if it breaks no limit, else infinite.
+        does; `known` the time of the quickest path, tolls included, if it breaks no limit, else infinite.
     """
     (start, goal), env, vehicle = problem.ends, problem.env, problem.vehicle
     ends = jnp.stack([start, goal])
@@ -179,13 +179,14 @@ def trace_passages(
         parts = [(own, depths), (jax.tree.map(lambda plane: plane[: count // 2], level), None)]
     closed = jnp.where(reduce(jnp.logical_and, ((p.broken == 2.0).all() for p, _ in parts)), spacing, 0.0)
     # What moves between depths take is not in the times of those at depths of their own.
-    known = reduce(
-        jnp.minimum,
-        (
-            jnp.where(p.broken[0] == 0.0, p.times[0] * (1.0 if depths is None else _TO_DEPTH), jnp.inf)
-            for p, depths in parts
-        ),
-    )
+    quickest = []
+    for p, depths in parts:
+        time = p.times[0] * (1.0 if depths is None else _TO_DEPTH)
+        if vehicle.depth_toll is not None:
+            rises = jnp.diff(ends[:, 2] if depths is None else depths[0])
+            time = time + vehicle.depth_toll * jnp.abs(rises).sum()
+        quickest.append(jnp.where(p.broken[0] == 0.0, time, jnp.inf))
+    known = reduce(jnp.minimum, quickest)
     times, habitats = jnp.concatenate([p.times for p, _ in parts]), []
     for settings in (config, config.fine()):
         rows = jnp.concatenate([_fitted(p, depths, start, goal, settings) for p, depths in parts])
@@ -402,6 +403,7 @@ def _fields(
     source: tuple[jax.Array, ...],
     sink: tuple[jax.Array, ...],
     shift: jax.Array | None = None,
+    entry: jax.Array | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """Least times [N, N] s from the start to every cell, and from every cell to the goal.
 
@@ -412,13 +414,15 @@ def _fields(
         times: of moves, as `_Grid.times` has them; with a leading axis L for grids one below the other.
         source, sink: cells of start and goal.
         shift: [L, L] s, from grid to grid within a cell; None for a single grid.
+        entry: [2, L] s, from the start to each grid and from each to the goal; None for nothing.
 
     Returns:
         Fields [N, N] s, or [L, N, N] s.
     """
     layers, cells = (() if shift is None else shift.shape[:1]), times.shape[-1]
     fields = jnp.full((*layers, 2, cells, cells), jnp.inf, times.dtype)
-    fields = fields.at[..., 0, *source].set(0.0).at[..., 1, *sink].set(0.0)
+    first, last = (0.0, 0.0) if entry is None else entry
+    fields = fields.at[..., 0, *source].set(first).at[..., 1, *sink].set(last)
 
     def along(fields: jax.Array, times: jax.Array) -> tuple[jax.Array, None]:
         """Sweep along the first index, and turn the grid over."""
@@ -475,7 +479,11 @@ def _layered(
     spacing, source, sink = jax.tree.map(lambda leaf: leaf[0], (spacing, source, sink))
     steep = jnp.pi / 4.0 if vehicle.pitch_max is None else vehicle.pitch_max
     shift = jnp.abs(depth[:, None] - depth) * jnp.tan(0.5 * steep) / vehicle.speed
-    ahead, back = _fields(times, source, sink, shift)
+    entry = None
+    if vehicle.depth_toll is not None:
+        shift = shift + vehicle.depth_toll * jnp.abs(depth[:, None] - depth)
+        entry = vehicle.depth_toll * jnp.abs(depth - ends[:, 2:])
+    ahead, back = _fields(times, source, sink, shift, entry)
     best = jnp.argmin(ahead + back, axis=0)
     ahead, total = (jnp.take_along_axis(field, best[None], axis=0)[0] for field in (ahead, ahead + back))
     # The fine grid asks it for nothing but where its cells lie.

@@ -231,6 +231,8 @@ def profiles(
         cost, time = carry
         moves, excess, arrived = _moves(depth, time, station, env, vehicle, config)
         total = cost[:, :, None] + moves * (1.0 + _PENALTY_WEIGHT * excess)
+        if vehicle.depth_toll is not None:
+            total = total + vehicle.depth_toll * jnp.abs(depth[None, :] - depth[:, None])
         best = jnp.argmin(total, axis=1)
         kept = jnp.take_along_axis(total, best[:, None], axis=1)[:, 0]
         when = jnp.take_along_axis(arrived, best[:, None], axis=1)[:, 0]

@@ -32,6 +32,7 @@ from auvplan.path.cost import (
     score,
     soft_objective,
     timed_at_places,
+    toll,
     tracks,
     violations,
 )
@@ -670,6 +671,8 @@ def _finish(
             broken = violations(trajectory)[:, 0].sum() > 0.0
             roundabout = trajectory.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
             exists, lasts = jnp.isfinite(quickest), trajectory.travel_time[0]
+            if vehicle.depth_toll is not None:
+                lasts = lasts + toll(track.way[2], vehicle.depth_toll)[0]
             wanting = exists & ((lasts > (1.0 + slack) * quickest) | roundabout)
             plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, wanting)}
             plan |= {"slower": exists & (lasts > quickest)}

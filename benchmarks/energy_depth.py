@@ -1,0 +1,383 @@
+"""Least-energy paths in depth against a dynamic programme: ``python -m benchmarks.energy_depth``.
+
+Twelve seas whose current changes with depth: shear, a jet, an Ekman spiral, opposed layers. The programme
+chooses depth and speed at every step along the vertical plane between the ends; the planner chooses a path in
+space and one speed. One walk in short steps says what both take. See `docs/energy.md`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+import auvplan as ap
+from auvplan.energy import PowerLaw, PowerModel, PowerTable
+from auvplan.path import plan_least_energy
+from benchmarks.harness import clock, launch, markdown, track
+
+Array = NDArray[np.floating]
+
+KINDS = "shear", "jet", "Ekman spiral", "opposed layers"
+#: m/s: least and greatest speed, and the one that a scenario might state.
+SPEEDS, USUAL = (0.3, 2.5), 1.5
+#: m along and in depth, steps of the dynamic programme; speeds that it chooses from, and strengths of the
+#: current between which it interpolates what moves take.
+STEPS, CHOICES, STRENGTHS = (20.0, 1.0), 72, 9
+#: Places on a move at which the current is met, and metres of steps that tracks are walked in.
+PLACES, WALK = 8, 2.0
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Sheared:
+    """A current that changes with depth, and in strength along the way.
+
+    Attributes:
+        base, shear: [2] m/s, and m/s per m of depth.
+        jet, layers, spiral: [2] m/s each, their strength and direction.
+        depths: [5] m, the jet's depth and thickness, the boundary of layers and its thickness, Ekman's depth.
+        wave: amplitude of the strength along the way, and m, its length.
+    """
+
+    base: Any
+    shear: Any
+    jet: Any
+    layers: Any
+    spiral: Any
+    depths: Any
+    wave: Any
+
+    steady = True
+
+    def __call__(self, x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
+        """Return u, v, w, m/s; arrays of JAX or of NumPy, as places are."""
+        xp: Any = jnp if isinstance(z, jax.Array) else np
+        middle, thick, border, blurred, ekman = (self.depths[k] for k in range(5))
+        hump, side = xp.exp(-(((z - middle) / thick) ** 2)), xp.tanh((z - border) / blurred)
+        fade, turn = xp.exp(-z / ekman), z / ekman
+        (p, q), cos, sin = (self.spiral[0], self.spiral[1]), xp.cos(turn), xp.sin(turn)
+        turned = fade * (p * cos - q * sin), fade * (p * sin + q * cos)
+        strength = self.strength(x)
+        u, v = (
+            strength
+            * (self.base[k] + self.shear[k] * z + self.jet[k] * hump + self.layers[k] * side + turned[k])
+            for k in (0, 1)
+        )
+        return u, v, 0.0 * u
+
+    def strength(self, x: Any) -> Any:
+        """Return the factor on the current by metres along the way."""
+        xp: Any = jnp if isinstance(x, jax.Array) else np
+        return 1.0 + self.wave[0] * xp.sin(2.0 * np.pi * x / self.wave[1])
+
+
+@dataclass(frozen=True)
+class Sea:
+    """One of the twelve: a leg to the north in a box, and what the vehicle draws."""
+
+    name: str
+    current: Sheared
+    distance: float
+    bottom: float
+    depths: tuple[float, float]
+    power: PowerModel
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        return np.array([0.0, 0.0, self.depths[0]]), np.array([self.distance, 0.0, self.depths[1]])
+
+    @property
+    def env(self) -> ap.Environment:
+        aside = 0.5 * self.distance
+        low, high = (-aside, -aside, 0.0), (self.distance + aside, aside, self.bottom)
+        return ap.Environment(jax.tree.map(jnp.asarray, self.current), lower=low, upper=high)
+
+
+def seas(seed: int) -> list[Sea]:
+    """Draw three seas of each kind; in the last of each the current changes along the way too."""
+    rng, found = np.random.default_rng(seed), []
+    for number in range(12):
+        kind = KINDS[number % 4]
+        distance, bottom = 100.0 * rng.integers(10, 51), 10.0 * rng.integers(5, 21)
+        strong, sign = rng.uniform(0.2, 0.6), rng.choice([-1.0, 1.0], p=[0.3, 0.7])
+        heading = rng.uniform(-0.6, 0.6)
+        ahead = strong * np.array([np.cos(heading), np.sin(heading)])
+        none = np.zeros(2)
+        parts = dict.fromkeys(("shear", "jet", "layers", "spiral"), none)
+        parts |= {"base": rng.uniform(-0.15, 0.15, 2)}
+        depths = np.array([
+            rng.uniform(0.3, 0.8) * bottom, rng.uniform(0.1, 0.25) * bottom,
+            rng.uniform(0.3, 0.7) * bottom, rng.uniform(0.05, 0.2) * bottom, rng.uniform(0.15, 0.4) * bottom,
+        ])  # fmt: skip
+        match kind:
+            case "shear":
+                parts |= {"base": parts["base"] - 0.5 * sign * ahead, "shear": sign * ahead / bottom}
+            case "jet":
+                parts["jet"] = ahead
+            case "Ekman spiral":
+                parts["spiral"] = -sign * ahead
+            case _:
+                parts["layers"] = 0.7 * sign * ahead
+        wave = np.array([rng.uniform(0.2, 0.5) if number >= 8 else 0.0, distance / rng.uniform(1.0, 3.0)])
+        ends = 0.0, 0.0 if number % 3 else 5.0 * rng.integers(1, bottom // 5)
+        dive, climb = rng.uniform(50.0, 400.0, 2)
+        law = PowerLaw(0.0, 20.0)
+        if number == 5:
+            law = PowerTable([0.0, 0.5, 0.8, 1.1, 1.4, 1.8, 2.5], [0.0, 4.0, 13.0, 30.0, 56.0, 120.0, 310.0])
+        power = PowerModel(law, hotel=40.0, dive=dive, climb=climb)
+        found.append(Sea(kind, Sheared(**parts, depths=depths, wave=wave), distance, bottom, ends, power))
+    return found
+
+
+def walked(sea: Sea, places: Array, speeds: Array | float) -> float:
+    """Energy of a track through places [K, 3] m at speeds [K - 1] or one, m/s, in short steps, J."""
+    way = np.diff(places, axis=0)
+    gap = np.linalg.norm(way, axis=1)
+    parts = np.maximum(np.ceil(gap / WALK), 1.0).astype(int)
+    k = np.repeat(np.arange(len(gap)), parts)
+    share = (np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts) + 0.5) / parts[k]
+    x, y, z = (places[k] + share[:, None] * way[k]).T
+    speed = np.broadcast_to(speeds, gap.shape)[k]
+    u, v, _ = sea.current(x, y, z, 0.0)
+    north, east = (way[k, :2] / gap[k][:, None]).T
+    along = u * north + v * east
+    ground = along + np.sqrt(speed**2 - (u * u + v * v - along**2))
+    seconds = gap[k] / parts[k] / ground
+    drawn = np.asarray(sea.power.power(speed), float)
+    dived = sea.power.dive * np.maximum(way[:, 2], 0.0) + sea.power.climb * np.maximum(-way[:, 2], 0.0)
+    return float((drawn * seconds).sum() + dived.sum())
+
+
+@dataclass(frozen=True)
+class Programme:
+    """Moves between depths over one step along the way, and what they take.
+
+    Attributes:
+        step: m along and in depth.
+        depths: [J] m.
+        jumps: [B], levels by which a move changes depth.
+        strengths: [G], of the current.
+        energy: [G, V, J, B] J; infinite beyond the box and the limit on pitch.
+        speeds: [V] m/s.
+    """
+
+    step: tuple[float, float]
+    depths: Array
+    jumps: NDArray[np.int_]
+    strengths: Array
+    energy: Array
+    speeds: Array
+
+    @classmethod
+    def of(cls, sea: Sea, step: tuple[float, float], pitch: float) -> "Programme":
+        """Work out what moves take in a sea."""
+        ahead, fine = step
+        depths = np.arange(round(sea.bottom / fine) + 1) * fine
+        reach = round(1.5 * ahead / fine)
+        jumps = np.arange(-reach, reach + 1)
+        least, most = 1.0 - sea.current.wave[0], 1.0 + sea.current.wave[0]
+        strengths = np.linspace(least, most, STRENGTHS) if most > least else np.ones(1)
+        speeds = np.geomspace(*SPEEDS, CHOICES)
+        drawn = np.asarray(sea.power.power(speeds), float)
+        rise = jumps * fine
+        gap = np.hypot(ahead, rise)
+        middles = depths[:, None, None] + rise[:, None] * (np.arange(PLACES) + 0.5) / PLACES
+        u, v, _ = sea.current(np.zeros(()), 0.0, middles, 0.0)
+        energy = np.empty((len(strengths), len(speeds), len(depths), len(jumps)), np.float32)
+        inside = (depths[:, None] + rise >= -1e-6) & (depths[:, None] + rise <= sea.bottom + 1e-6)
+        dived = sea.power.dive * np.maximum(rise, 0.0) + sea.power.climb * np.maximum(-rise, 0.0)
+        slope = rise / gap
+        for g, strength in enumerate(strengths):
+            along = strength * u * (ahead / gap)[:, None]
+            beside = strength**2 * (u * u + v * v) - along**2
+            for k, speed in enumerate(speeds):
+                ground = along + np.sqrt(np.maximum(speed**2 - beside, 0.0))
+                kept = (ground > 0.05 * speed) & (beside < speed**2)
+                kept &= np.abs(ground * slope[:, None]) <= speed * np.sin(pitch)
+                seconds = gap * (1.0 / np.maximum(ground, 1e-3)).mean(axis=2)
+                energy[g, k] = np.where(kept.all(axis=2) & inside, drawn[k] * seconds + dived, np.inf)
+        return cls(step, depths, jumps, strengths, energy, speeds)
+
+    def solve(self, sea: Sea, energy: Array, choice: Array | None = None) -> tuple[float, Array, Array]:
+        """Return the least energy, J, its track [K, 3] m and the speed [K - 1] of each move, m/s.
+
+        Args:
+            sea: that moves are in.
+            energy: [G, J, B] J of moves.
+            choice: [G, J, B], the speed of each; None where all have the same.
+        """
+        steps, count = round(sea.distance / self.step[0]), len(self.depths)
+        first, last = (round(depth / self.step[1]) for depth in sea.depths)
+        row, column = np.arange(count), np.arange(len(self.jumps))
+        origin = row[:, None] - self.jumps
+        outside, origin = (origin < 0) | (origin >= count), np.clip(origin, 0, count - 1)
+        cost = np.where(row == first, 0.0, np.inf)
+        back, near = np.empty((steps, count), int), np.empty(steps, int)
+        for i in range(steps):
+            strength = float(sea.current.strength(self.step[0] * (i + 0.5)))
+            place = float(np.interp(strength, self.strengths, np.arange(len(self.strengths))))
+            low = min(int(place), max(len(self.strengths) - 2, 0))
+            part, near[i] = place - low, round(place)
+            moves = energy[low]
+            if part:
+                with np.errstate(invalid="ignore"):
+                    moves = moves + part * (energy[low + 1] - moves)
+                moves = np.where(np.isfinite(moves), moves, np.inf)
+            # Arrivals at each level, by the jump that ends there.
+            total = np.where(outside, np.inf, cost[origin] + moves[origin, column])
+            back[i] = np.argmin(total, axis=1)
+            cost = total[row, back[i]]
+        if not np.isfinite(cost[last]):
+            return np.inf, np.zeros((0, 3)), np.zeros(0)
+        level, levels, chosen = last, [last], []
+        for i in reversed(range(steps)):
+            jump = back[i, level]
+            level = level - self.jumps[jump]
+            levels.append(level)
+            chosen.append(0 if choice is None else choice[near[i], level, jump])
+        x = self.step[0] * np.arange(steps + 1)
+        places = np.stack([x, 0.0 * x, self.depths[levels[::-1]]], axis=1)
+        return float(cost[last]), places, self.speeds[np.asarray(chosen[::-1], int)]
+
+    def free(self, sea: Sea) -> tuple[Array, Array]:
+        """Return the track of least energy where each move has a speed of its own, and these."""
+        return self.solve(sea, self.energy.min(axis=1), self.energy.argmin(axis=1))[1:]
+
+    def single(self, sea: Sea) -> tuple[Array, float]:
+        """Return the track of least energy at one speed, and that."""
+        found = [self.solve(sea, self.energy[:, k])[:2] for k in range(len(self.speeds))]
+        best = int(np.argmin([cost for cost, _ in found]))
+        return found[best][1], float(self.speeds[best])
+
+
+@dataclass(frozen=True)
+class Row:
+    """A sea, and what was found there: energies in J by the same walk.
+
+    Attributes:
+        programme, coarse, single: of the dynamic programme, on a grid twice as coarse, and at one speed.
+        planned, quickest, usual: of the planner's path; of the quickest one at its best speed and at `USUAL`.
+        speed, speeds: m/s, the planner's, and the programme's least and greatest.
+        seconds, fixed: s, a plan took, and one at a given speed.
+        tracks: the programme's and the planner's.
+    """
+
+    sea: str
+    distance: float
+    bottom: float
+    start: float
+    goal: float
+    programme: float
+    coarse: float
+    single: float
+    planned: float
+    quickest: float
+    usual: float
+    speed: float
+    speeds: tuple[float, float]
+    feasible: bool
+    seconds: float
+    fixed: float
+    tracks: tuple[Array, Array]
+
+    @property
+    def ratio(self) -> float:
+        return self.planned / self.programme
+
+
+def compared(sea: Sea, seed: int) -> Row:
+    """Plan in a sea, and solve it by the programme."""
+    vehicle, key = ap.Vehicle(USUAL, power=sea.power), jax.random.key(seed)
+    pitch = float(np.asarray(vehicle.pitch_max))
+    coarse, fine = (Programme.of(sea, (part * STEPS[0], part * STEPS[1]), pitch) for part in (1.0, 0.5))
+    places, speeds = fine.free(sea)
+
+    def planned(vehicle: ap.Vehicle) -> ap.PathPlan:
+        return plan_least_energy(*sea.ends, sea.env, vehicle, key=key, speeds=SPEEDS)
+
+    def fixed(vehicle: ap.Vehicle) -> ap.PathPlan:
+        return ap.plan_path(*sea.ends, sea.env, vehicle, key=key)
+
+    def spent(plan: ap.PathPlan) -> float:
+        speed = float(np.asarray(plan.conditions.vehicle.speed))
+        return walked(sea, np.asarray(plan.positions, float), speed)
+
+    plan = planned(vehicle)
+    own = plan.conditions.vehicle
+    fixed(own)
+    (seconds, plan), (lasts, _) = clock(lambda: planned(vehicle)), clock(lambda: fixed(own))
+    # What dives take plays no part in where the quickest paths lead, nor in which speed is best along them.
+    quickest = planned(replace(vehicle, power=replace(sea.power, dive=0.0, climb=0.0)))
+    return Row(
+        sea.name, sea.distance, sea.bottom, *sea.depths, walked(sea, places, speeds),
+        walked(sea, *coarse.free(sea)), walked(sea, *coarse.single(sea)),
+        spent(plan), spent(quickest), spent(fixed(vehicle)),
+        float(np.asarray(own.speed)), (float(speeds.min()), float(speeds.max())),
+        plan.feasible, seconds, lasts, (places, np.asarray(plan.positions, float)),
+    )  # fmt: skip
+
+
+def draw(rows: Sequence[Row], file: Path) -> None:
+    """Draw depths along the way."""
+    import matplotlib.pyplot as plt
+
+    from auvplan.plot import style
+
+    figure, all_axes = plt.subplots(4, 3, figsize=(11, 9), layout="constrained")
+    for axes, row in zip(all_axes.flat, rows, strict=False):
+        for places, colour, width in zip(row.tracks, (style.GREY, style.BLUE), (3.0, 1.2), strict=True):
+            axes.plot(places[:, 0] / 1000.0, places[:, 2], color=colour, lw=width)
+        axes.set(ylim=(row.bottom, -3.0), xlabel="km", ylabel="depth [m]")
+        axes.set_title(f"{row.sea}: {row.ratio:.3f}", fontsize=9)
+    figure.savefig(file, dpi=120)
+
+
+def main(seeds: range, picture: str) -> dict[str, Any]:
+    rows = [compared(sea, seed) for seed in seeds for sea in track(seas(seed), f"seas of seed {seed}")]
+    heads = [
+        "sea", "km", "depth from, to, m", "programme, kJ", "planner / programme", "speed, programme's, m/s",
+        "deepest, programme's, m", "saved: quickest path, 1.5 m/s", "s a plan, fixed speed",
+    ]  # fmt: skip
+    deepest = [[float(places[:, 2].max()) for places in row.tracks] for row in rows]
+    print(*markdown(heads, [[
+        row.sea, f"{row.distance / 1000.0:.1f}", f"{row.start:.0f}, {row.goal:.0f} of {row.bottom:.0f}",
+        f"{row.programme / 1000.0:.1f}", f"{row.ratio:.4f}",
+        f"{row.speed:.2f}, {row.speeds[0]:.2f}-{row.speeds[1]:.2f}", f"{down[1]:.0f}, {down[0]:.0f}",
+        f"{1.0 - row.planned / row.quickest:.1%}, {1.0 - row.planned / row.usual:.1%}",
+        f"{row.seconds:.2f}, {row.fixed:.2f}",
+    ] for row, down in zip(rows, deepest, strict=True)]), "", sep="\n")  # fmt: skip
+    ratio, slower = np.array([row.ratio for row in rows]), np.array([row.seconds / row.fixed for row in rows])
+    grid = max(abs(row.coarse / row.programme - 1.0) for row in rows)
+    single = max(row.single / row.coarse for row in rows) - 1.0
+    saved = [
+        np.mean([1.0 - row.planned / other for row, other in zip(rows, others, strict=True)])
+        for others in ([row.quickest for row in rows], [row.usual for row in rows])
+    ]
+    found = {
+        "planner / programme, mean": ratio.mean(), "least": ratio.min(), "greatest": ratio.max(),
+        "change of the programme on a grid twice as coarse, greatest": grid,
+        "more at one speed, greatest": single,
+        "time of a plan / that at a given speed, median": np.median(slower), "greatest ": slower.max(),
+        "all": sum(row.seconds for row in rows) / sum(row.fixed for row in rows),
+        "saved against the quickest path at its best speed, mean": saved[0],
+        f"saved against the quickest path at {USUAL} m/s, mean": saved[1],
+    }  # fmt: skip
+    print(f"{sum(row.feasible for row in rows)} of {len(rows)} feasible", end="")
+    print(*(f"; {name} {value:.4f}" for name, value in found.items()), sep="")
+    if picture:
+        draw(rows, Path(picture))
+    kept = [{name: value for name, value in vars(row).items() if name != "tracks"} for row in rows]
+    return {"summary": {name: float(value) for name, value in found.items()}, "rows": kept}
+
+
+if __name__ == "__main__":
+    launch(
+        main,
+        seeds=(range(1, 2), "of the seas, twelve each"),
+        picture=("", "file to draw depths along the way in"),
+    )
