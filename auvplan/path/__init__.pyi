@@ -2,6 +2,7 @@ from .config import PathConfig as PathConfig
 from .config import Penalties as Penalties
 from .cost import VIOLATIONS as VIOLATIONS
 from .energy import plan_least_energy as plan_least_energy
+from .energy import speeds_along as speeds_along
 from .plan import PathPlan as PathPlan
 from .plan import PathPlans as PathPlans
 from .plan import PathStatus as PathStatus
@@ -23,5 +24,6 @@ __all__ = [
     "plan_paths",
     "replan_path",
     "replan_paths",
+    "speeds_along",
     "travel_time",
 ]

@@ -56,7 +56,7 @@ _ROUNDING = 1e-6
 JUDGED_AT, WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 
 #: m, change in depth on a segment up to which tolls are rounded off.
-_LEVEL = 0.02
+_LEVEL = 0.002
 
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
@@ -247,7 +247,7 @@ def evaluate(
 def toll(rises: jax.Array, depth_toll: jax.typing.ArrayLike) -> jax.Array:
     """Return what changes in depth along paths cost, [P] s.
 
-    Less than a metre in a segment counts less, so that slopes of the cost settle where paths are level.
+    Less than a few millimetres on a segment count less, so that the cost has a slope where paths are level.
 
     Args:
         rises: [S - 1, P] m, by which depth grows on each segment.

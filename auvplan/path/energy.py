@@ -17,13 +17,14 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import VIOLATIONS, Track, evaluate
 from auvplan.path.ends import as_point, check_given
+from auvplan.path.kinematics import vertical_speeds
 from auvplan.path.plan import PathPlan
 from auvplan.path.planner import plan_path, sketch_paths
 from auvplan.path.profile import timed
 from auvplan.path.replanner import replan_path
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import Vehicle, along_track
 
 Array = NDArray[np.floating]
 
@@ -34,7 +35,10 @@ _SPEEDS = 24
 _PENALTY_WEIGHT, _LIMITS = 1e3, [VIOLATIONS.index(name) for name in ("surge", "current")]
 
 #: Share of its energy that another speed must spare along a path for which it is planned once more.
-_WORTH = 5e-4
+_WORTH = 1e-3
+
+#: Speeds that segments choose from.
+_CHOICES = 96
 
 
 def plan_least_energy(
@@ -114,6 +118,45 @@ def plan_least_energy(
         return not plan.feasible, drawn + _dived(plan.positions, power)
 
     return min(plan, again, key=rank)
+
+
+def speeds_along(
+    plan: PathPlan, power: PowerModel, price: float = 0.0, limits: tuple[float, float] | None = None
+) -> tuple[Array, Array]:
+    """Return the speeds of least energy along a plan's path, one for each segment, and the times that result.
+
+    Limits on speed over ground, on progress against the current and in the vertical are kept; where no speed
+    keeps them the plan's own stays. In a current that changes with time the water is that which the plan met.
+
+    Args:
+        plan: whose path and water count.
+        power: of the vehicle.
+        price: W, what a second is worth.
+        limits: least and greatest speed, m/s; defaults to `energy.speed_range`.
+
+    Returns:
+        Speeds through the water [S - 1], m/s, and times [S], s since the epoch.
+    """
+    vehicle, reading = plan.conditions.vehicle, plan.conditions.config.speed_reading
+    own = float(np.asarray(vehicle.speed))
+    speeds = np.append(np.geomspace(*(limits or speed_range(power)), _CHOICES), own)
+    way, water = np.diff(np.asarray(plan.positions, float), axis=0).T, np.asarray(plan.water, float).T
+    gap = np.maximum(np.linalg.norm(way, axis=0), 1e-9)
+    along = (way * water).sum(axis=0) / gap
+    across = np.sqrt(np.maximum((water**2).sum(axis=0) - along**2, 0.0))
+    takes, lasts = (np.empty((len(speeds), len(gap))) for _ in range(2))
+    for k, speed in enumerate(speeds):
+        ground, shortfall = along_track(reading, speed, along, across)
+        at = replace(vehicle, speed=speed)
+        steep = vertical_speeds(tuple(water), tuple(way), gap, ground, at, reading)  # type: ignore[arg-type]
+        kept = (shortfall <= 0.0) & (ground <= vehicle.surge_max)
+        for vertical, limit in steep.values():
+            kept &= np.asarray(vertical) <= float(limit)
+        lasts[k] = gap / ground
+        takes[k] = np.where(kept | (k == _CHOICES), (float(power.power(speed)) + price) * lasts[k], np.inf)
+    best = np.argmin(takes, axis=0)
+    seconds = np.take_along_axis(lasts, best[None], axis=0)[0]
+    return speeds[best], float(plan.times[0]) + np.concatenate([[0.0], np.cumsum(seconds)])
 
 
 def _dived(positions: Array, power: PowerModel) -> float:
