@@ -135,6 +135,8 @@ class Vehicle:
             price: W, what a second is worth beyond that.
         """
         per_metre = 0.5 * (power.dive + power.climb)  # type: ignore[operator]
+        if not isinstance(per_metre, Tracer) and not np.any(per_metre):
+            return replace(self, depth_toll=None)
         return replace(self, depth_toll=per_metre / (power.power(self.speed) + price))
 
     @property
