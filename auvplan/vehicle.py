@@ -62,8 +62,7 @@ class Vehicle:
         transit_depth: m, depth that paths go down or up to between their ends, as far as box and sea bed
             allow; None for depths that are free.
         transit_altitude: m, the same above the sea bed: paths follow the terrain.
-        depth_toll: s per metre of change in depth, up or down, that the cost of paths counts beside time, see
-            `with_tolls`; None for none.
+        depth_toll: s/m of change in depth, that a path's cost counts beside time (`with_tolls`); None for none.
         power: what it draws, and its battery; None where energy does not count. Planners of paths and routes
             do without it.
 
@@ -98,9 +97,8 @@ class Vehicle:
                 np.asarray(value).dtype.kind not in "iuf"
             ):
                 raise TypeError(f"vehicle {name} must be a number of {unit}, got {value!r}")
-            least = (
-                np.asarray(value) >= 0 if name in ("transit_depth", "depth_toll") else np.asarray(value) > 0
-            )
+            zero = name in ("transit_depth", "depth_toll")
+            least = np.asarray(value) >= 0 if zero else np.asarray(value) > 0
             if not (least & np.isfinite(value)).all():
                 raise ValueError(f"vehicle {name} must be positive and finite, got {value}")
             if name == "pitch_max" and (np.asarray(value) > 0.5 * np.pi + 1e-6).any():
@@ -135,9 +133,8 @@ class Vehicle:
             price: W, what a second is worth beyond that.
         """
         per_metre = 0.5 * (power.dive + power.climb)  # type: ignore[operator]
-        if not isinstance(per_metre, Tracer) and not np.any(per_metre):
-            return replace(self, depth_toll=None)
-        return replace(self, depth_toll=per_metre / (power.power(self.speed) + price))
+        free = not isinstance(per_metre, Tracer) and not np.any(per_metre)
+        return replace(self, depth_toll=None if free else per_metre / (power.power(self.speed) + price))
 
     @property
     def vertical_limits(self) -> dict[str, jax.Array]:

@@ -245,13 +245,9 @@ def evaluate(
 
 
 def toll(rises: jax.Array, depth_toll: jax.typing.ArrayLike) -> jax.Array:
-    """Return what changes in depth along paths cost, [P] s.
+    """Return what changes in depth along paths cost, [P] s, from the rise [S - 1, P] m of each segment.
 
     Less than a few millimetres on a segment count less, so that the cost has a slope where paths are level.
-
-    Args:
-        rises: [S - 1, P] m, by which depth grows on each segment.
-        depth_toll: s/m.
     """
     return jnp.asarray(depth_toll) * (jnp.sqrt(rises * rises + _LEVEL**2) - _LEVEL).sum(axis=0)
 

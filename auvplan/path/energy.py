@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import PowerModel
 from auvplan.energy.speeds import speed_range
-from auvplan.energy.use import energy_of_steps
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
@@ -28,7 +27,8 @@ from auvplan.vehicle import Vehicle, along_track
 
 Array = NDArray[np.floating]
 
-#: Speeds that are compared in each round, the next of which lies between the neighbours of the best.
+#: Speeds that are compared in each round, the next of which lies between the neighbours of the best; segments
+#: choose from four times as many.
 _SPEEDS = 24
 
 #: A speed that breaks a limit costs so many times its energy for each unit of mean excess; limits that count.
@@ -36,9 +36,6 @@ _PENALTY_WEIGHT, _LIMITS = 1e3, [VIOLATIONS.index(name) for name in ("surge", "c
 
 #: Share of its energy that another speed must spare along a path for which it is planned once more.
 _WORTH = 1e-3
-
-#: Speeds that segments choose from.
-_CHOICES = 96
 
 
 def plan_least_energy(
@@ -74,50 +71,58 @@ def plan_least_energy(
 
     Example:
         >>> import jax, auvplan as ap
-        >>> from auvplan.energy import PowerLaw, PowerModel, energy_of_plan
+        >>> from auvplan.energy import PowerLaw, PowerModel
         >>> from auvplan.path import plan_least_energy
         >>> env = ap.Environment(ap.UniformCurrent(0.0, 0.0), lower=(-500, -500, 0), upper=(2500, 500, 0))
-        >>> power = PowerModel(PowerLaw(0.0, 20.0), hotel=40.0)
-        >>> vehicle = ap.Vehicle(power=power)
+        >>> vehicle = ap.Vehicle(power=PowerModel(PowerLaw(0.0, 20.0), hotel=40.0))
         >>> plan = plan_least_energy((0, 0, 0), (2000, 0, 0), env, vehicle, key=jax.random.key(0))
         >>> round(float(plan.conditions.vehicle.speed), 2)
         1.0
-        >>> round(energy_of_plan(plan, power), 1)  # Wh, of 60 W for 2000 s
-        33.3
     """
     check_given(env, vehicle)
     if (power := vehicle.power) is None:
         raise ValueError("paths of least energy need a power model: give Vehicle(power=...)")
-    least, most = limits = speeds or speed_range(power)
+    least, most = speeds or speed_range(power)
     if not 0.0 < least < most < np.inf:
         raise ValueError(f"speeds must be positive and rising, got {least} and {most}")
     start, goal, config = as_point("start", start), as_point("goal", goal), config or PathConfig()
     first_key, second_key = jax.random.split(as_key(key))
-    given = {"env": env, "vehicle": vehicle, "config": config, "depart": depart, "price": price}
-    along = partial(_best_along, **given)
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)
+    timing = partial(_times, env=bare, vehicle=replace(vehicle, power=None, depth_toll=None))
+    timing = partial(timing, depart=jnp.asarray(depart, float), config=timed(config, env.current).only())
 
     def at(speed: float) -> Vehicle:
         return replace(vehicle, speed=speed).with_tolls(power, price)
 
+    def best(positions: Array, low: float = least, high: float = most) -> tuple[float, float]:
+        """Return the least energy and price along positions [R, 3] m, J, and the speed that it takes, m/s."""
+        # At the usual samples, whatever they were polished with.
+        x, y, z = np.asarray(positions, float)[:: (len(positions) - 1) // (config.samples - 1)].T
+        down, track = np.diff(z), Track.through(*(jnp.asarray(axis[:, None], float) for axis in (x, y, z)))
+        dived = power.dive * np.maximum(down, 0.0).sum() + power.climb * np.maximum(-down, 0.0).sum()  # type: ignore[operator]
+        while True:
+            speeds = np.linspace(low, high, _SPEEDS)
+            times = np.asarray(timing(track, speeds=jnp.asarray(speeds, float)), float)
+            spent = np.asarray(power.power(speeds) + price) * times
+            k = int(np.argmin(spent))
+            low, high = speeds[max(k - 1, 0)], speeds[min(k + 1, _SPEEDS - 1)]
+            if high - low < 1e-3 * speeds[k]:
+                return float(spent[k] + dived), float(speeds[k])
+
+    def spent(plan: PathPlan) -> float:
+        speed = float(np.asarray(plan.conditions.vehicle.speed))
+        return best(plan.positions, speed, speed)[0]
+
     ends = np.asarray(start, float)[None], np.asarray(goal, float)[None]
     line = ends[0] + np.linspace(0.0, 1.0, config.samples)[:, None] * (ends[1] - ends[0])
-    first = at(along(line, limits)[1]).without_power()
-    sketches = sketch_paths(*ends, np.full(1, depart), env, first, config)[0]
-    speed = min(along(path, limits) for path in sketches)[1]
+    first = at(best(line)[1]).without_power()
+    speed = min(map(best, sketch_paths(*ends, np.full(1, depart), env, first, config)[0]))[1]
     plan = plan_path(start, goal, env, at(speed), key=first_key, config=config, depart=depart)
-    # At the usual samples, whatever it was polished with.
-    track = np.asarray(plan.positions)[:: (len(plan.positions) - 1) // (config.samples - 1)]
-    (best, better), (spent, _) = along(track, limits), along(track, (speed, speed))
-    if best > (1.0 - _WORTH) * spent:
+    possible, speed = best(plan.positions)
+    if possible > (1.0 - _WORTH) * spent(plan):
         return plan
-    again = replan_path(plan, start, depart, env, at(better), key=second_key, config=config)
-
-    def rank(plan: PathPlan) -> tuple[bool, float]:
-        own = float(np.asarray(plan.conditions.vehicle.speed))
-        drawn = float((power.power(own) + price) * plan.travel_time)
-        return not plan.feasible, drawn + _dived(plan.positions, power)
-
-    return min(plan, again, key=rank)
+    again = replan_path(plan, start, depart, env, at(speed), key=second_key, config=config)
+    return min(plan, again, key=lambda plan: (not plan.feasible, spent(plan)))
 
 
 def speeds_along(
@@ -130,66 +135,28 @@ def speeds_along(
 
     Args:
         plan: whose path and water count.
-        power: of the vehicle.
-        price: W, what a second is worth.
-        limits: least and greatest speed, m/s; defaults to `energy.speed_range`.
+        power, price, limits: as for `plan_least_energy`, its `speeds` last.
 
     Returns:
         Speeds through the water [S - 1], m/s, and times [S], s since the epoch.
     """
     vehicle, reading = plan.conditions.vehicle, plan.conditions.config.speed_reading
-    own = float(np.asarray(vehicle.speed))
-    speeds = np.append(np.geomspace(*(limits or speed_range(power)), _CHOICES), own)
+    choices = np.geomspace(*(limits or speed_range(power)), 4 * _SPEEDS)
+    speeds = np.append(choices, float(np.asarray(vehicle.speed)))[:, None]  # the plan's own comes last
     way, water = np.diff(np.asarray(plan.positions, float), axis=0).T, np.asarray(plan.water, float).T
     gap = np.maximum(np.linalg.norm(way, axis=0), 1e-9)
     along = (way * water).sum(axis=0) / gap
     across = np.sqrt(np.maximum((water**2).sum(axis=0) - along**2, 0.0))
-    takes, lasts = (np.empty((len(speeds), len(gap))) for _ in range(2))
-    for k, speed in enumerate(speeds):
-        ground, shortfall = along_track(reading, speed, along, across)
-        at = replace(vehicle, speed=speed)
-        steep = vertical_speeds(tuple(water), tuple(way), gap, ground, at, reading)  # type: ignore[arg-type]
-        kept = (shortfall <= 0.0) & (ground <= vehicle.surge_max)
-        for vertical, limit in steep.values():
-            kept &= np.asarray(vertical) <= float(limit)
-        lasts[k] = gap / ground
-        takes[k] = np.where(kept | (k == _CHOICES), (float(power.power(speed)) + price) * lasts[k], np.inf)
+    ground, shortfall = along_track(reading, speeds, along, across)
+    kept = (shortfall <= 0.0) & (ground <= vehicle.surge_max)
+    at = replace(vehicle, speed=speeds)
+    for vertical, limit in vertical_speeds(tuple(water), tuple(way), gap, ground, at, reading).values():  # type: ignore[arg-type]
+        kept &= np.asarray(vertical <= limit)
+    kept[-1] |= ~kept.any(axis=0)
+    takes = np.where(kept, (np.asarray(power.power(speeds)) + price) * gap / ground, np.inf)
     best = np.argmin(takes, axis=0)
-    seconds = np.take_along_axis(lasts, best[None], axis=0)[0]
-    return speeds[best], float(plan.times[0]) + np.concatenate([[0.0], np.cumsum(seconds)])
-
-
-def _dived(positions: Array, power: PowerModel) -> float:
-    """Energy of the changes in depth along positions [S, 3] m, J."""
-    spent = energy_of_steps(power, 0.0, 0.0, np.diff(np.asarray(positions, float)[:, 2]), 0.0)
-    return float((spent["dive"] + spent["climb"]).sum())
-
-
-def _best_along(
-    positions: Array,
-    limits: tuple[float, float],
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-    depart: float,
-    price: float,
-) -> tuple[float, float]:
-    """Return the least energy and price along positions [S, 3] m, J, and the speed that it takes, m/s."""
-    power, (low, high) = vehicle.power, limits
-    assert power is not None
-    env = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)
-    config, vehicle = timed(config, env.current).only(), replace(vehicle, power=None, depth_toll=None)
-    track = Track.through(*(jnp.asarray(positions[:, axis, None], float) for axis in range(3)))
-    while True:
-        speeds = np.linspace(low, high, _SPEEDS)
-        times = _times(
-            track, jnp.asarray(depart, float), env, vehicle, jnp.asarray(speeds, float), config=config
-        )
-        spent = np.asarray(power.power(speeds) + price) * np.asarray(times, float)
-        k = int(np.argmin(spent))
-        low, high = speeds[max(k - 1, 0)], speeds[min(k + 1, _SPEEDS - 1)]
-        if high - low < 1e-3 * speeds[k]:
-            return float(spent[k]) + _dived(positions, power), float(speeds[k])
+    seconds = gap / np.take_along_axis(ground, best[None], axis=0)[0]
+    return speeds[best, 0], float(plan.times[0]) + np.concatenate([[0.0], np.cumsum(seconds)])
 
 
 @partial(compiled, static_argnames=("config",))

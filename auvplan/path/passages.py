@@ -482,7 +482,7 @@ def _layered(
     entry = None
     if vehicle.depth_toll is not None:
         shift = shift + vehicle.depth_toll * jnp.abs(depth[:, None] - depth)
-        entry = vehicle.depth_toll * jnp.abs(depth - ends[:, 2:])
+        entry = jnp.asarray(vehicle.depth_toll) * jnp.abs(depth - ends[:, 2:])
     ahead, back = _fields(times, source, sink, shift, entry)
     best = jnp.argmin(ahead + back, axis=0)
     ahead, total = (jnp.take_along_axis(field, best[None], axis=0)[0] for field in (ahead, ahead + back))

@@ -225,8 +225,7 @@ def _slopes_of_least(plan: Any, given: Given) -> list[jax.Array]:
     if float(price) > 0.0:
         raise ValueError(
             "the time of a path that pays a price has no derivative: set PathConfig.uncertain_price=0 and "
-            "leave out Environment.price and Vehicle.depth_toll, or differentiate ap.travel_time along "
-            "plan.positions"
+            "leave out Environment.price and depth_toll, or differentiate ap.travel_time along plan.positions"
         )
     rows = np.concatenate([np.asarray(near, float).reshape(-1, habitat.size), np.asarray(sides, float)])
     bind = np.flatnonzero(rows.any(axis=1))
