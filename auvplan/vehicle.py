@@ -62,7 +62,7 @@ class Vehicle:
         transit_depth: m, depth that paths go down or up to between their ends, as far as box and sea bed
             allow; None for depths that are free.
         transit_altitude: m, the same above the sea bed: paths follow the terrain.
-        depth_toll: s/m of change in depth, that a path's cost counts beside time (`with_tolls`); None for none.
+        depth_toll: s/m of change in depth that a path's cost counts beside time (`with_tolls`), or None.
         power: what it draws, and its battery; None where energy does not count. Planners of paths and routes
             do without it.
 

@@ -18,7 +18,7 @@ from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
-from auvplan.executive.speeds import energy_due, lacking
+from auvplan.executive.speeds import energy_due, hurry_home, lacking
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
@@ -243,6 +243,9 @@ def _begin(missions: list[Mission]) -> None:
     """Plan the next leg of every mission, and begin those that are not refused."""
     if not missions:
         return
+    for mission in missions:
+        if mission.timed.options is not None and mission.rest[1:] == [mission.run.goal]:
+            hurry_home(mission)
     expected, records = [mission.timed.leg_times(mission.context.speed) for mission in missions], []
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]

@@ -93,6 +93,28 @@ def drawn(mission: Mission) -> float:
     return mission.run.draw if mission.run.done else 1.0
 
 
+def hurry_home(mission: Mission) -> None:
+    """Choose the speed of the last leg again: none follows on which lost time could be made up.
+
+    The slowest from the chosen one on that is in time with twice the return margin and does for the charge;
+    where none is in time, the fastest that does for the charge.
+    """
+    options, chosen, edge = mission.timed.options, mission.chosen, (mission.here, mission.run.goal)
+    assert options is not None
+    assert chosen is not None
+    longer = 1.0 + 2.0 * mission.last_route.return_margin
+    lasts = options.least[:, *edge] + mission.timed.duration[edge]
+    energies = drawn(mission) * options.energy(mission.timed.duration)[:, *edge]
+    places = np.arange(int(chosen[edge]), len(lasts))
+    places = places[longer * energies[places] <= mission.energy_left]
+    if not len(places):
+        return
+    in_time = places[longer * lasts[places] <= mission.run.t_available - mission.now]
+    chosen = chosen.copy()
+    chosen[edge] = in_time[0] if len(in_time) else places[lasts[places].argmin()]
+    mission.chosen, mission.timed = chosen, mission.timed.at_speeds(chosen)
+
+
 def way_home(mission: Mission) -> float:
     """Return J of the way of least energy from where a vehicle is to its destination; 0 without one."""
     assert mission.timed.options is not None
