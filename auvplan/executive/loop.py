@@ -15,10 +15,10 @@ import numpy as np
 
 from auvplan.executive.context import Mission, MissionContext, make_context
 from auvplan.executive.decide import Act, Facts, decide
-from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, unfit
+from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, plan_first_paths, unfit
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
-from auvplan.executive.speeds import energy_due, hurry_home, lacking
+from auvplan.executive.speeds import energy_due, hurries, hurry_home, lacking
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
@@ -261,6 +261,8 @@ def _begin(missions: list[Mission]) -> None:
         revisit = j in mission.visited
         records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold, speed=speed))
     begin_legs(missions, records)
+    if late := [mission for mission in missions if hurries(mission)]:
+        plan_first_paths(late, "leg")
     for mission, times, record in zip(missions, expected, records, strict=True):
         mission.run.legs.append(record)
         if why := why_refused(mission, times):

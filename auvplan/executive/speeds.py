@@ -115,6 +115,24 @@ def hurry_home(mission: Mission) -> None:
     mission.chosen, mission.timed = chosen, mission.timed.at_speeds(chosen)
 
 
+def hurries(mission: Mission) -> bool:
+    """Let a vehicle whose path home takes too long go faster, as far as the charge does; return whether."""
+    options, leg = mission.timed.options, mission.active_leg
+    if options is None or leg.record.speed is None or leg.record.goal != mission.run.goal:
+        return False
+    left = mission.run.t_available - mission.now - leg.record.t_task
+    lasts = leg.followed.travel_time / mission.pace * leg.record.speed / options.speeds
+    if (1.0 + mission.last_route.return_margin) * leg.followed.travel_time / mission.pace <= left:
+        return False
+    energies = drawn(mission) * (options.power * lasts + options.fixed[leg.record.start, leg.record.goal])
+    faster = np.flatnonzero((options.speeds > leg.record.speed) & (energies <= mission.energy_left))
+    if not len(faster):
+        return False
+    in_time = faster[(1.0 + mission.last_route.return_margin) * lasts[faster] <= left]
+    leg.record.speed = float(options.speeds[in_time[0] if len(in_time) else faster[-1]])
+    return True
+
+
 def way_home(mission: Mission) -> float:
     """Return J of the way of least energy from where a vehicle is to its destination; 0 without one."""
     assert mission.timed.options is not None
