@@ -27,8 +27,7 @@ from auvplan.vehicle import Vehicle, along_track
 
 Array = NDArray[np.floating]
 
-#: Speeds that are compared in each round, the next of which lies between the neighbours of the best; segments
-#: choose from four times as many.
+#: Speeds compared in a round; the next lies between the best one's neighbours. Segments have 4 times as many.
 _SPEEDS = 24
 
 #: A speed that breaks a limit costs so many times its energy for each unit of mean excess; limits that count.
