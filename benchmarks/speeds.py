@@ -50,7 +50,7 @@ def posed(seed: int, size: int, neighbours: int, count: int) -> tuple[MissionGra
 def tables(graph: MissionGraph) -> tuple[np.ndarray, np.ndarray]:
     """Return [K, N, N] s and J of the open edges with their tasks."""
     assert graph.options is not None
-    values = graph.options.travel_time + graph.duration, graph.options.energy(graph.duration)
+    values = graph.options.travel_time + graph.duration, graph.options.energies
     times, energies = (np.where(graph.adjacency, value, np.inf) for value in values)
     return times, energies
 
@@ -178,10 +178,11 @@ def missions(seeds: Sequence[int]) -> dict[str, Any]:
         options = mission.timed.options
         same = options.for_route(
             np.asarray(route.nodes), None, mission.timed.duration,
-            (mission.run.t_available, energy + 1.0), "energy", mission.context.route_configs[0].levels,
+            (mission.run.t_available, energy + 1.0), "energy",
+            options.chosen(mission.context.route_configs[0].levels),
         )  # fmt: skip
         edges = route.nodes[:-1], route.nodes[1:]
-        least = options.energy(mission.timed.duration)[same[edges], *edges].sum()
+        least = options.energies[same[edges], *edges].sum()
         pairs.append([priority, energy, free.priority, float(free.speeds.energies.sum()), float(least)])
     values = np.asarray(pairs)
     saved, gain = 1.0 - values[:, 4] / values[:, 1], values[:, 2] - values[:, 0]

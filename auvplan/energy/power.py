@@ -204,8 +204,12 @@ class PowerModel:
         """
         xp: Any = np if _plain(speed, vertical_speed, turn_rate, *jax.tree.leaves(self)) else jnp
         down = xp.asarray(vertical_speed)
-        vertical = self.dive * xp.maximum(down, 0.0) + self.climb * xp.maximum(-down, 0.0)
-        return self.power(speed) + vertical + self.turning * xp.abs(xp.asarray(turn_rate))
+        return self.power(speed) + self.in_depth(down) + self.turning * xp.abs(xp.asarray(turn_rate))
+
+    def in_depth(self, down: ArrayLike) -> Any:
+        """Return J that changes in depth [...] m take, positive down; W of vertical speeds [...] m/s."""
+        xp: Any = np if _plain(down, self.dive, self.climb) else jnp
+        return self.dive * xp.maximum(down, 0.0) + self.climb * xp.maximum(-xp.asarray(down), 0.0)
 
 
 def _plain(*values: Any) -> bool:

@@ -364,7 +364,7 @@ class Mission:
 
     @property
     def energy_left(self) -> float:
-        """J left beyond the battery's reserve, by what was drawn so far; infinite where none is known."""
+        """J left beyond the battery's reserve after what was drawn so far; infinite where none is known."""
         energy = self.run.energy
         return np.inf if energy is None else energy.margin * WATT_HOUR
 

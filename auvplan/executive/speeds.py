@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Array, Mission
 from auvplan.mission import MissionGraph, time_to_go
-from auvplan.mission.speeds import SpeedOptions
+from auvplan.mission.speeds import SpeedOptions, picked
 from auvplan.ocean.currents import evaluated
 
 
@@ -65,8 +66,7 @@ def _fixed(mission: Mission) -> Array:
     context, graph = mission.context, mission.graph
     power, places = context.power, np.asarray(graph.positions)
     assert power is not None
-    down = places[None, :, 2] - places[:, None, 2]
-    depth = power.dive * np.maximum(down, 0.0) + power.climb * np.maximum(-down, 0.0)
+    depth = np.asarray(power.in_depth(places[None, :, 2] - places[:, None, 2]))
     water = evaluated(mission.sea.forecast(), *places.T, t=np.full(len(places), mission.now))
     drift = np.hypot(*(np.asarray(axis) for axis in water[:2]))
     if context.scenario.mission.wait == "loiter":
@@ -104,15 +104,29 @@ def hurry_home(mission: Mission) -> None:
     assert chosen is not None
     longer = 1.0 + 2.0 * mission.last_route.return_margin
     lasts = options.least[:, *edge] + mission.timed.duration[edge]
-    energies = drawn(mission) * options.energy(mission.timed.duration)[:, *edge]
-    places = np.arange(int(chosen[edge]), len(lasts))
-    places = places[longer * energies[places] <= mission.energy_left]
+    place = _fast_enough(mission, longer * lasts, longer * options.energies[:, *edge], int(chosen[edge]))
+    if place is not None:
+        mission.chosen = chosen.copy()
+        mission.chosen[edge] = place
+        mission.timed = mission.timed.at_speeds(mission.chosen)
+
+
+def _fast_enough(mission: Mission, lasts: Array, energies: Array, first: int) -> int | None:
+    """Return the slowest speed from `first` on that is in time and does for the charge, by its place.
+
+    Where none is in time, that is the fastest that does for the charge; None where none does.
+
+    Args:
+        mission: which has the time and the charge.
+        lasts, energies: [K] s and J at each speed, the latter by the model.
+        first: place of the slowest that is asked for.
+    """
+    places = np.arange(first, len(lasts))
+    places = places[drawn(mission) * energies[places] <= mission.energy_left]
+    in_time = places[lasts[places] <= mission.run.t_available - mission.now]
     if not len(places):
-        return
-    in_time = places[longer * lasts[places] <= mission.run.t_available - mission.now]
-    chosen = chosen.copy()
-    chosen[edge] = in_time[0] if len(in_time) else places[lasts[places].argmin()]
-    mission.chosen, mission.timed = chosen, mission.timed.at_speeds(chosen)
+        return None
+    return int(in_time[0] if len(in_time) else places[lasts[places].argmin()])
 
 
 def hurries(mission: Mission) -> bool:
@@ -120,23 +134,22 @@ def hurries(mission: Mission) -> bool:
     options, leg = mission.timed.options, mission.active_leg
     if options is None or leg.record.speed is None or leg.record.goal != mission.run.goal:
         return False
-    left = mission.run.t_available - mission.now - leg.record.t_task
+    now = int(np.searchsorted(options.speeds, leg.record.speed - 1e-9))
     lasts = leg.followed.travel_time / mission.pace * leg.record.speed / options.speeds
-    if (1.0 + mission.last_route.return_margin) * leg.followed.travel_time / mission.pace <= left:
+    whole = (1.0 + mission.last_route.return_margin) * lasts + leg.record.t_task
+    if whole[now] <= mission.run.t_available - mission.now:
         return False
-    energies = drawn(mission) * (options.power * lasts + options.fixed[leg.record.start, leg.record.goal])
-    faster = np.flatnonzero((options.speeds > leg.record.speed) & (energies <= mission.energy_left))
-    if not len(faster):
-        return False
-    in_time = faster[(1.0 + mission.last_route.return_margin) * lasts[faster] <= left]
-    leg.record.speed = float(options.speeds[in_time[0] if len(in_time) else faster[-1]])
-    return True
+    energies = options.power * lasts + options.fixed[leg.record.start, leg.record.goal]
+    place = _fast_enough(mission, whole, energies, now + 1)
+    if place is not None:
+        leg.record.speed = float(options.speeds[place])
+    return place is not None
 
 
 def way_home(mission: Mission) -> float:
     """Return J of the way of least energy from where a vehicle is to its destination; 0 without one."""
     assert mission.timed.options is not None
-    energies = mission.timed.options.energy(mission.timed.duration).min(axis=0)
+    energies = mission.timed.options.energies.min(axis=0)
     energies = np.where(mission.timed.adjacency, energies, np.inf)
     least = float(time_to_go(energies, mission.run.goal)[mission.here])
     return least if np.isfinite(least) else 0.0
@@ -177,8 +190,8 @@ def lacking(mission: Mission) -> str:
     lacks = []
     for row in options.chosen(mission.context.route_configs[0].levels):
         back = []
-        for values in (options.least + duration, options.energy(duration)):
-            at = np.where(closed, np.inf, np.take_along_axis(values, row[None], axis=0)[0])
+        for values in (options.least + duration, options.energies):
+            at = np.where(closed, np.inf, picked(values, row))
             back.append(float(time_to_go(at, mission.run.goal)[edge[1]]))
         seconds, joules = (1.0 + mission.last_route.return_margin) * np.asarray(back)
         lacks.append((seconds - left, joules - charge))
@@ -188,4 +201,4 @@ def lacking(mission: Mission) -> str:
     if seconds > 0.0:
         return f"its path would leave {seconds:.0f} s too little for the way back"
     joules = min(lack[1] for lack in lacks if lack[0] <= 0.0)
-    return f"its path would leave {joules / 3600.0:.0f} Wh too little for the way back"
+    return f"its path would leave {joules / WATT_HOUR:.0f} Wh too little for the way back"

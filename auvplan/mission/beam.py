@@ -87,17 +87,13 @@ def beam_search(
     def grow(state: tuple[_Beam, _Trace, jax.Array]) -> tuple[_Beam, _Trace, jax.Array]:
         beam, trace, step = state
         onward = problem.neighbours[beam.here]
-        then = None if beam.used is None else problem.onward(beam.here, beam.used)
-        if then is None:
-            times = problem.onward_times(beam.here, beam.time)
-        else:
-            times = then.times.min(axis=-1) - beam.time[:, None]
+        times, then = problem.onward(beam.here, beam.time, beam.used)
         open_ = (
             beam.alive[:, None]
             & (beam.time[:, None] < problem.latest[beam.here])
             & ~beam.visited[width_index[:, None], onward]
         )
-        if problem.schedule is not None or then is not None:
+        if problem.varies:
             open_ = open_ & jnp.isfinite(times)
         gained = beam.worth[:, None] + gain[beam.here]
         if problem.falling:
@@ -156,7 +152,7 @@ def beam_search(
         visited=jnp.broadcast_to(jnp.arange(size) == start, (width, size)),
         mark=jnp.broadcast_to(codes[start], (width,)),
         alive=(width_index == 0) & (problem.start != problem.goal),
-        used=None if problem.levels is None else Used.nothing(problem, width),
+        used=Used.nothing(problem, width),
     )
     trace = _Trace(
         jnp.zeros((size, width), jnp.int32),

@@ -117,18 +117,14 @@ def decode(
         here = walk.current
         onward = problem.neighbours[here]
         value = walk.value[rows[:, None], onward]
-        then = None if walk.used is None else problem.onward(here, walk.used)
-        if then is None:
-            times = problem.onward_times(here, walk.time)
-        else:
-            times = then.times.min(axis=-1) - walk.time[:, None]
+        times, then = problem.onward(here, walk.time, walk.used)
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
         if decoder == "paper":
             qualifies = jnp.isfinite(times)
         else:
             qualifies = walk.time[:, None] < problem.latest[here]
-            if problem.schedule is not None or then is not None:
+            if problem.varies:
                 qualifies = qualifies & jnp.isfinite(times)
         value = jnp.where(qualifies, value, -jnp.inf)
         best, edge = highest(value)
@@ -137,12 +133,7 @@ def decode(
         rho = jnp.where(moves, problem.priority[here, edge], 0.0)
         if problem.falling:
             rho = rho - jnp.where(moves, problem.lost(here, edge, walk.time, times[rows, edge]), 0.0)
-        found = problem.schedule is not None or then is not None
-        used = None
-        if then is not None:
-            used = jax.tree.map(
-                lambda new, old: jnp.where(moves[:, None], new[rows, edge], old), then, walk.used
-            )
+        used = jax.tree.map(lambda new, old: jnp.where(moves[:, None], new[rows, edge], old), then, walk.used)
         task = rho > 0.0
         entered = jnp.where(moves, there, size)
         return _Walk(
@@ -150,7 +141,7 @@ def decode(
             position=walk.position.at[rows, entered].set(walk.step + 1, mode="drop"),
             current=there,
             time=walk.time
-            + jnp.where(moves, times[rows, edge] if found else problem.leg_times[here, edge], 0.0),
+            + jnp.where(moves, times[rows, edge] if problem.varies else problem.leg_times[here, edge], 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
             inverse=walk.inverse + jnp.where(task, 1.0 / rho, 0.0),
@@ -174,7 +165,7 @@ def decode(
             inverse=zero,
             step=jnp.int32(0),
             active=jnp.broadcast_to(problem.start != problem.goal, (habitats,)),
-            used=None if problem.levels is None else Used.nothing(problem, habitats),
+            used=Used.nothing(problem, habitats),
         ),
     )
     place = jnp.where(walk.position < 0, size, walk.position)

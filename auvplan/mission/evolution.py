@@ -62,9 +62,7 @@ def search_missions(
 
     def one(key: jax.Array, mission: Missions) -> tuple[search.Result, decoders.Decoded, jax.Array]:
         ends, given = (mission.start, mission.goal), mission.given
-        limits = [mission.time_available, mission.visited, mission.return_margin]
-        if mission.energy_available is not None:
-            limits.append(mission.energy_available)
+        limits = mission.time_available, mission.visited, mission.return_margin, mission.energy_available
         problem = prepare(mission.edges, *ends, *limits)
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)

@@ -57,12 +57,17 @@ def _best_levels(problem: Problem, nodes: jax.Array) -> jax.Array:
 
     def go(used: Used, leg: tuple[jax.Array, jax.Array]) -> tuple[Used, None]:
         here, there = leg
-        then, edge = problem.onward(jnp.maximum(here, 0), used), places[here, there]
+        (_, then), edge = (
+            problem.onward(jnp.maximum(here, 0), used.times.min(axis=-1), used),
+            places[here, there],
+        )
         return jax.tree.map(
             lambda new, old: jnp.where((there >= 0)[:, None], new[rows, edge], old), then, used
         ), None
 
-    used, _ = jax.lax.scan(go, Used.nothing(problem, len(nodes)), (nodes[:, :-1].T, nodes[:, 1:].T))
+    nothing = Used.nothing(problem, len(nodes))
+    assert nothing is not None
+    used, _ = jax.lax.scan(go, nothing, (nodes[:, :-1].T, nodes[:, 1:].T))
     return used.shares(problem).argmin(axis=1)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -19,11 +19,13 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
-from auvplan.mission.speeds import RouteSpeeds
+from auvplan.mission.speeds import RouteSpeeds, Saved, taken
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
+
+T = TypeVar("T")
 
 #: Shares of time and energy with which speeds to choose from are searched as well: levels hold few of the
 #: ways to go a route, and some of those found keep both limits at other speeds. Routes that are tried for it.
@@ -283,8 +285,11 @@ def plan_missions(
         None if graphs.timetable is None else graphs.timetable.padded(more),
         np.pad(graphs.duration, square),
     )
+    levels = list[np.ndarray]()
     if options is not None:
-        edges = _on_levels(edges, graphs, config.levels, more)
+        count_of = config.levels if options.speeds.shape[-1] > 1 else 1
+        levels = [option.chosen(count_of) for option in _each(options)]
+        edges = _on_levels(edges, graphs, levels, more)
     missions = Missions(
         edges,
         starts,
@@ -309,7 +314,7 @@ def plan_missions(
     open_legs = np.where(closed[:, None, :], np.inf, legs)
     asked = _Asked(graphs, open_legs, goals, available, margins)
     if options is not None:
-        return _collect(result, found, np.asarray(least), asked, energy, config)
+        return _collect(result, found, np.asarray(least), asked, _Choice(energy, levels, config.saves))
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     return _collect(result, nodes, np.asarray(least), asked)
@@ -341,6 +346,14 @@ class _Asked(NamedTuple):
         return np.where(there >= 0, values[np.arange(len(nodes))[:, None], here, there], 0.0)
 
 
+class _Choice(NamedTuple):
+    """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved."""
+
+    energy: np.ndarray
+    levels: list[np.ndarray]
+    saves: Saved
+
+
 def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.ndarray:
     """Return the best of routes found, known ones and those that few labels reach, each [B, N].
 
@@ -358,8 +371,9 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
         fits &= (routes == asked.goals[:, None]).any(axis=1)
         better = fits & (worth > most)
         chosen[better], most[better] = routes[better], worth[better]
-    for row, route in enumerate(chosen):
-        graph, legs, goal, end, margin = jax.tree.map(lambda leaf, row=row: leaf[row], asked)
+    for row, (route, one) in enumerate(zip(chosen, _each(asked), strict=True)):
+        graph, legs, goal, end, margin = one
+        assert graph.timetable is not None
         ends = int(route[0]), int(goal), float(end)
         open_, margin = np.isfinite(legs), float(margin)
         clocked = Clocked(graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=margin)
@@ -385,20 +399,22 @@ def _at_fastest(graphs: MissionGraph) -> MissionGraph:
     return replace(graphs, adjacency=adjacency, travel_time=travel_time, timetable=timetable)
 
 
-def _on_levels(edges: Edges, graphs: MissionGraph, levels: int, more: int) -> Edges:
-    """Return edges with `levels` of the speeds that graphs let choose from, `more` waypoints added."""
+def _each(stacked: T) -> list[T]:
+    """Return B graphs, or parts of them, that are stacked along an axis, one by one."""
+    count = len(jax.tree.leaves(stacked)[0])
+    return [jax.tree.map(lambda leaf, b=b: leaf[b], stacked) for b in range(count)]
+
+
+def _on_levels(edges: Edges, graphs: MissionGraph, levels: list[np.ndarray], more: int) -> Edges:
+    """Return edges with the speeds of levels [L, N, N] of each graph, `more` waypoints added."""
     rows, square = [], [(0, more), (0, more)]
-    for b in range(len(graphs.positions)):
-        graph: MissionGraph = jax.tree.map(lambda leaf, b=b: leaf[b], graphs)
+    for graph, chosen in zip(_each(graphs), levels, strict=True):
         options = graph.options
         assert options is not None
-        chosen = options.chosen(levels)
         times = np.stack([options.at(row) for row in chosen])
         travel = np.where(graph.adjacency, times.min(axis=1) if options.clocked else times, np.inf)
         power = options.power[chosen]
-        with np.errstate(invalid="ignore"):
-            spent = np.where(np.isfinite(travel), power * travel, np.inf) + options.fixed
-        parts = travel + graph.duration, power, spent
+        parts = travel + graph.duration, power, taken(power, travel) + options.fixed
         padded = [np.pad(part, [(0, 0), *square], constant_values=np.inf) for part in parts]
         timetable = None
         if graph.timetable is not None:
@@ -430,10 +446,8 @@ def _richer(routes: np.ndarray, least: float, graph: MissionGraph) -> Iterator[n
     ]
 
 
-def _with_speeds(
-    found: np.ndarray, asked: _Asked, energy: np.ndarray, config: MissionConfig
-) -> tuple[np.ndarray, _Asked, RouteSpeeds]:
-    """Choose routes [B, N] and their speeds, within energies [B] J, among those found.
+def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.ndarray, _Asked, RouteSpeeds]:
+    """Choose routes [B, N] and their speeds, within time and energy, among those found.
 
     Those of the first B rows of `found` [R B, P, N] keep their limits on some level, the first of each row is
     the best; the others may keep them at other speeds.
@@ -442,12 +456,11 @@ def _with_speeds(
         Routes, what is asked at their speeds, and these.
     """
     nodes, rows, chosen = found[: len(asked.legs), 0].copy(), [], np.zeros(asked.legs.shape, int)
-    graphs: list[MissionGraph] = [
-        jax.tree.map(lambda leaf, b=b: leaf[b], asked.graphs) for b in range(len(nodes))
-    ]
+    graphs = _each(asked.graphs)
     options = [graph.options for graph in graphs if graph.options is not None]
     for b, (route, graph, option) in enumerate(zip(nodes, graphs, options, strict=True)):
-        given = graph.timetable, graph.duration, (asked.available[b], energy[b]), config.saves, config.levels
+        limits = asked.available[b], how.energy[b]
+        given = graph.timetable, graph.duration, limits, how.saves, how.levels[b]
         known = asked.along(graph.priority[None], route[None]).sum() if route[1] >= 0 else -1.0
         others = found[b :: len(nodes)].reshape(-1, len(route))
         others = others[(others == asked.goals[b]).any(axis=1)]
@@ -461,7 +474,7 @@ def _with_speeds(
                 break
         if best is None:
             route[1:] = -1
-            best = option.chosen(config.levels)[-1]
+            best = how.levels[b][-1]
         chosen[b] = best
         rows.append(graph.at_speeds(best))
     at, open_ = MissionGraph.stack(rows), np.isfinite(asked.legs)
@@ -477,7 +490,7 @@ def _with_speeds(
     energies = under_way + asked.along(fixed, nodes)
     legs = asked.along(speeds, nodes)
     assert at.options is not None
-    return nodes, asked, RouteSpeeds(at.options, chosen, legs, energies, energy, at.duration, open_)
+    return nodes, asked, RouteSpeeds(at.options, chosen, legs, energies, how.energy, at.duration, open_)
 
 
 def _collect(
@@ -485,16 +498,15 @@ def _collect(
     nodes: np.ndarray,
     least: np.ndarray,
     asked: _Asked,
-    energy: np.ndarray | None = None,
-    config: MissionConfig | None = None,
+    how: _Choice | None = None,
 ) -> MissionRoutes:
     """Return routes [B, N], padded with -1, that a search found, added up in double precision.
 
-    With energies [B] J, `nodes` are those among which `_with_speeds` chooses.
+    Where speeds are to be chosen, `nodes` are those among which `_with_speeds` chooses.
     """
     speeds, edge_times = None, asked.legs
-    if energy is not None and config is not None:
-        nodes, asked, speeds = _with_speeds(nodes, asked, energy, config)
+    if how is not None:
+        nodes, asked, speeds = _with_speeds(nodes, asked, how)
     graphs, legs, goals, available, margins = asked
     reached = (nodes == goals[:, None]).any(axis=1)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
@@ -534,8 +546,8 @@ def _collect(
 def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
     """Return, of routes padded with -1, [3, B, N - 1]: s of each leg, s of waiting in it, priority lost."""
     times, waits, lost = found = np.zeros((3, len(nodes), nodes.shape[1] - 1))
-    for row, route in enumerate(nodes):
-        graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
+    for row, (route, graph) in enumerate(zip(nodes, _each(graphs), strict=True)):
+        assert graph.timetable is not None
         passed = graph.itinerary(route[route >= 0], 1.0)
         count = len(passed.ends)
         times[row, :count] = passed.ends - passed.departs

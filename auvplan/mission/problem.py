@@ -211,10 +211,22 @@ class Problem:
         times = used.times[..., None] + lasts
         return Used(jnp.where(fits, times, jnp.inf), jnp.where(fits, spent, jnp.inf))
 
-    def onward(self, here: jax.Array, used: "Used") -> "Used":
-        """Return what is used [..., K, L] after each edge from waypoints `here` [...]."""
-        assert self.levels is not None
-        return jax.vmap(Problem.entered, (0, None, -1), -1)(self.levels, here, used)
+    def onward(
+        self, here: jax.Array, time: jax.Array, used: "Used | None"
+    ) -> tuple[jax.Array, "Used | None"]:
+        """Return s [..., K] that the edges from waypoints `here` [...] take at times [...], and what is used.
+
+        On levels that is what is used [..., K, L] after each, and s are those of the quickest that fits.
+        """
+        if self.levels is None or used is None:
+            return self.onward_times(here, time), None
+        then = jax.vmap(Problem.entered, (0, None, -1), -1)(self.levels, here, used)
+        return then.times.min(axis=-1) - time[..., None], then
+
+    @property
+    def varies(self) -> bool:
+        """Whether the time that an edge takes depends on the route that leads to it."""
+        return self.schedule is not None or self.levels is not None
 
     def on_level(self, level: jax.Array) -> "Problem":
         """Return the mission with the speeds of one level."""
@@ -244,10 +256,11 @@ class Used(NamedTuple):
     energies: jax.Array
 
     @classmethod
-    def nothing(cls, problem: Problem, *shape: int) -> "Used":
-        """Return what is used at the start."""
-        assert problem.levels is not None
-        zero = jnp.zeros((*shape, len(problem.levels.goal)), problem.leg_times.dtype)
+    def nothing(cls, problem: Problem, count: int) -> "Used | None":
+        """Return what `count` routes have used at the start; None where speeds are given."""
+        if problem.levels is None:
+            return None
+        zero = jnp.zeros((count, len(problem.levels.goal)), problem.leg_times.dtype)
         return cls(zero, zero)
 
     def share(self, problem: Problem) -> jax.Array:
@@ -282,7 +295,7 @@ def prepare(
     time_available: jax.Array,
     visited: jax.Array,
     return_margin: jax.typing.ArrayLike = 0.0,
-    energy_available: jax.typing.ArrayLike = jnp.inf,
+    energy_available: jax.typing.ArrayLike | None = None,
 ) -> Problem:
     """Work out what all routes on a graph have in common.
 
@@ -298,7 +311,7 @@ def prepare(
         visited: [N] bool, waypoints not to be visited again.
         return_margin: share by which the path to the goal is taken to last longer than expected, and to take
             more energy.
-        energy_available: J; counts where edges have their energy.
+        energy_available: J; for edges that have their energy.
     """
     neighbours = edges.neighbours
     size = neighbours.shape[0]
@@ -319,7 +332,7 @@ def prepare(
         latest, due, following = latest_entries(edges.schedule, neighbours, shut, goal, deadline, margin)
         return_time = (1.0 + margin) * (deadline - due)
     limits: dict[str, Any] = {}
-    if edges.energy is not None:
+    if edges.energy is not None and energy_available is not None:
         least = jnp.where(jnp.isfinite(leg_times), edges.energy.least, jnp.inf)
         to_go, _ = shortest_routes(neighbours, least, goal)
         back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * to_go

@@ -78,12 +78,10 @@ class SpeedOptions:
         """[K, N, N] s, least travel times at any departure, of one graph."""
         return self.travel_time.min(axis=1) if self.clocked else self.travel_time
 
-    def energy(self, duration: Array) -> Array:
-        """Return [K, N, N] J of edges with tasks of [N, N] s in their least times, of one graph."""
-        times = self.least
-        return np.where(
-            np.isfinite(times), self.power[:, None, None] * np.where(np.isfinite(times), times, 0.0), np.inf
-        ) + np.broadcast_to(self.fixed, duration.shape)
+    @property
+    def energies(self) -> Array:
+        """[K, N, N] J of edges with their tasks in their least times, of one graph."""
+        return taken(self.power[:, None, None], self.least) + self.fixed
 
     def chosen(self, levels: int) -> IntArray:
         """Return places of speeds on each level, [L, N, N], from least energy to least time, of one graph."""
@@ -106,13 +104,11 @@ class SpeedOptions:
     def passable(self, chosen: IntArray) -> IntArray:
         """Return places of speeds [N, N], in place of those that an edge cannot be taken at its fastest."""
         times = self.least
-        known = np.isfinite(np.take_along_axis(times, chosen[None], axis=0)[0])
-        return np.where(known, chosen, times.argmin(axis=0))
+        return np.where(np.isfinite(picked(times, chosen)), chosen, times.argmin(axis=0))
 
     def at(self, chosen: IntArray) -> Array:
         """Return travel times of edges at places of speeds [N, N], as `travel_time` without its K."""
-        place = chosen[None, None] if self.clocked else chosen[None]
-        return np.take_along_axis(self.travel_time, place, axis=0)[0]
+        return picked(self.travel_time, chosen[None] if self.clocked else chosen)
 
     def for_route(
         self,
@@ -121,7 +117,7 @@ class SpeedOptions:
         duration: Array,
         available: tuple[float, float],
         saves: Saved,
-        levels: int,
+        levels: IntArray,
         margin: float = 0.0,
     ) -> IntArray | None:
         """Choose the speeds of a route, and of all other edges that of the level that suits it best.
@@ -131,24 +127,23 @@ class SpeedOptions:
             timetable: of the graph, for windows of tasks; its travel times do not count.
             duration: [N, N] s of tasks.
             available, saves: as for `fastest`.
-            levels: as for `chosen`.
+            levels: [L, N, N], as `chosen` returns them.
             margin: share by which the last leg is taken to last longer, and to take more energy.
 
         Returns:
             [N, N] places of speeds; None where the route keeps both limits at none.
         """
-        rows, legs = self.chosen(levels), (nodes[:-1], nodes[1:])
+        legs = nodes[:-1], nodes[1:]
         if not len(legs[0]):
-            return rows[-1]
+            return levels[-1]
         fixed, tasks, count = self.fixed[legs], duration[legs], len(legs[0])
         if timetable is None:
-            times = self.travel_time[:, *legs].T + tasks[:, None]
-            energies = self.power * np.where(np.isfinite(times), times - tasks[:, None], np.inf)
-            energies = np.where(np.isfinite(times), energies, np.inf) + fixed[:, None]
+            travel = self.travel_time[:, *legs].T
+            times, energies = travel + tasks[:, None], taken(self.power, travel) + fixed[:, None]
             times[-1], energies[-1] = (1.0 + margin) * times[-1], (1.0 + margin) * energies[-1]
             sums = [
                 (times[np.arange(count), row[legs]].sum(), energies[np.arange(count), row[legs]].sum())
-                for row in rows
+                for row in levels
             ]
             best = fastest(times, energies, available, saves)
         else:
@@ -168,14 +163,14 @@ class SpeedOptions:
                     whole = lasts, spent.sum() + margin * spent[-1]
                 return float(np.nan_to_num(whole[0], nan=np.inf)), float(np.nan_to_num(whole[1], nan=np.inf))
 
-            first = [row[legs] for row in rows]
+            first = [row[legs] for row in levels]
             sums = [went(row) for row in first]
             best = _settled(went, first, len(self.speeds), available, saves)
         if not len(best):
             return None
         with np.errstate(invalid="ignore"):
             level = int(np.max(np.asarray(sums) / np.asarray(available), axis=1).argmin())
-        found = rows[level].copy()
+        found = levels[level].copy()
         found[legs] = best
         return found
 
@@ -211,7 +206,7 @@ class RouteSpeeds:
     @property
     def energies_of_edges(self) -> Array:
         """[K, N, N] J, of open edges with their tasks in these times; else infinite."""
-        return np.where(self.open, self.options.energy(self.duration), np.inf)
+        return np.where(self.open, self.options.energies, np.inf)
 
     def along(self, nodes: IntArray, places: IntArray) -> "RouteSpeeds":
         """Return those of another route, of waypoints [n], its legs at places of speeds [n - 1]."""
@@ -230,6 +225,16 @@ class RouteSpeeds:
         time, energy = self.times_of_edges / time_available, self.energies_of_edges / self.available
         with np.errstate(invalid="ignore"):
             return [((1.0 - mix) * time + mix * energy).min(axis=0) for mix in mixes]
+
+
+def picked(values: Array, places: IntArray) -> Array:
+    """Return of values [K, ...] those at places [...] along their first axis."""
+    return np.take_along_axis(values, places[None], axis=0)[0]
+
+
+def taken(power: Array, travel: Array) -> Array:
+    """Return J of edges under way at powers, W, for times, s; infinite where these are."""
+    return np.where(np.isfinite(travel), power * np.where(np.isfinite(travel), travel, 0.0), np.inf)
 
 
 def fastest(times: Array, energies: Array, available: tuple[float, float], saves: Saved) -> IntArray:

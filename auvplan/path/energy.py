@@ -30,7 +30,7 @@ Array = NDArray[np.floating]
 #: Speeds compared in a round; the next lies between the best one's neighbours. Segments have 4 times as many.
 _SPEEDS = 24
 
-#: A speed that breaks a limit costs so many times its energy for each unit of mean excess; limits that count.
+#: Times its energy that a speed costs for each unit of mean excess over a limit; limits that count.
 _PENALTY_WEIGHT, _LIMITS = 1e3, [VIOLATIONS.index(name) for name in ("surge", "current")]
 
 #: Share of its energy that another speed must spare along a path for which it is planned once more.
@@ -97,8 +97,10 @@ def plan_least_energy(
         """Return the least energy and price along positions [R, 3] m, J, and the speed that it takes, m/s."""
         # At the usual samples, whatever they were polished with.
         x, y, z = np.asarray(positions, float)[:: (len(positions) - 1) // (config.samples - 1)].T
-        down, track = np.diff(z), Track.through(*(jnp.asarray(axis[:, None], float) for axis in (x, y, z)))
-        dived = power.dive * np.maximum(down, 0.0).sum() + power.climb * np.maximum(-down, 0.0).sum()  # type: ignore[operator]
+        dived, track = (
+            power.in_depth(np.diff(z)).sum(),
+            Track.through(*(jnp.asarray(axis[:, None], float) for axis in (x, y, z))),
+        )
         while True:
             speeds = np.linspace(low, high, _SPEEDS)
             times = np.asarray(timing(track, speeds=jnp.asarray(speeds, float)), float)

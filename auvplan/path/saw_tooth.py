@@ -141,8 +141,8 @@ def saw_tooth_plan(plan: PathPlan, saw: SawTooth, vehicle: Vehicle, seabed: Seab
     )  # fmt: skip
 
 
-#: Where a glide begins or ends: m along the track, m of depth, s since the epoch, and by what share of its
-#: horizontal speed the current beats the vehicle on the way there. Glides and rests are [4, n], by sample.
+#: Where a glide begins or ends: m along the track, m of depth, s since the epoch, and the share of its
+#: horizontal speed by which the current beats the vehicle on the way. Glides and rests are [4, n], by sample.
 _State = tuple[float, ...] | Array
 
 

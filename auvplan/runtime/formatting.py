@@ -97,7 +97,7 @@ class ReprMixin:
 
 
 def between(values: ArrayLike, digits: int = 0) -> str:
-    """Return the least and the greatest of the finite values, to so many decimal places.
+    """Return the least and the greatest of the finite values, to `digits` decimal places.
 
     Example:
         >>> between([812.4, 1530.0, float("inf")]), between([12.0]), between([])

@@ -7,73 +7,39 @@ import jax
 import numpy as np
 import pytest
 
-from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission, plan_missions, random_graph
+from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission, plan_missions
 from auvplan.mission.exact import solve_exact
 from auvplan.mission.speeds import SpeedOptions, fastest
+from benchmarks.speeds import SPEEDS as CHOICES
+from benchmarks.speeds import exhaustive, posed, tables
 
-SPEEDS = np.array([0.8, 1.2, 1.7])
-POWER = 40.0 + 20.0 * SPEEDS**3
+SPEEDS, POWER = CHOICES[3], 40.0 + 20.0 * CHOICES[3] ** 3
 QUICK = MissionConfig.quick()
 
 
-def posed(seed: int, size: int = 8, still: bool = False) -> tuple[MissionGraph, float, float]:
-    """Return a graph with three speeds, s and J: mostly both are scarce."""
-    rng = np.random.default_rng(seed)
-    places = rng.uniform(0.0, 1000.0, (size, 3)) * [1.0, 1.0, 0.05]
-    graph = random_graph(rng, places, neighbours=3)
-    along = 0.0 if still else rng.uniform(-0.4, 0.4, (size, size))
-    distance = np.linalg.norm(places[:, None] - places[None], axis=2)
-    times = distance / (SPEEDS[:, None, None] + along)
-    fixed = 40.0 * graph.duration + rng.uniform(0.0, 5e3, (size, size))
-    graph = replace(graph, options=SpeedOptions(SPEEDS, POWER, times, fixed))
-    available = float(rng.uniform(900.0, 3000.0))
-    return graph, available, available * float(rng.uniform(45.0, 85.0))
-
-
-def best_of_all(graph: MissionGraph, time_available: float, energy_available: float) -> float:
-    """Return the most priority of any order at any speeds, by going through all; -1 where there is none."""
-    assert graph.options is not None
-    times = graph.options.travel_time + graph.duration
-    energies = graph.options.power[:, None, None] * graph.options.travel_time + graph.options.fixed
-    best, goal = -1.0, graph.size - 1
-
-    def go(route: list[int], priority: float, ways: np.ndarray) -> None:
-        nonlocal best
-        here = route[-1]
-        if here == goal:
-            best = max(best, priority)
-            return
-        for there in set(range(graph.size)) - set(route):
-            if graph.adjacency[here, there]:
-                legs = np.stack([times[:, here, there], energies[:, here, there]], axis=1)
-                onward = (ways[:, None] + legs[None]).reshape(-1, 2)
-                onward = onward[(onward[:, 0] < time_available) & (onward[:, 1] < energy_available)]
-                if len(onward):
-                    go([*route, there], priority + float(graph.priority[here, there]), onward)
-
-    go([0], 0.0, np.zeros((1, 2)))
-    return best
+def case(seed: int) -> tuple[MissionGraph, float, float]:
+    """Return a graph of 8 waypoints with three speeds, s and J."""
+    return posed(seed, 8, 3, 3)
 
 
 @pytest.fixture(scope="module")
 def few() -> list[tuple[MissionGraph, float, float]]:
-    return [posed(seed, still=seed % 2 == 0) for seed in range(12)]
+    return [case(seed) for seed in range(12)]
 
 
 def test_orders_and_speeds_are_those_of_exhaustive_search(few) -> None:
     pytest.importorskip("ortools")
     graphs = MissionGraph.stack(graph for graph, *_ in few)
-    limits = [np.array([case[k] for case in few]) for k in (1, 2)]
+    limits = [np.array([one[k] for one in few]) for k in (1, 2)]
     keys = jax.random.split(jax.random.key(0), len(few))
     routes = plan_missions(
         graphs, [0] * 12, [7] * 12, limits[0], speed=1.0, key=keys, energy_available=limits[1]
     )
     missed = 0
     for (graph, time, energy), route in zip(few, routes, strict=True):
-        wanted = best_of_all(graph, time, energy)
+        wanted = exhaustive(graph, time, energy)
         assert graph.options is not None
-        each = np.where(graph.adjacency, graph.options.travel_time + graph.duration, np.inf)
-        spent = np.where(graph.adjacency, graph.options.energy(graph.duration), np.inf)
+        each, spent = tables(graph)
         exact = solve_exact(each, graph.priority, 0, 7, time, energies=spent, energy_available=energy)
         assert exact.infeasible if wanted < 0.0 else exact.priority == pytest.approx(wanted)
         missed += (route.priority if route.feasible else -1.0) < wanted - 1e-9
@@ -92,7 +58,7 @@ def test_orders_and_speeds_are_those_of_exhaustive_search(few) -> None:
 
 
 def test_more_time_or_more_energy_never_costs_priority() -> None:
-    graph, time, energy = posed(5)
+    graph, time, energy = case(5)
     asked = {"speed": 1.0, "config": QUICK, "key": jax.random.key(1)}
     values = [
         plan_mission(graph, 0, 7, more * time, energy_available=richer * energy, **asked).priority
@@ -103,7 +69,7 @@ def test_more_time_or_more_energy_never_costs_priority() -> None:
 
 
 def test_without_a_limit_on_energy_all_legs_are_as_fast_as_can_be() -> None:
-    graph, time, _ = posed(4)
+    graph, time, _ = case(4)
     given = {"key": jax.random.key(2), "config": QUICK, "speed": 1.0}
     free = plan_mission(graph, 0, 7, time, **given)
     assert graph.options is not None
@@ -113,7 +79,7 @@ def test_without_a_limit_on_energy_all_legs_are_as_fast_as_can_be() -> None:
 
 
 def test_energy_is_saved_where_that_decides_between_routes_of_equal_priority() -> None:
-    graph, time, energy = posed(7)
+    graph, time, energy = case(7)
     found = [
         plan_mission(
             graph, 0, 7, 2.0 * time, speed=1.0, key=jax.random.key(0), energy_available=2.0 * energy,
@@ -145,7 +111,7 @@ def test_speeds_of_a_route_are_the_best_of_all() -> None:
 
 
 def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
-    graph, time, energy = posed(9)
+    graph, time, energy = case(9)
     assert graph.options is not None
     departures, tide = np.linspace(0.0, 2.0 * time, 5), np.array([1.0, 0.9, 1.1, 1.2, 0.95])
     opens, closes = np.zeros((8, 8, 1)), np.full((8, 8, 1), 0.6 * time)
@@ -173,7 +139,7 @@ def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
 
 
 def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
-    graph = replace(posed(0)[0], options=None)
+    graph = replace(case(0)[0], options=None)
     with pytest.raises(ValueError, match="energy_available needs a graph with options"):
         plan_mission(graph, 0, 7, 1e4, key=jax.random.key(0), energy_available=1e6)
 
