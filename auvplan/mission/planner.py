@@ -15,7 +15,7 @@ from auvplan.mission import labels
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import Missions, search_within
 from auvplan.mission.exact import certify
-from auvplan.mission.graph import MissionGraph
+from auvplan.mission.graph import MissionGraph, time_to_go
 from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
@@ -510,6 +510,10 @@ def _collect(
     graphs, legs, goals, available, margins = asked
     reached = (nodes == goals[:, None]).any(axis=1)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
+    lacking = np.zeros(len(nodes), bool)
+    if speeds is not None:
+        for b in np.flatnonzero(~reached):
+            lacking[b] = _lacks_energy(_each(speeds)[b], int(nodes[b, 0]), int(goals[b]), available[b])
     leg_times = asked.along(legs, nodes)
     waits = lost = np.zeros_like(leg_times)
     if graphs.timetable is not None:
@@ -528,7 +532,7 @@ def _collect(
         cost=result.cost,
         leg_times=leg_times,
         waits=waits,
-        status=tuple(_status(*row, speeds is not None) for row in zip(reached, least, late, strict=True)),
+        status=tuple(_status(*row) for row in zip(reached, least, late, lacking, strict=True)),
         least_time=least,
         time_available=available,
         population=result.state.population,
@@ -558,15 +562,19 @@ def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
     return found
 
 
-def _status(reached: bool, least: float, late: bool, limited: bool) -> MissionStatus:
+def _status(reached: bool, least: float, late: bool, lacking: bool) -> MissionStatus:
     if reached:
         return MissionStatus.OK
     if not np.isfinite(least):
         return MissionStatus.UNREACHABLE
     if late:
         return MissionStatus.OUT_OF_TIME
-    # The shortest ways at many speeds were among those tried.
-    return MissionStatus.OUT_OF_ENERGY if limited else MissionStatus.NOT_FOUND
+    return MissionStatus.OUT_OF_ENERGY if lacking else MissionStatus.NOT_FOUND
+
+
+def _lacks_energy(speeds: RouteSpeeds, start: int, goal: int, available: float) -> bool:
+    """Return whether it is certain that no route keeps time and energy both, at any speeds."""
+    return any(time_to_go(share, goal)[start] > 1.0 + 1e-9 for share in speeds.shares(available))
 
 
 def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:

@@ -35,9 +35,6 @@ class MissionStatus(Enum):
     NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
 
 
-#: Shares of the energy in mixtures of time and energy by which routes are bounded.
-_MIXES = 0.25, 0.4, 0.5, 0.6, 0.75, 1.0
-
 #: Attributes of a route that are single numbers.
 _NUMBERS = {
     "time": float, "priority": float, "tasks": int, "cost": float, "least_time": float,
@@ -116,7 +113,7 @@ class MissionRoute(ReprMixin):
         if self.proven_bound is not None:
             return self.proven_bound
         given = self.limiting_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
-        shares = [] if self.speeds is None else self.speeds.shares(_MIXES, self.time_available)
+        shares = [] if self.speeds is None else self.speeds.shares(self.time_available)
         return upper_bound(*given, limits=shares)
 
     @property

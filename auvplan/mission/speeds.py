@@ -25,6 +25,9 @@ Saved = Literal["time", "energy"]
 #: Prices that are looked at, W, about the powers of the vehicle, and their scatter.
 _PRICES, _REACH, _SCATTER = 96, (1e-2, 1e3), 0.15
 
+#: Shares of the energy in mixtures of time and energy.
+_MIXES = 0.25, 0.4, 0.5, 0.6, 0.75, 1.0
+
 #: Ways to go a route at speeds that are compared at most, leg by leg.
 _WAYS = 4000
 
@@ -215,16 +218,17 @@ class RouteSpeeds:
         energies = self.energies_of_edges[places, *edges]
         return replace(self, chosen=chosen, legs=self.options.speeds[places], energies=energies)
 
-    def shares(self, mixes: tuple[float, ...], time_available: float) -> list[Array]:
-        """[N, N] each: the least shares of what is available that edges take at any speed.
+    def shares(self, time_available: float) -> list[Array]:
+        """[N, N] each: the least shares of mixtures of time and energy that edges take at any speed.
+
+        A route that keeps both limits takes less than 1 of each, or no more.
 
         Args:
-            mixes: shares of the energy in mixtures of time and energy.
             time_available: s.
         """
-        time, energy = self.times_of_edges / time_available, self.energies_of_edges / self.available
-        with np.errstate(invalid="ignore"):
-            return [((1.0 - mix) * time + mix * energy).min(axis=0) for mix in mixes]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            time, energy = self.times_of_edges / time_available, self.energies_of_edges / self.available
+            return [((1.0 - mix) * time + mix * energy).min(axis=0) for mix in _MIXES]
 
 
 def picked(values: Array, places: IntArray) -> Array:

@@ -7,7 +7,15 @@ import jax
 import numpy as np
 import pytest
 
-from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission, plan_missions
+from auvplan.mission import (
+    MissionConfig,
+    MissionGraph,
+    MissionStatus,
+    Timetable,
+    plan_mission,
+    plan_missions,
+    time_to_go,
+)
 from auvplan.mission.exact import solve_exact
 from auvplan.mission.speeds import SpeedOptions, fastest
 from benchmarks.speeds import SPEEDS as CHOICES
@@ -136,6 +144,24 @@ def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
     assert now == pytest.approx(route.time)
     assert now < 1.5 * time
     assert spent <= energy
+
+
+def test_that_no_speeds_keep_both_limits_is_said_where_it_is_certain() -> None:
+    graph, time, energy = case(5)
+    given = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK}
+    assert exhaustive(graph, time, energy) > 0.0
+    times, energies = tables(graph)
+    least = [float(time_to_go(values.min(axis=0), 7)[0]) for values in (times, energies)]
+    for share, status in (
+        ((0.9, 9.0), MissionStatus.OUT_OF_TIME),
+        ((9.0, 0.9), MissionStatus.OUT_OF_ENERGY),
+        ((1.02, 1.02), MissionStatus.OUT_OF_ENERGY),
+    ):
+        limits = [part * value for part, value in zip(share, least, strict=True)]
+        assert exhaustive(graph, *limits) < 0.0
+        route = plan_mission(graph, 0, 7, limits[0], energy_available=limits[1], **given)
+        assert route.status is status
+        assert "available" in route.reason
 
 
 def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
