@@ -166,6 +166,21 @@ class MissionContext:
         return float(self.vehicle.speed)  # type: ignore[arg-type]
 
 
+class AtSpeed(NamedTuple):
+    """Travel times of edges at another speed than the vehicle's.
+
+    Attributes:
+        lasts: [N, N] s, or [M, N, N] by departure, as estimated last.
+        beside: those at the vehicle's speed then.
+        departures, travel_time: as in `Mission`.
+    """
+
+    lasts: Array
+    beside: Array
+    departures: Array | None
+    travel_time: Array | None
+
+
 class Stretch(NamedTuple):
     """What was executed of a leg between two looks, n steps.
 
@@ -284,7 +299,7 @@ class Mission:
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time; where speeds are
             chosen, in shares of those estimated.
         chosen: [N, N] places of the speeds of edges among the context's, or None.
-        slow_and_fast: departures and travel times, as below, at the least and the greatest of these.
+        slow_and_fast: what is known of edges at the least and the greatest of these, by the speed.
         energy_slack: J that the route left beyond the reserve, when it was made.
         departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where currents are
             forecast to change; None before they are timed.
@@ -318,7 +333,7 @@ class Mission:
     cause: str = "start"
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
     chosen: NDArray[np.integer] | None = None
-    slow_and_fast: dict[float, tuple[Array | None, Array | None]] = field(default_factory=dict)
+    slow_and_fast: dict[float, AtSpeed] = field(default_factory=dict)
     energy_slack: float = 0.0
     departures: Array | None = None
     travel_time: Array | None = None

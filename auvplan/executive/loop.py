@@ -237,6 +237,8 @@ def _update_edge_times(missions: list[Mission]) -> None:
         due = due or energy_due(mission)
         if decide(Facts(due=due)).act is Act.REPLAN_REST:
             mission.cause = due
+            if mission.slow_and_fast:
+                time_edges([mission])
 
 
 def _begin(missions: list[Mission]) -> None:

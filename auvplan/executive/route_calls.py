@@ -7,10 +7,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from auvplan.executive.context import Mission
+from auvplan.executive.context import AtSpeed, Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
-from auvplan.executive.speeds import drawn, offer_speeds, way_home, with_still_water
+from auvplan.executive.speeds import drawn, offer_speeds, travel_times, way_home, with_still_water
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_path
 from auvplan.mission.jobs import edges_off_lines
@@ -78,19 +78,27 @@ def _time(mission: Mission) -> None:
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
 
 
-def _at_speeds(mission: Mission) -> dict[float, MissionGraph]:
-    """Return the graph timed at the vehicle's speed, and at the least and the greatest to choose from."""
-    context = mission.context
-    known = {context.speed: mission.timed}
+def _at_speeds(mission: Mission) -> dict[float, Array]:
+    """Return travel times at the vehicle's speed, and at the least and the greatest to choose from, s.
+
+    The latter are estimated where a route is due; until then they change as those at the vehicle's speed do.
+    """
+    context, own = mission.context, travel_times(mission.timed, mission.context.speed)
+    known = {context.speed: own}
     assert context.speeds is not None
     for speed in {context.speeds.item(0), context.speeds.item(-1)} - set(known):
-        departures, travel_time = mission.slow_and_fast.get(speed, (None, None))
-        vehicle = replace(context.vehicle, speed=speed)
-        own = replace(context, vehicle=vehicle)
-        other = mission.fork(context=own, departures=departures, travel_time=travel_time)
-        _time(other)
-        mission.slow_and_fast[speed] = other.departures, other.travel_time
-        known[speed] = other.timed
+        kept = mission.slow_and_fast.get(speed)
+        if kept is None or mission.cause:
+            forecast = (None, None) if kept is None else (kept.departures, kept.travel_time)
+            there = replace(context, vehicle=replace(context.vehicle, speed=speed))
+            other = mission.fork(context=there, departures=forecast[0], travel_time=forecast[1])
+            _time(other)
+            estimate = travel_times(other.timed, speed)
+            kept = AtSpeed(estimate, own, other.departures, other.travel_time)
+            mission.slow_and_fast[speed] = kept
+        alike = np.isfinite(own) & np.isfinite(kept.beside)
+        changed = np.where(alike, own, 1.0) / np.where(alike, kept.beside, 1.0)
+        known[speed] = kept.lasts * changed
     return known
 
 

@@ -12,7 +12,13 @@ from auvplan.mission.speeds import SpeedOptions, picked
 from auvplan.ocean.currents import evaluated
 
 
-def offer_speeds(mission: Mission, known: Mapping[float, MissionGraph]) -> None:
+def travel_times(graph: MissionGraph, speed: float) -> Array:
+    """Return travel times of a graph timed at a speed, m/s: [N, N] s, or [M, N, N] by departure."""
+    timetable = graph.timetable
+    return graph.leg_times(speed) - graph.duration if timetable is None else timetable.travel_time
+
+
+def offer_speeds(mission: Mission, known: Mapping[float, Array]) -> None:
     """Let the speed of each edge be chosen among the context's, and time edges at those that are chosen.
 
     Along one path the speed over ground grows with that through the water: between those known it is taken
@@ -20,19 +26,14 @@ def offer_speeds(mission: Mission, known: Mapping[float, MissionGraph]) -> None:
 
     Args:
         mission: whose edges are timed at the vehicle's speed.
-        known: its graph, timed at some speeds, m/s, the least and the greatest among them.
+        known: travel times at some speeds, m/s, the least and the greatest among them.
     """
     context, base, power = mission.context, mission.timed, mission.context.power
     speeds = context.speeds
     assert speeds is not None
     assert power is not None
     knots = sorted(known)
-    rates = []
-    for knot in knots:
-        graph = known[knot]
-        timetable = graph.timetable
-        times = graph.leg_times(knot) - graph.duration if timetable is None else timetable.travel_time
-        rates.append(1.0 / np.maximum(times, 1e-9))
+    rates: list[Array] = [1.0 / np.maximum(known[knot], 1e-9) for knot in knots]
     travel = np.stack([_between(speed, knots, rates) for speed in speeds.tolist()])
     for (i, j), longer in mission.learnt.items():
         travel[..., i, j] *= longer
