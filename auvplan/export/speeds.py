@@ -33,8 +33,9 @@ _NOWHERE = 0.5
 #: Degrees, steepest dive of common vehicles.
 STEEPEST = 30.0
 
-#: Degrees by which a line may be steeper: it is as steep as the vehicle's own limit where that binds.
-_ROUNDING = 0.05
+#: Degrees by which a line may be steeper: it is as steep as the vehicle's own limit where that binds, and
+#: lines in place of a path may take a hundredth of a metre a second more (`thin`).
+_ROUNDING = 0.5
 
 
 class Stretch(NamedTuple):
@@ -160,13 +161,14 @@ def track_notes(
                 f"leg {leg.number} turns too sharply for {radius:.0f} m at {_at(sharp + 1)}: "
                 "the vehicle leaves its lines"
             )
-        angles = np.degrees(np.arctan2(sink, level))
+        # Of the vehicle through the water: against a current its track over ground is steeper.
+        rates = sink / np.maximum(np.diff(leg.kept_times), 1e-9)
+        angles = np.degrees(np.arcsin(np.minimum(rates / own, 1.0)))
         steep = np.flatnonzero(angles > steepest + _ROUNDING)
         if len(steep):
-            rate = own * np.sin(np.radians(angles.max()))
             notes.append(
-                f"leg {leg.number} dives or climbs at {angles.max():.0f} degrees, {rate:.1f} m/s, after "
-                f"{_at(steep)}: {whose} {steepest:.0f}"
+                f"leg {leg.number} dives or climbs at {angles.max():.0f} degrees, {rates.max():.1f} m/s, "
+                f"after {_at(steep)}: {whose} {steepest:.0f}"
             )
     return notes
 

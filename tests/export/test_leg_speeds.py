@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from auvplan.export import FORMATS, ExportError, export, export_notes, itinerary_of
 from auvplan.export.geojson import geojson_text
 from auvplan.export.imc import Begun, commanded, imc_text
+from auvplan.export.itinerary import PlannedLeg
 from auvplan.export.qgroundcontrol import qgc_plan, validate_plan
 from auvplan.export.speeds import ALIKE, led, stretches, track_notes
 from auvplan.site import Site
@@ -165,6 +166,15 @@ def test_what_a_vehicle_cannot_follow_goes_by_the_legs_speed():
     assert "leg 3 turns too sharply for 600 m at waypoint 1" in sharp
     (slow,) = track_notes([replace(leg, speed=4.0)], SPEED, 1.0)
     assert "makes 37 % of its speed over ground" in slow or "makes 38 %" in slow
+
+
+@pytest.mark.parametrize(("lasts", "steep"), [(110.0, ""), (70.0, "46 degrees, 1.1 m/s, after waypoint 0")])
+def test_a_dive_is_as_steep_as_it_is_through_the_water(lasts, steep):
+    """Against a current a line over ground of 37 degrees is a dive of 27; with one, one of 46."""
+    leg = PlannedLeg.of(1, 0, 1, np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 75.0]]), [0.0, lasts])
+    notes = track_notes([leg], 1.5, 1.0, slow=0.0, pitch_max=np.radians(30.0))
+    assert len(notes) == bool(steep)
+    assert all(steep in note for note in notes)
 
 
 def test_a_run_is_exported_at_the_speeds_of_its_legs():
