@@ -52,17 +52,17 @@ loop.warm_up = lambda *_: None
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
-#: Mappings of memory from which on compiled programs are dropped. Each has dozens, and Linux gives a process
-#: 65,530: the program beyond these crashes it.
-_MAPPINGS = 16_000
+#: Bytes of memory from which on compiled programs are dropped. With 6 GB of them a process is also near the
+#: number of mappings that Linux gives it, and the program beyond these crashes it.
+_MEMORY = 1.5e9
 
 
 @pytest.fixture(scope="module", autouse=True)
 def few_programs():
     """Programs of earlier modules are dropped where there are many."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.is_file() and maps.read_bytes().count(b"\n") > _MAPPINGS:
+    pages = Path("/proc/self/statm")
+    if pages.is_file() and int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") > _MEMORY:
         jax.clear_caches()
         drop_programs()
         gc.collect()
