@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.legs import finish, go_as_planned, plan_first_paths, set_out, unfit
@@ -81,6 +82,11 @@ class RollingPlan:
         Raises:
             ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
         """
+        if scenario.vehicle.saw_tooth is not None:
+            reason = (
+                "is planned for and not executed: use `auvplan plan` and `auvplan export`, or leave it out"
+            )
+            raise ScenarioError(reason, field="vehicle.saw_tooth")
         known = load_area_at(scenario, [0.0], folder) if area is None else area
         self._fingerprint = scenario.fingerprint
         self._context = planning_context(scenario, folder, known, 0.0, ahead=False)

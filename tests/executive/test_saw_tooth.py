@@ -16,6 +16,7 @@ from auvplan.export import itinerary_of
 from auvplan.export.imc import imc_text
 from auvplan.export.itinerary import waypoints
 from auvplan.io import save_run
+from auvplan.link.rolling import RollingPlan
 from auvplan.path.saw_tooth import turns
 from auvplan.scenario.vehicles import power_model
 from auvplan.simulation.world import make_vehicle
@@ -99,11 +100,10 @@ def test_turns_and_surfacings_are_waypoints(run):
     assert "nan" not in imc_text(itinerary).decode()
 
 
-def test_what_is_not_simulated_is_refused():
-    with pytest.raises(
-        ScenarioError, match=r"vehicle.saw_tooth is planned for and not simulated: use `auvplan plan`"
-    ):
-        ap.run_mission(GLIDER, seed=0)
+def test_what_is_neither_simulated_nor_executed_is_refused():
+    for run, how in (ap.run_mission, "simulated"), (RollingPlan, "executed"):
+        with pytest.raises(ScenarioError, match=f"is planned for and not {how}: use `auvplan plan`"):
+            run(GLIDER, seed=0)
 
 
 @pytest.mark.parametrize(
