@@ -1,1 +1,1 @@
-"""Mission planning: cases, other solvers, proofs by labels."""
+"""Mission planning: cases and other solvers."""
