@@ -112,28 +112,27 @@ def written(case: Case, folder: Path) -> Path:
         longitude, latitude = SITE.to_geographic(place[0], place[1])
         return [round(float(longitude), 7), round(float(latitude), 7)]
 
+    def point(place: Array) -> dict:
+        return {"type": "Point", "coordinates": at(place)}
+
     def collection(name: str, parts: list[tuple[dict, dict]]) -> str:
         features = [{"type": "Feature", "properties": stated, "geometry": shape} for stated, shape in parts]
         (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
         return name
 
     def areas(name: str, rings: dict[str, Array]) -> str:
-        parts = []
-        for each, ring in rings.items():
-            outline = [at(place) for place in [*ring, ring[0]]]
-            parts.append(({"name": each}, {"type": "Polygon", "coordinates": [outline]}))
-        return collection(name, parts)
+        outlines = {each: [[at(place) for place in [*ring, ring[0]]]] for each, ring in rings.items()}
+        shapes = {each: {"type": "Polygon", "coordinates": lines} for each, lines in outlines.items()}
+        return collection(name, [({"name": each}, shape) for each, shape in shapes.items()])
 
-    jobs = []
-    for name, (place, rho, stay) in case.jobs.items():
-        stated = {"name": name, "priority": rho, "duration": stay, "depth": 10}
-        jobs.append((stated, {"type": "Point", "coordinates": at(place)}))
-    collection("jobs.geojson", jobs)
+    jobs = [
+        ({"name": name, "priority": rho, "duration": stay, "depth": 10}, point(place))
+        for name, (place, rho, stay) in case.jobs.items()
+    ]
     chart: dict = {"source": "none", "pixel_size": 20}
     if case.islands:
         chart |= {"source": "polygons", "file": areas("coast.geojson", case.islands)}
-    tide = TIDE.items()
-    constituents = {name: {"u": [u, phase], "v": [v, phase]} for name, (u, v, phase) in tide}
+    constituents = {name: {"u": [u, phase], "v": [v, phase]} for name, (u, v, phase) in TIDE.items()}
     (folder / "tide.yaml").write_text(yaml.safe_dump({"source": "made up", "constituents": constituents}))
     content = {
         "name": "detours",
@@ -148,14 +147,14 @@ def written(case: Case, folder: Path) -> Path:
         "safety": {"coast": COAST, "obstacles": 10},
         "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
         "mission": {
-            "jobs": "jobs.geojson",
+            "jobs": collection("jobs.geojson", jobs),
             "start": [*case.start.tolist(), 5.0], "goal": [*case.goal.tolist(), 5.0],
             "time_available": case.available,
         },
         "planning": {"return_margin": 0.0, "reserve": 0.0},
     }  # fmt: skip
     if len(case.obstacles):
-        known = [({"radius": row[2]}, {"type": "Point", "coordinates": at(row)}) for row in case.obstacles]
+        known = [({"radius": row[2]}, point(row)) for row in case.obstacles]
         content["obstacles"] = {"file": collection("obstacles.geojson", known)}
     path = folder / "scenario.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
@@ -229,10 +228,7 @@ def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Row:
-    """How a plan fared; priority and time [s] beside the most, and the least for that, that can be had.
-
-    Faults are what    Faults are what `auvplan check` finds.
-    """
+    """How a plan fared: priority and time [s] beside the best of each; faults are those of `auvplan check`."""
 
     seed: int | None
     priority: float

@@ -4,20 +4,20 @@ The 62 JaiaBot missions: what their plans and three constants, fitted on other d
 battery; and what two Slocum gliders' dives took and how far off they surfaced. See `docs/energy.md`.
 """
 
-import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from benchmarks.harness import launch, markdown, screen
+from benchmarks.harness import launch, screen, show_markdown
+from benchmarks.machine import SHARED
 
 Array = NDArray[np.floating]
 
-FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "energy"
 #: Wh in a percent of the JaiaBot's battery.
 PERCENT = 1.32
 #: Factors on planned transit and dive energy, and J per rad of planned turns.
@@ -26,35 +26,29 @@ CONSTANTS = ("transit factor", "dive factor", "J per rad of turns")
 LONG_DIVE = 3000.0
 
 
-def read(file: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file.
+def read(file: Path) -> pd.DataFrame:
+    """Read a CSV file.
 
     Raises:
         AuvplanError: there is none.
     """
     if not file.is_file():
         raise AuvplanError(f"{file}: no such file: the data are not part of the repository")
-    return list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
-
-
-def columns(rows: Sequence[dict[str, str]], *names: str) -> Array:
-    """Numbers of some columns, [len(names), rows]."""
-    return np.array([[float(row[name]) for row in rows] for name in names])
+    return pd.read_csv(file)
 
 
 class Missions:
     """The JaiaBot missions: terms [N, 3] in percent of the battery, drain [N] and day of each."""
 
-    def __init__(self, rows: Sequence[dict[str, str]]) -> None:
-        transit, dive, hold, density, distance, self.drain, self.sum = columns(
-            rows, "planned_transit_energy_Wh", "planned_dive_energy_Wh", "planned_hold_energy_Wh",
-            "turn_density_deg_per_km", "planned_distance_m", "measured_drain_pct", "predicted_sum_pct",
-        )  # fmt: skip
-        turns = np.radians(density) * distance / 1000.0
+    def __init__(self, table: pd.DataFrame) -> None:
+        turns = np.radians(table.turn_density_deg_per_km) * table.planned_distance_m / 1000.0
         # The last column is 1 J a rad in percent.
-        self.terms = np.stack([transit / PERCENT, dive / PERCENT, turns / 3600.0 / PERCENT], axis=1)
-        self.hold = hold / PERCENT
-        self.days = np.array([f"{row['fleet']} {row['date']}" for row in rows])
+        terms = table.planned_transit_energy_Wh, table.planned_dive_energy_Wh, turns / 3600.0
+        self.terms = np.stack(terms, axis=1) / PERCENT
+        self.drain, self.sum = (
+            table[name].to_numpy() for name in ("measured_drain_pct", "predicted_sum_pct")
+        )
+        self.days = (table.fleet.astype(str) + " " + table.date.astype(str)).to_numpy(str)
 
     def fitted(self, chosen: Any, terms: Sequence[int]) -> Array:
         """Constants of some terms by least squares on the chosen missions, [len(terms)]."""
@@ -98,52 +92,47 @@ class Missions:
         return {name: (float(whole[k]), float(low[k]), float(high[k])) for k, name in enumerate(CONSTANTS)}
 
 
-def gliders(rows: Iterable[dict[str, str]]) -> list[dict[str, Any]]:
+def gliders(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Power, energy, and growth of the position error of each glider's long dives, but for an unsure one."""
     found = []
-    rows = [row for row in rows if float(row["submerged_s"]) > LONG_DIVE]
-    rows = [row for row in rows if float(row["check_residual_m"]) < 200.0]
-    for glider in dict.fromkeys(row["glider"] for row in rows):
-        own = [row for row in rows if row["glider"] == glider]
-        seconds, watts, wh, path, error, profiles = columns(
-            own, "submerged_s", "mean_power_W", "energy_Wh", "dr_path_m", "dr_error_m", "n_profiles"
-        )
+    table = table[(table.submerged_s > LONG_DIVE) & (table.check_residual_m < 200.0)]
+    for glider, own in table.groupby("glider", sort=False):
+        drift = own.dr_error_m / own.submerged_s
         found.append({
             "glider": glider, "dives": len(own),
-            "power_w": float(np.median(watts)),
-            "wh_a_dive": float(np.median(wh / profiles)),
-            "wh_per_km": float(np.median(wh / path * 1000.0)),
-            "error_m": float(np.median(error)),
-            "error_m_per_s": float(np.median(error / seconds)),
-            "error_m_per_s_90": float(np.quantile(error / seconds, 0.9)),
-            "error_share": float(np.median(error / path)),
+            "power_w": float(own.mean_power_W.median()),
+            "wh_a_dive": float((own.energy_Wh / own.n_profiles).median()),
+            "wh_per_km": float((own.energy_Wh / own.dr_path_m * 1000.0).median()),
+            "error_m": float(own.dr_error_m.median()),
+            "error_m_per_s": float(drift.median()),
+            "error_m_per_s_90": float(drift.quantile(0.9)),
+            "error_share": float((own.dr_error_m / own.dr_path_m).median()),
         })  # fmt: skip
     return found
 
 
-def pumps(rows: Sequence[dict[str, str]]) -> list[dict[str, Any]]:
+def pumps(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return what each glider draws all the time, and J of its pump a dive, by least squares over stretches.
 
     Beside them are the least and the greatest with a stretch left out, the mean error of predicting a stretch
     by the others, and that of predicting it by their mean power.
     """
     found = []
-    for glider in dict.fromkeys(row["glider"] for row in rows):
-        own = [row for row in rows if row["glider"] == glider]
-        seconds, dives, wh = columns(own, "submerged_s", "n_profiles", "energy_Wh")
-        terms, joules, each = np.stack([seconds, dives], axis=1), 3600.0 * wh, np.arange(len(own))
-        whole = np.linalg.lstsq(terms, joules, rcond=None)[0]
-        without = np.array([
-            np.linalg.lstsq(terms[each != k], joules[each != k], rcond=None)[0] for k in each
-        ])  # fmt: skip
-        mean = np.array([joules[each != k].sum() / seconds[each != k].sum() for k in each])
+    for glider, own in table.groupby("glider", sort=False):
+        terms, wh = own[["submerged_s", "n_profiles"]].to_numpy(float), own.energy_Wh.to_numpy()
+        joules, others = 3600.0 * wh, ~np.eye(len(own), dtype=bool)
+
+        def fitted(chosen: Any, terms: Array = terms, joules: Array = joules) -> Array:
+            return np.linalg.lstsq(terms[chosen], joules[chosen], rcond=None)[0]
+
+        whole, without = fitted(slice(None)), np.array([fitted(chosen) for chosen in others])
+        mean = np.array([joules[chosen].sum() / terms[chosen, 0].sum() for chosen in others])
         found.append({
             "glider": glider, "stretches": len(own), "hotel_w": float(whole[0]), "pump_j": float(whole[1]),
             "hotel_range": (float(without[:, 0].min()), float(without[:, 0].max())),
             "pump_range": (float(without[:, 1].min()), float(without[:, 1].max())),
             "error": float(np.abs((terms * without).sum(axis=1) / joules - 1.0).mean()),
-            "error_by_mean": float(np.abs(seconds * mean / joules - 1.0).mean()),
-            "mean_wh": float(wh.sum() / dives.sum()),
+            "error_by_mean": float(np.abs(terms[:, 0] * mean / joules - 1.0).mean()),
         })  # fmt: skip
     return found
 
@@ -168,44 +157,35 @@ def draw(missions: Missions, file: Path) -> None:
     style.save(axes, file)
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table as the documentation has it."""
-    print(*markdown(heads, rows), "", sep="\n")
+SCORES = {"prediction": "{prediction}", "bias": "{bias:+.1f}", "MAE": "{mae:.2f}", "RMSE": "{rmse:.2f}"}
+FITTED = {
+    "constant": "{constant}", "all missions": "{values[0]:.3g}", "least": "{values[1]:.3g}",
+    "greatest, a fleet-day left out": "{values[2]:.3g}",
+}  # fmt: skip
+DIVES = {
+    "glider": "{glider}", "dives": "{dives}", "W": "{power_w:.1f}", "Wh a dive": "{wh_a_dive:.2f}",
+    "Wh/km": "{wh_per_km:.1f}", "error, m": "{error_m:.0f}", "m/s": "{error_m_per_s:.3f}",
+    "90 %": "{error_m_per_s_90:.3f}", "share of the track": "{error_share:.0%}",
+}  # fmt: skip
+PUMPS = {
+    "glider": "{glider}", "stretches": "{stretches}", "W but for the pump": "{hotel_w:.2f}",
+    "one left out": "{hotel_range[0]:.2f}-{hotel_range[1]:.2f}", "J a dive": "{pump_j:,.0f}",
+    "one left out ": "{pump_range[0]:,.0f}-{pump_range[1]:,.0f}", "error": "{error:.0%}",
+    "error by mean power": "{error_by_mean:.0%}",
+}  # fmt: skip
 
 
 def main(folder: str, picture: str) -> dict[str, Any]:
-    place = Path(folder)
-    missions = Missions(read(place / "jaiabot_missions.csv"))
+    missions = Missions(read(Path(folder) / "jaiabot_missions.csv"))
     scores, constants = missions.rows(), missions.constants()
     days = len(np.unique(missions.days))
     screen.print(f"{len(missions.drain)} JaiaBot missions on {days} fleet-days, points of charge")
-    rows = [
-        [row["prediction"], f"{row['bias']:+.1f}", f"{row['mae']:.2f}", f"{row['rmse']:.2f}"]
-        for row in scores
-    ]
-    table(["prediction", "bias", "MAE", "RMSE"], rows)
-    fitted = [[name, *(f"{value:.3g}" for value in values)] for name, values in constants.items()]
-    table(["constant", "all missions", "least", "greatest, a fleet-day left out"], fitted)
-    dived = gliders(read(place / "slocum.csv"))
-    table(
-        ["glider", "dives", "W", "Wh a dive", "Wh/km", "error, m", "m/s", "90 %", "share of the track"],
-        [[
-            row["glider"], str(row["dives"]), f"{row['power_w']:.1f}", f"{row['wh_a_dive']:.2f}",
-            f"{row['wh_per_km']:.1f}", f"{row['error_m']:.0f}", f"{row['error_m_per_s']:.3f}",
-            f"{row['error_m_per_s_90']:.3f}", f"{row['error_share']:.0%}",
-        ] for row in dived],
-    )  # fmt: skip
-    pumped = pumps(read(place / "slocum.csv"))
-    table(
-        ["glider", "stretches", "W but for the pump", "one left out", "J a dive", "one left out",
-         "error", "error by mean power"],
-        [[
-            row["glider"], str(row["stretches"]), f"{row['hotel_w']:.2f}",
-            "{:.2f}-{:.2f}".format(*row["hotel_range"]), f"{row['pump_j']:,.0f}",
-            "{:,.0f}-{:,.0f}".format(*row["pump_range"]), f"{row['error']:.0%}",
-            f"{row['error_by_mean']:.0%}",
-        ] for row in pumped],
-    )  # fmt: skip
+    show_markdown(scores, SCORES)
+    show_markdown([{"constant": name, "values": values} for name, values in constants.items()], FITTED)
+    slocum = read(Path(folder) / "slocum.csv")
+    dived, pumped = gliders(slocum), pumps(slocum)
+    show_markdown(dived, DIVES)
+    show_markdown(pumped, PUMPS)
     if picture:
         draw(missions, Path(picture))
     return {"scores": scores, "constants": constants, "gliders": dived, "pumps": pumped}
@@ -214,6 +194,6 @@ def main(folder: str, picture: str) -> dict[str, Any]:
 if __name__ == "__main__":
     launch(
         main,
-        folder=(str(FOLDER), "of the data"),
+        folder=(str(SHARED / "energy"), "of the data"),
         picture=("", "file to draw predictions against measurements in"),
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import auvplan as ap
 from auvplan.energy import PowerLaw, PowerModel, PowerTable
 from auvplan.path import plan_least_energy, speeds_along
-from benchmarks.harness import clock, launch, markdown, track
+from benchmarks.harness import clock, launch, show_markdown, track
 
 Array = NDArray[np.floating]
 
@@ -257,45 +257,27 @@ class Programme:
         return found[best][1], float(self.speeds[best])
 
 
-@dataclass(frozen=True)
-class Row:
-    """A sea, and what was found there: energies in J by the same walk.
+#: A sea, and what was found there: energies in J by the same walk.
+COLUMNS = {
+    "sea": "{sea}", "km": "{km:.1f}", "depth from, to, m": "{depths[0]:.0f}, {depths[1]:.0f} of {bottom:.0f}",
+    "programme, kJ": "{kilojoules:.1f}",
+    "planner / programme, speeds by segment": "{ratio:.4f}, {varied_ratio:.4f}",
+    "speed, programme's, m/s": "{speed:.2f}, {speeds[0]:.2f}-{speeds[1]:.2f}",
+    "deepest, programme's, m": "{deepest[1]:.0f}, {deepest[0]:.0f}",
+    "saved: quickest path, 1.5 m/s": "{saved[0]:.1%}, {saved[1]:.1%}",
+    "s a plan, fixed speed": "{seconds:.2f}, {fixed:.2f}",
+}  # fmt: skip
 
-    Attributes:
-        programme, coarse, single: of the dynamic programme, on a grid twice as coarse, and at one speed.
-        varied: of the planner's path where each segment has its best speed.
-        planned, quickest, usual: of the planner's path; of the quickest one at its best speed and at `USUAL`.
-        speed, speeds: m/s, the planner's, and the programme's least and greatest.
-        seconds, fixed: s, a plan took, and one at a given speed.
-        tracks: the programme's and the planner's.
+
+def compared(sea: Sea, seed: int) -> dict[str, Any]:
+    """Plan in a sea, and solve it by the programme.
+
+    Returns:
+        Energies of the dynamic `programme`, on a grid twice as `coarse`, and there at one speed, `single`; of
+        the planner's path, `planned`, and `varied` where each of its segments has its best speed; and shares
+        `saved` against the quickest path at its best speed and at `USUAL`. `seconds` of a plan, `fixed` at a
+        given speed; `tracks` of the programme and the planner.
     """
-
-    sea: str
-    distance: float
-    bottom: float
-    start: float
-    goal: float
-    programme: float
-    coarse: float
-    single: float
-    varied: float
-    planned: float
-    quickest: float
-    usual: float
-    speed: float
-    speeds: tuple[float, float]
-    feasible: bool
-    seconds: float
-    fixed: float
-    tracks: tuple[Array, Array]
-
-    @property
-    def ratio(self) -> float:
-        return self.planned / self.programme
-
-
-def compared(sea: Sea, seed: int) -> Row:
-    """Plan in a sea, and solve it by the programme."""
     vehicle, key = ap.Vehicle(USUAL, power=sea.power), jax.random.key(seed)
     pitch = float(np.asarray(vehicle.pitch_max))
     coarse, fine = (Programme.of(sea, (part * STEPS[0], part * STEPS[1]), pitch) for part in (2.0, 1.0))
@@ -312,7 +294,7 @@ def compared(sea: Sea, seed: int) -> Row:
         return walked(sea, np.asarray(plan.positions, float), speed)
 
     plan = planned(vehicle)
-    own = plan.conditions.vehicle
+    own, path = plan.conditions.vehicle, np.asarray(plan.positions, float)
     fixed(own)
     seconds, lasts = (
         min(clock(lambda one=one, given=given: one(given))[0] for _ in range(TIMED))
@@ -320,17 +302,21 @@ def compared(sea: Sea, seed: int) -> Row:
     )
     # What dives take plays no part in where the quickest paths lead, nor in which speed is best along them.
     quickest = planned(replace(vehicle, power=replace(sea.power, dive=0.0, climb=0.0)))
-    return Row(
-        sea.name, sea.distance, sea.bottom, *sea.depths, walked(sea, places, speeds),
-        walked(sea, *coarse.free(sea)), walked(sea, *coarse.single(sea)),
-        walked(sea, np.asarray(plan.positions, float), speeds_along(plan, sea.power, limits=SPEEDS)[0]),
-        spent(plan), spent(quickest), spent(fixed(vehicle)),
-        float(np.asarray(own.speed)), (float(speeds.min()), float(speeds.max())),
-        plan.feasible, seconds, lasts, (places, np.asarray(plan.positions, float)),
-    )  # fmt: skip
+    programme, takes = walked(sea, places, speeds), spent(plan)
+    varied = walked(sea, path, speeds_along(plan, sea.power, limits=SPEEDS)[0])
+    return {
+        "sea": sea.name, "km": sea.distance / 1000.0, "bottom": sea.bottom, "depths": sea.depths,
+        "programme": programme, "kilojoules": programme / 1000.0, "coarse": walked(sea, *coarse.free(sea)),
+        "single": walked(sea, *coarse.single(sea)), "planned": takes, "ratio": takes / programme,
+        "varied": varied, "varied_ratio": varied / programme,
+        "saved": tuple(1.0 - takes / spent(other) for other in (quickest, fixed(vehicle))),
+        "speed": float(np.asarray(own.speed)), "speeds": (float(speeds.min()), float(speeds.max())),
+        "deepest": (float(places[:, 2].max()), float(path[:, 2].max())), "feasible": plan.feasible,
+        "seconds": seconds, "fixed": lasts, "tracks": (places, path),
+    }  # fmt: skip
 
 
-def draw(rows: Sequence[Row], file: Path) -> None:
+def draw(rows: Sequence[dict[str, Any]], file: Path) -> None:
     """Draw depths along the way."""
     import matplotlib.pyplot as plt
 
@@ -338,54 +324,37 @@ def draw(rows: Sequence[Row], file: Path) -> None:
 
     figure, all_axes = plt.subplots(4, 3, figsize=(11, 9), layout="constrained")
     for axes, row in zip(all_axes.flat, rows, strict=False):
-        for places, colour, width in zip(row.tracks, (style.GREY, style.BLUE), (3.0, 1.2), strict=True):
+        for places, colour, width in zip(row["tracks"], (style.GREY, style.BLUE), (3.0, 1.2), strict=True):
             axes.plot(places[:, 0] / 1000.0, places[:, 2], color=colour, lw=width)
-        axes.set(ylim=(row.bottom, -3.0), xlabel="km", ylabel="depth [m]")
-        axes.set_title(f"{row.sea}: {row.ratio:.3f}", fontsize=9)
+        axes.set(ylim=(row["bottom"], -3.0), xlabel="km", ylabel="depth [m]")
+        axes.set_title("{sea}: {ratio:.3f}".format(**row), fontsize=9)
     figure.savefig(file, dpi=120)
 
 
 def main(seeds: range, picture: str) -> dict[str, Any]:
     rows = [compared(sea, seed) for seed in seeds for sea in track(seas(seed), f"seas of seed {seed}")]
-    heads = [
-        "sea", "km", "depth from, to, m", "programme, kJ", "planner / programme, speeds by segment",
-        "speed, programme's, m/s", "deepest, programme's, m", "saved: quickest path, 1.5 m/s",
-        "s a plan, fixed speed",
-    ]  # fmt: skip
-    deepest = [[float(places[:, 2].max()) for places in row.tracks] for row in rows]
-    print(*markdown(heads, [[
-        row.sea, f"{row.distance / 1000.0:.1f}", f"{row.start:.0f}, {row.goal:.0f} of {row.bottom:.0f}",
-        f"{row.programme / 1000.0:.1f}", f"{row.ratio:.4f}, {row.varied / row.programme:.4f}",
-        f"{row.speed:.2f}, {row.speeds[0]:.2f}-{row.speeds[1]:.2f}", f"{down[1]:.0f}, {down[0]:.0f}",
-        f"{1.0 - row.planned / row.quickest:.1%}, {1.0 - row.planned / row.usual:.1%}",
-        f"{row.seconds:.2f}, {row.fixed:.2f}",
-    ] for row, down in zip(rows, deepest, strict=True)]), "", sep="\n")  # fmt: skip
-    ratio, varied = (
-        np.array([spent / row.programme for row, spent in zip(rows, takes, strict=True)])
-        for takes in ([row.planned for row in rows], [row.varied for row in rows])
-    )
-    slower = np.array([row.seconds / row.fixed for row in rows])
-    grid = max(abs(row.coarse / row.programme - 1.0) for row in rows)
-    single = max(row.single / row.coarse for row in rows) - 1.0
-    saved = [
-        np.mean([1.0 - row.planned / other for row, other in zip(rows, others, strict=True)])
-        for others in ([row.quickest for row in rows], [row.usual for row in rows])
-    ]
+    show_markdown(rows, COLUMNS)
+    names = "ratio", "varied_ratio", "seconds", "fixed", "coarse", "single", "programme", "saved"
+    of = {name: np.array([row[name] for row in rows]) for name in names}
+    slower, saved = of["seconds"] / of["fixed"], of["saved"].mean(axis=0)
     found = {
-        "planner / programme, mean": ratio.mean(), "least": ratio.min(), "greatest": ratio.max(),
-        "speeds by segment, mean": varied.mean(), "least ": varied.min(), "greatest ": varied.max(),
-        "change of the programme on a grid twice as coarse, greatest": grid,
-        "more at one speed, greatest": single,
-        "time of a plan / that at a given speed, median": np.median(slower), "greatest  ": slower.max(),
-        "all": sum(row.seconds for row in rows) / sum(row.fixed for row in rows),
+        f"{what}{figure}": getattr(of[name], call)()
+        for what, name in (("planner / programme, ", "ratio"), ("speeds by segment, ", "varied_ratio"))
+        for figure, call in (("mean", "mean"), ("least", "min"), ("greatest", "max"))
+    } | {
+        "change of the programme on a grid twice as coarse, greatest":
+            np.abs(of["coarse"] / of["programme"] - 1.0).max(),
+        "more at one speed, greatest": (of["single"] / of["coarse"]).max() - 1.0,
+        "time of a plan / that at a given speed, median": np.median(slower), "greatest": slower.max(),
+        "all": of["seconds"].sum() / of["fixed"].sum(),
         "saved against the quickest path at its best speed, mean": saved[0],
         f"saved against the quickest path at {USUAL} m/s, mean": saved[1],
     }  # fmt: skip
-    print(f"{sum(row.feasible for row in rows)} of {len(rows)} feasible", end="")
+    print(f"{sum(row['feasible'] for row in rows)} of {len(rows)} feasible", end="")
     print(*(f"; {name} {value:.4f}" for name, value in found.items()), sep="")
     if picture:
         draw(rows, Path(picture))
-    kept = [{name: value for name, value in vars(row).items() if name != "tracks"} for row in rows]
+    kept = [{name: value for name, value in row.items() if name != "tracks"} for row in rows]
     return {"summary": {name: float(value) for name, value in found.items()}, "rows": kept}
 
 

@@ -18,62 +18,51 @@ from auvplan.executive import execute_missions
 from auvplan.link import execute
 from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
-from auvplan.simulation.faults import (
-    CurrentStep,
-    Fault,
-    Faults,
-    GivesUp,
-    HeldUp,
-    LinkOut,
-    Obstacle,
-    PlannerOut,
-    Restarts,
-    SensorOut,
-    Slower,
-    TakenOver,
-    WrongForecast,
-)
+from auvplan.simulation import faults as injected
 from benchmarks.collisions import Collision, collisions
 from benchmarks.harness import grouped, launch, screen, show, track
 
-Draw = Callable[[np.random.Generator, float], Fault]
+Rng = np.random.Generator
+Draw = Callable[[Rng, float], injected.Fault]
 
 
-def _step(rng: np.random.Generator, at: float, known: bool) -> Fault:
+def _step(rng: Rng, at: float, known: bool) -> injected.Fault:
     direction, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 1.0)
-    return CurrentStep(at, (speed * np.cos(direction), speed * np.sin(direction)), known)
+    return injected.CurrentStep(at, (speed * np.cos(direction), speed * np.sin(direction)), known)
 
 
-def _obstacle(rng: np.random.Generator, at: float, gap: tuple[float, float]) -> Fault:
+def _obstacle(rng: Rng, at: float, gap: tuple[float, float]) -> injected.Fault:
     """An obstacle so many metres ahead, its centre up to 20 m to a side, that moves at up to 0.5 m/s."""
     radius, aside = rng.uniform(20.0, 60.0), rng.uniform(-20.0, 20.0)
     ahead = np.sqrt((radius + rng.uniform(*gap)) ** 2 - aside**2)
     heading, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.5)
     velocity = speed * np.cos(heading), speed * np.sin(heading)
-    return Obstacle(at, float(ahead), float(aside), float(radius), velocity)
+    return injected.Obstacle(at, float(ahead), float(aside), float(radius), velocity)
+
+
+def _wrong_forecast(rng: Rng, at: float) -> injected.Fault:
+    return injected.WrongForecast(at, float(rng.choice([0.0, 0.5, 1.5, 2.0, -1.0])))
 
 
 #: A fault of each kind at a time, s.
 KINDS: dict[str, Draw] = {
     "current steps, forecast": lambda rng, at: _step(rng, at, known=True),
     "current steps, unknown": lambda rng, at: _step(rng, at, known=False),
-    "forecast wrong by a factor": lambda rng, at: WrongForecast(
-        at, float(rng.choice([0.0, 0.5, 1.5, 2.0, -1.0]))
-    ),
+    "forecast wrong by a factor": _wrong_forecast,
     "obstacle 50 to 300 m ahead": lambda rng, at: _obstacle(rng, at, (50.0, 300.0)),
     "obstacle within 5 m": lambda rng, at: _obstacle(rng, at, (0.5, 5.0)),
-    "sensor out": lambda rng, at: SensorOut(at, rng.uniform(60.0, 1800.0)),
-    "held up": lambda rng, at: HeldUp(at, rng.uniform(60.0, 1800.0)),
-    "planner out": lambda rng, at: PlannerOut(at, rng.uniform(30.0, 600.0)),
-    "vehicle slower": lambda rng, at: Slower(at, rng.uniform(0.6, 0.95)),
+    "sensor out": lambda rng, at: injected.SensorOut(at, rng.uniform(60.0, 1800.0)),
+    "held up": lambda rng, at: injected.HeldUp(at, rng.uniform(60.0, 1800.0)),
+    "planner out": lambda rng, at: injected.PlannerOut(at, rng.uniform(30.0, 600.0)),
+    "vehicle slower": lambda rng, at: injected.Slower(at, rng.uniform(0.6, 0.95)),
 }
 
 #: What strikes a vehicle on a link besides.
 OF_A_LINK: dict[str, Draw] = {
-    "link out": lambda rng, at: LinkOut(at, rng.uniform(30.0, 1200.0)),
-    "vehicle gives up": lambda rng, at: GivesUp(at),
-    "taken over": lambda rng, at: TakenOver(at),
-    "computer starts anew": lambda rng, at: Restarts(at),
+    "link out": lambda rng, at: injected.LinkOut(at, rng.uniform(30.0, 1200.0)),
+    "vehicle gives up": lambda rng, at: injected.GivesUp(at),
+    "taken over": lambda rng, at: injected.TakenOver(at),
+    "computer starts anew": lambda rng, at: injected.Restarts(at),
 }
 
 #: What the last share of missions has: two to six faults of any kind.
@@ -84,7 +73,7 @@ class Outcome(NamedTuple):
     """How a mission with faults ended."""
 
     kind: str
-    faults: list[Fault]
+    faults: list[injected.Fault]
     seed: int
     success: bool
     reason: str
@@ -94,11 +83,11 @@ class Outcome(NamedTuple):
 class Planner(RollingPlan):
     """A planner that answers nothing for some time, by the vehicle's clock."""
 
-    def strike(self, faults: list[Fault], vehicle: SimulatedVehicle) -> None:
-        self._faults, self._vehicle = Faults(faults), vehicle
+    def strike(self, faults: list[injected.Fault], vehicle: SimulatedVehicle) -> None:
+        self._faults, self._vehicle = injected.Faults(faults), vehicle
 
     def _out(self) -> bool:
-        out = self._faults.left(PlannerOut, self._vehicle.now) > 0.0
+        out = self._faults.left(injected.PlannerOut, self._vehicle.now) > 0.0
         self.reason = "the planner is out" if out else self.reason
         return out
 
@@ -109,7 +98,7 @@ class Planner(RollingPlan):
         return None if self._out() else super().from_position(count, position, now)
 
 
-def draw(kind: str, kinds: dict[str, Draw], rng: np.random.Generator, time_available: float) -> list[Fault]:
+def draw(kind: str, kinds: dict[str, Draw], rng: Rng, time_available: float) -> list[injected.Fault]:
     """Draw the faults of a mission, by the time they strike: one to three of a kind, or several of any."""
     several = kind == MIXED
     count = rng.integers(2, 7) if several else rng.integers(1, 4)
@@ -119,7 +108,7 @@ def draw(kind: str, kinds: dict[str, Draw], rng: np.random.Generator, time_avail
 
 
 def outcomes(
-    scenario: ap.Scenario, kinds: list[str], faults: list[list[Fault]], link: bool
+    scenario: ap.Scenario, kinds: list[str], faults: list[list[injected.Fault]], link: bool
 ) -> Iterator[Outcome]:
     """Simulate missions of seeds 0, 1, ..., or execute them as on vehicles at sea."""
     if not link:
@@ -145,11 +134,8 @@ _CAUSES = (
 
 def summed(name: str, found: list[Outcome]) -> dict[str, Any]:
     """A row of the missions with one kind of fault."""
-    failed = Counter(
-        next((words for words in _CAUSES if words in row.reason), row.reason or "NO REASON")
-        for row in found
-        if not row.success
-    )
+    why = [row.reason for row in found if not row.success]
+    failed = Counter(next((words for words in _CAUSES if words in one), one or "NO REASON") for one in why)
     hits = [hit.avoidable for row in found for hit in row.hits]
     return {
         "fault": name, "missions": len(found), "on time": sum(row.success for row in found),

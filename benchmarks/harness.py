@@ -178,21 +178,29 @@ def show(
         names: number of first columns that are names, to the left; repeats in the first are left blank.
         options: of all columns, as rich has them.
     """
+    made, last = Table(title=title), None
+    for number, heading in enumerate(columns):
+        made.add_column(heading, justify="left" if number < names else "right", **options)
+    for first, *others in _cells(rows, columns):
+        made.add_row("" if first == last else first, *others)
+        last = first
+    screen.print(made)
 
+
+def show_markdown(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
+    """Print a table of rows as the documentation has it; columns as `show` takes them."""
+    print(*markdown([heading.strip() for heading in columns], _cells(rows, columns)), "", sep="\n")
+
+
+def _cells(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> Iterator[list[str]]:
     def cell(form: str, row: Mapping[str, Any]) -> str:
         try:
             return form.format_map(row)
         except TypeError:  # None has no format
             return "-"
 
-    made, last = Table(title=title), None
-    for number, heading in enumerate(columns):
-        made.add_column(heading, justify="left" if number < names else "right", **options)
     for row in rows:
-        first, *others = (cell(form, row) for form in columns.values())
-        made.add_row("" if first == last else first, *others)
-        last = first
-    screen.print(made)
+        yield [cell(form, row) for form in columns.values()]
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> list[str]:

@@ -24,7 +24,7 @@ from benchmarks.harness import earlier, launch, screen, show, write
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
 TOGETHER = 8
-SEAS = {"vortices": "small sea", "tide": "harmonic tide", "fjord": "norfjords160 (ROMS, 24 h)"}
+SEAS = {"vortices": "small sea", "tide": "harmonic tide"}
 
 
 def scenario(sea: str, folder: Path) -> ap.Scenario:

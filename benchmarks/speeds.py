@@ -9,7 +9,6 @@ with free speeds cost. See `docs/energy.md`.
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import jax
@@ -93,7 +92,6 @@ def solved(case: tuple[MissionGraph, float, float]) -> tuple[float, bool]:
 
 
 def orders(small: int, large: int, first: int) -> dict[str, Any]:
-    rows: list[list[str]] = []
     equal = {"exact": 0, "search": 0}
     for seed in track(range(first, first + small), "exhaustive"):
         size = int(np.random.default_rng(seed).integers(5, 10))
@@ -101,10 +99,10 @@ def orders(small: int, large: int, first: int) -> dict[str, Any]:
         wanted = exhaustive(*case)
         equal["exact"] += abs(solved(case)[0] - wanted) < 1e-6
         equal["search"] += abs(planned(case, seed) - wanted) < 1e-6
-    for name, count in equal.items():
-        rows.append(
-            [f"{name}, at most 9 waypoints, 3 speeds", f"{count} of {small} equal to exhaustive search"]
-        )
+    rows = {
+        f"{name}, at most 9 waypoints, 3 speeds": f"{count} of {small} equal to exhaustive search"
+        for name, count in equal.items()
+    }
     gaps: dict[str, list[float]] = {}
     for count in SPEEDS:
         found = []
@@ -115,16 +113,9 @@ def orders(small: int, large: int, first: int) -> dict[str, Any]:
                 found.append(1.0 - max(planned(case, seed), 0.0) / best)
         gaps[str(count)] = found
         line = f"mean gap {np.mean(found):.2%}, worst {np.max(found):.1%}, {len(found)} proved cases"
-        rows.append([f"search, 40 waypoints, {count} speeds", line])
-    print(*markdown(["orders under two budgets", "against the optimum"], rows), "", sep="\n")
+        rows[f"search, 40 waypoints, {count} speeds"] = line
+    print(*markdown(["orders under two budgets", "against the optimum"], rows.items()), "", sep="\n")
     return {"equal": equal, "gaps": gaps}
-
-
-def at_start(scenario: ap.Scenario, area: Any, seed: int) -> Mission:
-    """Return a mission before its first route, its edges timed."""
-    mission = start_mission(make_context(scenario, area=area), 0, prng.of_seeds([seed])[0], seed)
-    time_edges([mission])
-    return mission
 
 
 def constant(mission: Mission, available: float) -> tuple[float, float, Any]:
@@ -133,14 +124,13 @@ def constant(mission: Mission, available: float) -> tuple[float, float, Any]:
     options = graph.options
     assert options is not None
     for k in range(len(options.speeds)):
-        alone = SpeedOptions(
-            options.speeds[k : k + 1], options.power[k : k + 1], options.travel_time[k : k + 1], options.fixed
-        )
+        one = slice(k, k + 1)
+        parts = options.speeds[one], options.power[one], options.travel_time[one], options.fixed
+        alone = SpeedOptions(*parts)
         open_ = graph.adjacency & np.isfinite(alone.least[0])
         if not open_.any():
             continue
-        given = replace(graph, options=alone, adjacency=open_)
-        route = first_route(mission, given, available)
+        route = first_route(mission, replace(graph, options=alone, adjacency=open_), available)
         if route.feasible:
             found.append((route.priority, -float(route.speeds.energies.sum()), route))
     best = max(found, key=lambda one: one[:2])
@@ -155,23 +145,21 @@ def first_route(mission: Mission, graph: MissionGraph, available: float) -> Any:
 
 
 def missions(seeds: Sequence[int]) -> dict[str, Any]:
-    scenario = ap.load_scenario(SCENARIO)
-    rows, found = [], dict[str, Any]()
-    for draw, batch in product((1.0, 1.1), (list(seeds),)):
-        runs = ap.run_missions(scenario.with_({"simulation.draw": draw}), seeds=batch)
+    scenario, rows, found = ap.load_scenario(SCENARIO), dict[str, str](), dict[str, Any]()
+    for draw in (1.0, 1.1):
+        runs = ap.run_missions(scenario.with_({"simulation.draw": draw}), seeds=list(seeds))
         home = sum(run.success for run in runs)
         found[f"draw {draw}"] = [
             [run.seed, run.success, run.total_priority, run.energy.total, run.energy.margin, run.reason]
             for run in runs
         ]
-        mean = [
-            np.mean(part) for part in zip(*((r.total_priority, r.energy.total) for r in runs), strict=True)
-        ]
-        line = f"{home} of {len(runs)} home in time, reserve kept; priority {mean[0]:.1f}, {mean[1]:.0f} Wh"
-        rows.append([f"simulated, true draw {draw:g} of the model's", line])
-    area, pairs = load_area(scenario), []
+        priority, spent = (np.mean([row[k] for row in found[f"draw {draw}"]]) for k in (2, 3))
+        line = f"{home} of {len(runs)} home in time, reserve kept; priority {priority:.1f}, {spent:.0f} Wh"
+        rows[f"simulated, true draw {draw:g} of the model's"] = line
+    context, pairs = make_context(scenario, area=load_area(scenario)), []
     for seed in track(seeds, "constant speeds"):
-        mission = at_start(scenario, area, seed)
+        mission = start_mission(context, 0, prng.of_seeds([seed])[0], seed)
+        time_edges([mission])
         available = mission.energy_left
         free = first_route(mission, mission.timed, available)
         priority, energy, route = constant(mission, available)
@@ -184,24 +172,17 @@ def missions(seeds: Sequence[int]) -> dict[str, Any]:
         edges = route.nodes[:-1], route.nodes[1:]
         least = options.energies[same[edges], *edges].sum()
         pairs.append([priority, energy, free.priority, float(free.speeds.energies.sum()), float(least)])
-    values = np.asarray(pairs)
-    saved, gain = 1.0 - values[:, 4] / values[:, 1], values[:, 2] - values[:, 0]
-    equal = values[:, 2] == values[:, 0]
-    rows += [
-        [
-            "energy of the best constant speed's order, at free speeds",
+    before, energy, priority, spent, least = np.asarray(pairs).T
+    saved, gain, equal = 1.0 - least / energy, priority - before, priority == before
+    less = np.mean(1.0 - spent[equal] / energy[equal])
+    rows |= {
+        "energy of the best constant speed's order, at free speeds":
             f"{saved.mean():.1%} less (most {saved.max():.1%})",
-        ],
-        [
-            "priority at free speeds, against the best constant one",
+        "priority at free speeds, against the best constant one":
             f"{gain.mean():+.2f} ({(gain > 0).sum()} more, {(gain < 0).sum()} less)",
-        ],
-        [
-            f"energy of missions of equal priority ({equal.sum()})",
-            f"{np.mean(1.0 - values[equal, 3] / values[equal, 1]):.1%} less",
-        ],
-    ]
-    print(*markdown([SCENARIO, "missions"], rows), "", sep="\n")
+        f"energy of missions of equal priority ({equal.sum()})": f"{less:.1%} less",
+    }  # fmt: skip
+    print(*markdown([SCENARIO, "missions"], rows.items()), "", sep="\n")
     return found | {"pairs": pairs}
 
 

@@ -62,22 +62,18 @@ def main(n: int) -> None:
     single, compiled = one_after_the_other(SINGLES)
     study = whole - spent["compile_s"]
     ways = (
-        ("one after the other", SINGLES, compiled, single * SINGLES, single, 1.0),
-        (
-            f"a study, {spent['workers']} processes",
-            n,
-            spent["compile_s"],
-            study,
-            study / n,
-            single * n / study,
-        ),
+        ("one after the other", SINGLES, compiled, single * SINGLES),
+        (f"a study, {spent['workers']} processes", n, spent["compile_s"], study),
     )
-    names = "how", "count", "compiled", "then", "each", "ratio"
+    names = "how", "count", "compiled", "then"
+    rows = [dict(zip(names, way, strict=True)) | {"each": way[3] / way[1]} for way in ways]
+    for row in rows:
+        row["ratio"] = single / row["each"]
     columns = {
         "how": "{how}", "missions": "{count}", "compilation": "{compiled:.0f} s", "then": "{then:.1f} s",
         "a mission": "{each:.2f} s", "throughput": "{ratio:.2f}",
     }  # fmt: skip
-    show("Missions one by one and as a study", [dict(zip(names, way, strict=True)) for way in ways], columns)
+    show("Missions one by one and as a study", rows, columns)
     screen.print(f"most memory of the study's processes together {watch.most / 1e9:.2f} GB")
 
 

@@ -23,15 +23,9 @@ from auvplan.records import LegRecord
 from benchmarks.harness import clock, launch, show
 
 LEVELS = {
-    "straight line, 32 samples": TravelTimeConfig(PathConfig(control_points=6, samples=32)),
-    "straight line, 64 samples": TravelTimeConfig(),
-    "straight line, 128 samples": TravelTimeConfig(PathConfig(control_points=6, samples=128)),
-    "4 gradient steps": TravelTimeConfig(steps=4),
-    "8 gradient steps": TravelTimeConfig(steps=8),
-    "16 gradient steps": TravelTimeConfig(steps=16),
+    "straight line": TravelTimeConfig(),
     "10 control points, 128 samples, 60 steps": TravelTimeConfig(PathConfig(), steps=60),
 }
-
 
 COLUMNS = {
     "times of edges": "{what}", "against T_path planned: median": "{planned_median:.4f}",

@@ -39,12 +39,8 @@ def referenced(families: Sequence[str], seeds: Iterable[int], most: int | None =
     for family, seed in track(chosen, "references"):
         problem, reference = posed(family, seed), None
         if family in WITH_WAY:
-            deep = family in DEPTH_FAMILIES
-            path = references.STORED_DEEP if deep else references.STORED
-            reference = references.stored_reference(problem, references.load(path))
-            if reference is None:
-                reference = (references.depth_reference if deep else references.water_reference)(problem)
-                references.store(problem, reference, path)
+            path = references.STORED_DEEP if family in DEPTH_FAMILIES else references.STORED
+            reference = references.reference_of(problem, path)
         found.append((problem, reference))
     return found
 

@@ -10,7 +10,7 @@ import numpy as np
 import auvplan as ap
 from benchmarks.harness import clock, figures, grouped, show, track
 from benchmarks.paths.problems import PRESETS, PathProblem
-from benchmarks.paths.references import stored_times
+from benchmarks.paths.references import STORED_PATHS, reference_of
 from benchmarks.paths.ruler import World, evaluate
 
 
@@ -28,7 +28,6 @@ VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
     "no gradient after": partial(_plainer, refine_steps=0),
     "no gradient": partial(_plainer, passage_steps=0, refine_steps=0),
     "no passages": partial(_plainer, passages=0),
-    "no passages, 64 polished": partial(_plainer, 0, passages=0, refine_count=64),
     "evolution only": partial(_plainer, passages=0, refine_steps=0),
 }
 
@@ -96,10 +95,9 @@ def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
 
 
 def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int) -> list[Run]:
-    references, runs = stored_times(), []
-    sorted_ = sorted(problems, key=lambda problem: problem.family)
-    for problem in track(sorted_, "plans"):
-        world = World.of(problem)
+    runs = []
+    for problem in track(sorted(problems, key=lambda problem: problem.family), "plans"):
+        world, reference = World.of(problem), reference_of(problem, STORED_PATHS).travel_time
         for preset in presets:
-            runs += plan_one(problem, preset, references.get(problem.name), world, range(seeds))
+            runs += plan_one(problem, preset, reference, world, range(seeds))
     return runs

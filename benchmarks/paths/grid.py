@@ -27,9 +27,6 @@ from benchmarks.paths.waters import TidalCurrent, without_tide
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]
 
-#: Nodes along the longer side of a plane.
-NODES = 560
-
 #: Corridor: cells beyond start and goal, as a share of those between; half its width in lengths of the leg.
 _BEYOND, _WIDE = 0.06, 0.35
 
@@ -106,8 +103,8 @@ class Grid:
     goal: int
 
     @classmethod
-    def plane(cls, problem: PathProblem, world: World, nodes: int = NODES) -> "Grid":
-        """Lay nodes all over the box, one of them at the start."""
+    def plane(cls, problem: PathProblem, world: World, nodes: int) -> "Grid":
+        """Lay so many nodes along the longer side of the box, one of them at the start."""
         spacing = float((world.high - world.low)[:2].max() / nodes)
         start, goal = (np.asarray(end)[:2] for end in (problem.start, problem.goal))
         before = np.floor((start - world.low[:2]) / spacing).astype(int)

@@ -44,8 +44,7 @@ class Stage:
     iterations: int
 
 
-STAGES = Stage(64, 8, 0.1, 400), Stage(128, 8, 1.0, 400), Stage(128, 8, 10.0, 400)
-FINE_STAGES = Stage(256, 8, 1.0, 400), Stage(256, 8, 30.0, 400)
+STAGES = Stage(128, 4, 1.0, 150), Stage(256, 4, 30.0, 200)
 
 #: Price of a squared relative excess of a limit of the vehicle, to that of a squared unit of length.
 _LIMIT_PRICE = 1000.0
@@ -68,19 +67,12 @@ class Polished:
     score: Score
 
 
-def polish(
-    problem: PathProblem, world: World, positions: Array, stages: tuple[Stage, ...] = STAGES
-) -> Polished:
-    """Descend from a path [n, 2] m.
-
-    Args:
-        positions: [n, 2] m, from start to goal.
-        stages: one after the other; `FINE_STAGES` follow a path that is nearly right already.
-    """
+def polish(problem: PathProblem, world: World, positions: Array) -> Polished:
+    """Descend from a path [n, 2] m, from start to goal."""
     unit = world.side / _LENGTHS
     points, extra, slack = positions, _EXTRA * unit, 0.0
     data = _data(problem, world)
-    for stage in stages:
+    for stage in STAGES:
         points = _descended(points, stage, extra, slack, data)
     result = Polished(points, evaluate(problem, points, world))
     for _ in range(_TRIES):
@@ -90,7 +82,7 @@ def polish(
             extra += -result.score.clearance + _MORE * unit
         if result.score.excess > LIMIT_TOLERANCE:
             slack += result.score.excess - LIMIT_TOLERANCE + _STRICTER
-        points = _descended(points, stages[-1], extra, slack, data)
+        points = _descended(points, STAGES[-1], extra, slack, data)
         result = Polished(points, evaluate(problem, points, world))
     return result
 

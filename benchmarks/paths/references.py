@@ -1,8 +1,7 @@
 """The quickest paths known of the problems, and their files, so that they are computed once.
 
-`python -m benchmarks.paths.references` computes those of `path_problems` on a fine grid, whose best passages
-are followed by a descent each, and stores them. Those of random waters are tightened from the best paths of
-two grids; their relative difference is the error. Nothing of the planner takes part.
+They are tightened from the best paths of two grids, whose relative difference is the error. Nothing of the
+planner takes part.
 """
 
 import json
@@ -16,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.harness import launch, screen, show
 from benchmarks.paths.grid import Grid, passages, ways
-from benchmarks.paths.polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
-from benchmarks.paths.problems import PathProblem, have_charts, path_problems
+from benchmarks.paths.polish import Polished, polish, resampled, spread
+from benchmarks.paths.problems import PathProblem
 from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World
 from benchmarks.paths.tighten import tighten
 from benchmarks.paths.vertical import vertical
@@ -30,9 +28,6 @@ Array = NDArray[np.floating]
 STORED_PATHS, STORED, STORED_DEEP = (
     Path(__file__).with_name(f"{name}.json") for name in ("known", "waters", "depths")
 )
-
-#: Passages that are descended into, and how many of them are followed finely.
-_DESCENDED, _FINE = 12, 3
 
 #: Nodes of the two planes along a side, and cells of the two corridors ahead, aside and down.
 _PLANES, _CORRIDORS = (240, 400), ((64, 16, 24), (88, 24, 36))
@@ -46,8 +41,8 @@ _SMALLER = 0.6
 #: Segments of the last tightening in a plane; of a path in depth, and of the best one in the end.
 _FINEST, _DEEP_SEGMENTS, _DEEP_FINEST = 512, 96, 224
 
-#: How paths that turn too sharply are polished, and how many of them.
-_STAGES, _POLISHED = (Stage(128, 4, 1.0, 150), Stage(256, 4, 30.0, 200)), 3
+#: Paths that turn too sharply and are polished, at most.
+_POLISHED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +82,6 @@ class Reference:
         if best is None:
             return cls(None, error, np.zeros((0, 2)), seconds, plane)
         return cls(best.score.travel_time, error, best.positions, seconds, plane)
-
-
-def path_reference(problem: PathProblem) -> Reference:
-    """Find the quickest path of a planar problem by descents from the passages of one grid."""
-    begin, world = time.perf_counter(), World.of(problem)
-    found = passages(problem, world, Grid.plane(problem, world), _DESCENDED)
-    paths = [polish(problem, world, path) for _, path in found]
-    paths.sort(key=lambda path: (not path.score.feasible, path.score.travel_time))
-    paths += [polish(problem, world, path.positions, FINE_STAGES) for path in paths[:_FINE]]
-    return Reference.of([path for path in paths if path.score.feasible], begin)
 
 
 def water_reference(problem: PathProblem) -> Reference:
@@ -162,7 +147,7 @@ def _best_in_plane(problem: PathProblem, world: World, nodes: int) -> Polished |
             return _quickest([path, finest] if finest is not None and finest.score.feasible else [path])
         if path.score.excess > LIMIT_TOLERANCE and polished < _POLISHED:
             polished += 1
-            turning = polish(problem, world, path.positions, _STAGES)
+            turning = polish(problem, world, path.positions)
             if turning.score.feasible:
                 return turning
     return None
@@ -186,9 +171,14 @@ def load(path: Path) -> dict[str, dict[str, Any]]:
     return json.loads(path.read_text()) if path.exists() else {}
 
 
-def stored_times() -> dict[str, float | None]:
-    """Return travel times [s] of `path_problems` by name, as stored; None where there is no path."""
-    return {name: entry["travel_time"] for name, entry in load(STORED_PATHS).items()}
+def reference_of(problem: PathProblem, path: Path) -> Reference:
+    """Return a problem's reference, found and stored in a file where it is not there yet."""
+    reference = stored_reference(problem, load(path))
+    if reference is None:
+        deep = problem.environment.upper[2] > problem.environment.lower[2]
+        reference = (depth_reference if deep else water_reference)(problem)
+        store(problem, reference, path)
+    return reference
 
 
 def stored_reference(problem: PathProblem, entries: dict[str, dict[str, Any]]) -> Reference | None:
@@ -225,26 +215,3 @@ def store(problem: PathProblem, reference: Reference, path: Path) -> None:
     partial = path.with_suffix(".partial")
     partial.write_text("{\n" + ",\n".join(lines) + "\n}\n")
     partial.replace(path)
-
-
-def main(out: Path, only: list[str]) -> None:
-    rows = []
-    if not have_charts():
-        screen.print("problems on real coast: left out, the shared maps were not found")
-    for problem in path_problems():
-        if not only or problem.name in only:
-            found, known = path_reference(problem), problem.best_known
-            store(problem, found, out)
-            apart = found.travel_time / known - 1.0 if known and found.travel_time else None
-            row = {"problem": problem.name, "found": found.travel_time, "seconds": found.seconds}
-            rows.append(row | {"known": known, "apart": apart})
-            screen.print(f"{problem.name}: {found.travel_time} s, {found.seconds:.1f} s")
-    columns = {
-        "problem": "{problem}", "reference": "{found:.2f} s", "best known": "{known:.2f} s",
-        "apart by": "{apart:+.4%}", "time": "{seconds:.1f} s",
-    }  # fmt: skip
-    show("References", rows, columns)
-
-
-if __name__ == "__main__":
-    launch(main, out=(STORED_PATHS, "JSON file of references to add to"), only=((), "names of problems"))
