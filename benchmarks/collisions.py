@@ -23,23 +23,16 @@ _AFTER = 60.0
 
 @dataclass(frozen=True)
 class Collision:
-    """A stretch of a track inside something.
+    """A stretch of a track inside something."""
 
-    Attributes:
-        leg: number of the leg, from 0.
-        what: "land", "sea bed" or "obstacle".
-        number: of the obstacle on its leg; -1 of others.
-        time: s since the epoch, when it began.
-        sensed: s, the first look at it with nothing of the truth changing between then and the collision; NaN
-            where there was none.
-        avoidable: whether a straight course at the speed of then, or keeping station, would have kept clear.
-    """
-
-    leg: int
-    what: str
-    number: int
-    time: float
+    leg: int  # number of the leg, from 0
+    what: str  # "land", "sea bed" or "obstacle"
+    number: int  # of the obstacle on its leg; -1 of others
+    time: float  # s since the epoch, when it began
+    # s, the first look at it with nothing of the truth changing between then and the collision; NaN where
+    # there was none
     sensed: float
+    # whether a straight course at the speed of then, or keeping station, would have kept clear
     avoidable: bool
 
     def __str__(self) -> str:

@@ -39,23 +39,15 @@ Array = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Case:
-    """A day's work.
+    """A day's work."""
 
-    Attributes:
-        jobs: name to (place [2] m north and east, priority, seconds).
-        closed, islands: outlines [n, 2] m north and east, by name.
-        obstacles: [n, 3] north, east and radius, m.
-        start, goal: [2] m.
-        available: s.
-    """
-
-    jobs: dict[str, tuple[Array, int, int]]
-    closed: dict[str, Array]
-    islands: dict[str, Array]
-    obstacles: Array
-    start: Array
-    goal: Array
-    available: int
+    jobs: dict[str, tuple[Array, int, int]]  # name to (place [2] m north and east, priority, seconds)
+    closed: dict[str, Array]  # outlines [n, 2] m north and east, by name
+    islands: dict[str, Array]  # outlines [n, 2] m north and east, by name
+    obstacles: Array  # [n, 3] north, east and radius, m
+    start: Array  # [2] m
+    goal: Array  # [2] m
+    available: int  # s
 
 
 def hobart() -> Case:
@@ -228,7 +220,7 @@ def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Row:
-    """How a plan fared: priority and time [s] beside the best of each; faults are those of `auvplan check`."""
+    """How a plan fared: priority and time [s] beside the best of each, and what `auvplan check` finds."""
 
     seed: int | None
     priority: float

@@ -37,22 +37,16 @@ TIMED = 3
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Sheared:
-    """A current that changes with depth, and in strength along the way.
+    """A current that changes with depth, and in strength along the way."""
 
-    Attributes:
-        base, shear: [2] m/s, and m/s per m of depth.
-        jet, layers, spiral: [2] m/s each, their strength and direction.
-        depths: [5] m, the jet's depth and thickness, the boundary of layers and its thickness, Ekman's depth.
-        wave: amplitude of the strength along the way, and m, its length.
-    """
-
-    base: Any
-    shear: Any
-    jet: Any
-    layers: Any
-    spiral: Any
+    base: Any  # [2] m/s
+    shear: Any  # [2] m/s per m of depth
+    jet: Any  # [2] m/s, strength and direction
+    layers: Any  # [2] m/s, strength and direction
+    spiral: Any  # [2] m/s, strength and direction
+    # [5] m, the jet's depth and thickness, the boundary of layers and its thickness, Ekman's depth
     depths: Any
-    wave: Any
+    wave: Any  # amplitude of the strength along the way, and m, its length
 
     steady = True
 
@@ -157,23 +151,14 @@ def walked(sea: Sea, places: Array, speeds: Array | float) -> float:
 
 @dataclass(frozen=True)
 class Programme:
-    """Moves between depths over one step along the way, and what they take.
+    """Moves between depths over one step along the way, and what they take."""
 
-    Attributes:
-        step: m along and in depth.
-        depths: [J] m.
-        jumps: [B], levels by which a move changes depth.
-        strengths: [G], of the current.
-        energy: [G, V, J, B] J; infinite beyond the box and the limit on pitch.
-        speeds: [V] m/s.
-    """
-
-    step: tuple[float, float]
-    depths: Array
-    jumps: NDArray[np.int_]
-    strengths: Array
-    energy: Array
-    speeds: Array
+    step: tuple[float, float]  # m along and in depth
+    depths: Array  # [J] m
+    jumps: NDArray[np.int_]  # [B], levels by which a move changes depth
+    strengths: Array  # [G], of the current
+    energy: Array  # [G, V, J, B] J; infinite beyond the box and the limit on pitch
+    speeds: Array  # [V] m/s
 
     @classmethod
     def of(cls, sea: Sea, step: tuple[float, float], pitch: float) -> "Programme":

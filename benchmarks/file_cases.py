@@ -21,20 +21,15 @@ Reading = Callable[..., Table]
 
 @dataclass(frozen=True)
 class Currents:
-    """Files of a current.
-
-    Attributes:
-        origin: "real", "cut" (real, changed as the name says) or "made".
-        prepare: a folder to the files there, and the options of `open_ocean`.
-        reading: paths, and new names of variables as `renamed`, to what an independent reading finds.
-        variables: names that mutations look at: east, north, longitude, latitude, depth, time.
-    """
+    """Files of a current."""
 
     name: str
     model: str
-    origin: str
+    origin: str  # "real", "cut" (real, changed as the name says) or "made"
+    # a folder to the files there, and the options of `open_ocean`
     prepare: Callable[[Path], tuple[list[Path], dict[str, Any]]]
-    reading: Reading
+    reading: Reading  # paths, and new names of variables as `renamed`, to what an independent reading finds
+    # names that mutations look at: east, north, longitude, latitude, depth, time
     variables: tuple[str, ...] = field(default=())
 
 

@@ -57,23 +57,15 @@ class Box:
 
 @dataclass(frozen=True)
 class Rasters:
-    """A file of a sea bed or a chart.
+    """A file of a sea bed or a chart."""
 
-    Attributes:
-        name, kind, origin: what it is; kind is "sea bed", "chart" or "picture".
-        prepare: a folder to the file there.
-        read: what auvplan makes of it, [n, m] or [n, m, 3].
-        expect: what other libraries find there.
-        exact: largest difference, in the values' unit, that is none.
-    """
-
-    name: str
+    name: str  # what it is; kind is "sea bed", "chart" or "picture"
     kind: str
     origin: str
-    prepare: Callable[[Path], Path]
-    read: Callable[[Path], np.ndarray]
-    expect: Callable[[Path], np.ndarray]
-    exact: float = 1e-3
+    prepare: Callable[[Path], Path]  # a folder to the file there
+    read: Callable[[Path], np.ndarray]  # what auvplan makes of it, [n, m] or [n, m, 3]
+    expect: Callable[[Path], np.ndarray]  # what other libraries find there
+    exact: float = 1e-3  # largest difference, in the values' unit, that is none
 
     def equal(self, found: np.ndarray, expected: np.ndarray) -> float:
         """Share of the pixels that are the same."""

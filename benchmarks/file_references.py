@@ -32,31 +32,20 @@ class Unreadable(Exception):
 
 @dataclass(frozen=True)
 class Table:
-    """A current at a model's own points, levels and times.
+    """A current at a model's own points, levels and times."""
 
-    Attributes:
-        longitude, latitude: [P] degrees.
-        depth: [1 or T, K, P] m below the surface, NaN where a column has no such level.
-        east, north: [T, K, P] m/s, NaN where there is no water.
-        times: [T] s since 1970.
-        floor: [1 or T, P] m below the surface; None where it is not given.
-        rows: [ny, nx] points of a regular grid (bilinear in degrees), or None.
-        triangles: [N, 3] points between which the current is linear in metres.
-        cells: shapely polygons in degrees beyond which there is land; None for everywhere within triangles.
-        torn: sides of triangles that are so many times as long as usual are none.
-    """
-
-    longitude: np.ndarray
-    latitude: np.ndarray
-    depth: np.ndarray
-    east: np.ndarray
-    north: np.ndarray
-    times: np.ndarray
-    floor: np.ndarray | None = None
-    rows: np.ndarray | None = None
-    triangles: np.ndarray | None = None
+    longitude: np.ndarray  # [P] degrees
+    latitude: np.ndarray  # [P] degrees
+    depth: np.ndarray  # [1 or T, K, P] m below the surface, NaN where a column has no such level
+    east: np.ndarray  # [T, K, P] m/s, NaN where there is no water
+    north: np.ndarray  # [T, K, P] m/s, NaN where there is no water
+    times: np.ndarray  # [T] s since 1970
+    floor: np.ndarray | None = None  # [1 or T, P] m below the surface; None where it is not given
+    rows: np.ndarray | None = None  # [ny, nx] points of a regular grid (bilinear in degrees), or None
+    triangles: np.ndarray | None = None  # [N, 3] points between which the current is linear in metres
+    # shapely polygons in degrees beyond which there is land; None for everywhere within triangles
     cells: np.ndarray | None = None
-    torn: float = 30.0
+    torn: float = 30.0  # sides of triangles that are so many times as long as usual are none
 
     def column(self, frame: int, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rising depths of the levels of a column that have a current, and the current east and north."""

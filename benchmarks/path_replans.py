@@ -29,18 +29,12 @@ SHIFT = 40.0
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """A vehicle under way in a sea that has changed.
+    """A vehicle under way in a sea that has changed."""
 
-    Attributes:
-        problem: what it set out to do.
-        position: [3] m, where it is.
-        now: s since the epoch.
-    """
-
-    problem: PathProblem
+    problem: PathProblem  # what it set out to do
     plan: ap.PathPlan
-    position: np.ndarray
-    now: float
+    position: np.ndarray  # [3] m, where it is
+    now: float  # s since the epoch
     env: ap.Environment
 
 

@@ -26,20 +26,13 @@ _DRAWN = 2000
 
 @dataclass(frozen=True)
 class Walked:
-    """What the walks found.
-
-    Attributes:
-        paths: of them that the planner called clear.
-        collisions: of those that touch something.
-        metres: walked.
-        nearest: m, least distance to a collision boundary.
-    """
+    """What the walks found."""
 
     drawn: int
-    paths: int
-    collisions: int
-    metres: float
-    nearest: float
+    paths: int  # of them that the planner called clear
+    collisions: int  # of those that touch something
+    metres: float  # walked
+    nearest: float  # m, least distance to a collision boundary
 
 
 def walks(count: int, seed: int = 0) -> Walked:

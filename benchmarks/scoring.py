@@ -75,16 +75,11 @@ class Packed(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Problem:
-    """A leg to score paths for.
+    """A leg to score paths for."""
 
-    Attributes:
-        start, goal: [3] m.
-        env: the world, obstacles resolved.
-    """
-
-    start: jax.Array
-    goal: jax.Array
-    env: ap.Environment
+    start: jax.Array  # [3] m
+    goal: jax.Array  # [3] m
+    env: ap.Environment  # the world, obstacles resolved
     vehicle: Vehicle
     config: ap.PathConfig
 

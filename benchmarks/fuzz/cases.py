@@ -51,21 +51,13 @@ _FORBIDDEN = (
 
 @dataclass
 class Watch:
-    """What a reader does that it should not; `install` it once in a process.
+    """What a reader does that it should not; `install` it once in a process."""
 
-    Attributes:
-        found: what was done in the case under way, in words.
-        roots: folders whose files may be opened.
-        named: text in which files elsewhere may be named; None where none may.
-        thread: that is watched; None while no case is under way.
-        removing: whether the reader removes a folder of its own.
-    """
-
-    found: list[str] = field(default_factory=list)
-    roots: tuple[str, ...] = ()
-    named: bytes | None = None
-    thread: int | None = None
-    removing: bool = False
+    found: list[str] = field(default_factory=list)  # what was done in the case under way, in words
+    roots: tuple[str, ...] = ()  # folders whose files may be opened
+    named: bytes | None = None  # text in which files elsewhere may be named; None where none may
+    thread: int | None = None  # that is watched; None while no case is under way
+    removing: bool = False  # whether the reader removes a folder of its own
 
     def install(self) -> None:
         joblib.cpu_count(only_physical_cores=True)  # asks lscpu once, at the first clustering otherwise
@@ -167,17 +159,12 @@ def write_outside(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Cases:
-    """The cases of a reader.
-
-    Attributes:
-        folder: with a folder of each of them.
-        outside: a folder of files that are not to be opened.
-    """
+    """The cases of a reader."""
 
     name: str
     seeds: tuple[Seed, ...]
-    folder: Path
-    outside: Path
+    folder: Path  # with a folder of each of them
+    outside: Path  # a folder of files that are not to be opened
     seed: int
 
     @property

@@ -126,16 +126,11 @@ class Seed:
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader.
-
-    Attributes:
-        files: by the name of the folder.
-        names: whether its files may name others, anywhere.
-    """
+    """A reader."""
 
     read: Callable[[Path], object]
-    files: Mapping[str, Files]
-    names: bool = False
+    files: Mapping[str, Files]  # by the name of the folder
+    names: bool = False  # whether its files may name others, anywhere
 
     def write(self, folder: Path, sources: Path) -> list[Seed]:
         """Write all that are there below a folder."""

@@ -23,18 +23,13 @@ PHI1, PHI2 = 1.0, 100.0
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to plan.
-
-    Attributes:
-        plan: (case, seed) into waypoints, none where there is no plan.
-        compiles: a call that compiles what `plan` needs; None where nothing is compiled.
-        seeds: plans of each case at most.
-    """
+    """A way to plan."""
 
     name: str
-    plan: Callable[[Case, int], Any]
+    plan: Callable[[Case, int], Any]  # (case, seed) into waypoints, none where there is no plan
+    # a call that compiles what `plan` needs; None where nothing is compiled
     compiles: Callable[[Case], Any] | None = None
-    seeds: int | None = None
+    seeds: int | None = None  # plans of each case at most
     fits: Callable[[Case], bool] = lambda case: True
 
 

@@ -16,25 +16,18 @@ from benchmarks.machine import SHARED
 
 @dataclass(frozen=True)
 class Case:
-    """One mission to plan.
-
-    Attributes:
-        family: cases of one family have one size N and share a row of the table.
-        time_available: T_available, s; in the orienteering sets a length, executed at speed 1.
-        speed: |v|, m/s.
-        optimum: most total priority, where it is known.
-        prizes: [N] prize of each waypoint, where the priorities rho_ij = (prize_i + prize_j) / 2 stand for
-            prizes of waypoints.
-    """
+    """One mission to plan."""
 
     name: str
-    family: str
+    family: str  # cases of one family have one size N and share a row of the table
     graph: MissionGraph
     start: int
     goal: int
-    time_available: float
-    speed: float
-    optimum: float | None = None
+    time_available: float  # T_available, s; in the orienteering sets a length, executed at speed 1
+    speed: float  # |v|, m/s
+    optimum: float | None = None  # most total priority, where it is known
+    # [N] prize of each waypoint, where the priorities rho_ij = (prize_i + prize_j) / 2 stand for prizes of
+    # waypoints
     prizes: NDArray[np.floating] | None = None
 
     @property

@@ -25,40 +25,24 @@ NO_VIOLATION = 1e-3
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and what was found.
+    """A claim of the paper and what was found."""
 
-    Attributes:
-        claim: in a few words.
-        where: section, equation or figure.
-        criterion: what makes it confirmed.
-        paper: the figure under the paper's preset.
-        default: the figure under the default preset; empty where there is none.
-        verdict: of the paper's preset.
-    """
-
-    claim: str
-    where: str
-    criterion: str
-    paper: str
-    default: str
-    verdict: Verdict
+    claim: str  # in a few words
+    where: str  # section, equation or figure
+    criterion: str  # what makes it confirmed
+    paper: str  # the figure under the paper's preset
+    default: str  # the figure under the default preset; empty where there is none
+    verdict: Verdict  # of the paper's preset
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one preset's runs left behind.
+    """What one preset's runs left behind."""
 
-    Attributes:
-        legs: of `legs.legs_dataset`.
-        missions: of a study without a sweep.
-        calls: of `calls.call_times`.
-        interval: s between two measurements by the vehicle's sensors.
-    """
-
-    legs: xr.Dataset
-    missions: xr.Dataset
-    calls: xr.Dataset
-    interval: float
+    legs: xr.Dataset  # of `legs.legs_dataset`
+    missions: xr.Dataset  # of a study without a sweep
+    calls: xr.Dataset  # of `calls.call_times`
+    interval: float  # s between two measurements by the vehicle's sensors
 
 
 class Finding(NamedTuple):

@@ -34,17 +34,11 @@ _HISTORY = {
 
 @dataclass(frozen=True)
 class Legs:
-    """Runs of single legs under one preset, all for the same seeds.
+    """Runs of single legs under one preset, all for the same seeds."""
 
-    Attributes:
-        scenarios: of each of `SCENARIOS`, as planned from the kept population.
-        fresh: of each of `SCENARIOS`, re-planned from a fresh population.
-        rates: of scenario-1, by each of `RATES`.
-    """
-
-    scenarios: dict[str, list[MissionRun]]
-    fresh: dict[str, list[MissionRun]]
-    rates: dict[float, list[MissionRun]]
+    scenarios: dict[str, list[MissionRun]]  # of each of `SCENARIOS`, as planned from the kept population
+    fresh: dict[str, list[MissionRun]]  # of each of `SCENARIOS`, re-planned from a fresh population
+    rates: dict[float, list[MissionRun]]  # of scenario-1, by each of `RATES`
 
 
 def changed(name: str, preset: str, **sections: dict[str, Any]) -> Scenario:

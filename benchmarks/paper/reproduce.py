@@ -32,19 +32,12 @@ PRESETS = "paper", "default"
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is run.
+    """How much is run."""
 
-    Attributes:
-        missions: of each preset.
-        seeds: of each of the three scenarios.
-        rate_seeds: of scenario-1 at each update rate.
-        seed: the first one.
-    """
-
-    missions: int = 100
-    seeds: int = 10
-    rate_seeds: int = 40
-    seed: int = 0
+    missions: int = 100  # of each preset
+    seeds: int = 10  # of each of the three scenarios
+    rate_seeds: int = 40  # of scenario-1 at each update rate
+    seed: int = 0  # the first one
 
     def first(self, count: int) -> range:
         """Return so many seeds, from the first one on."""

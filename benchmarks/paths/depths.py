@@ -60,18 +60,12 @@ _SLOW = 1.0, 1.5
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class LayeredCurrent:
-    """Two layers, and water between them that passes from the one to the other.
+    """Two layers, and water between them that passes from the one to the other."""
 
-    Attributes:
-        upper, lower: [2] m/s, north and east.
-        interface: m, depth halfway.
-        softness: m, scale of the passage.
-    """
-
-    upper: jax.Array
-    lower: jax.Array
-    interface: jax.Array
-    softness: jax.Array
+    upper: jax.Array  # [2] m/s, north and east
+    lower: jax.Array  # [2] m/s, north and east
+    interface: jax.Array  # m, depth halfway
+    softness: jax.Array  # m, scale of the passage
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
@@ -83,19 +77,12 @@ class LayeredCurrent:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class EkmanCurrent:
-    """A spiral under the wind, and a deep current that it fades into.
+    """A spiral under the wind, and a deep current that it fades into."""
 
-    Attributes:
-        surface: [2] m/s, north and east, of the spiral at depth 0.
-        deep: [2] m/s.
-        scale: m, in which the spiral fades to 1/e and turns by a radian.
-        sense: 1 to the right with depth, -1 to the left.
-    """
-
-    surface: jax.Array
-    deep: jax.Array
-    scale: jax.Array
-    sense: jax.Array
+    surface: jax.Array  # [2] m/s, north and east, of the spiral at depth 0
+    deep: jax.Array  # [2] m/s
+    scale: jax.Array  # m, in which the spiral fades to 1/e and turns by a radian
+    sense: jax.Array  # 1 to the right with depth, -1 to the left
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
@@ -110,22 +97,14 @@ class EkmanCurrent:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class SillCurrent:
-    """Layers that are quicker over sills.
+    """Layers that are quicker over sills."""
 
-    Attributes:
-        layers: away from sills.
-        origin: [2] m.
-        along: [2], unit vector across the sills.
-        place, width: [SILLS] m, of each sill from the origin along it.
-        gain: [SILLS], by what share the current is quicker in the middle of a sill.
-    """
-
-    layers: LayeredCurrent
-    origin: jax.Array
-    along: jax.Array
-    place: jax.Array
+    layers: LayeredCurrent  # away from sills
+    origin: jax.Array  # [2] m
+    along: jax.Array  # [2], unit vector across the sills
+    place: jax.Array  # [SILLS] m, of each sill from the origin along it
     width: jax.Array
-    gain: jax.Array
+    gain: jax.Array  # [SILLS], by what share the current is quicker in the middle of a sill
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
@@ -139,22 +118,14 @@ class SillCurrent:
 
 @dataclass(frozen=True)
 class _Leg:
-    """Where a leg leads.
+    """Where a leg leads."""
 
-    Attributes:
-        speed: m/s through the water.
-        length: m, level.
-        along: [2], its direction.
-        depth: m, of the box.
-        start, goal: [3] m.
-    """
-
-    speed: float
-    length: float
-    along: Array
-    depth: float
-    start: Array
-    goal: Array
+    speed: float  # m/s through the water
+    length: float  # m, level
+    along: Array  # [2], its direction
+    depth: float  # m, of the box
+    start: Array  # [3] m
+    goal: Array  # [3] m
 
     @classmethod
     def drawn(cls, rng: Rng, depths: tuple[float, float] = _DEPTHS, shallow: float = 0.75) -> "_Leg":
@@ -370,23 +341,14 @@ def _spheres(rng: Rng) -> PathProblem | None:
 
 @dataclass(frozen=True)
 class _Source:
-    """A file of currents with levels.
+    """A file of currents with levels."""
 
-    Attributes:
-        path: beneath the shared data.
-        place: longitude and latitude of the box's middle, degrees.
-        half: m, sides of the box are twice as long, north and east.
-        depth: m, of the box.
-        distances: m, of the legs.
-        weight: share of the problems.
-    """
-
-    path: str
-    place: tuple[float, float]
-    half: tuple[float, float]
-    depth: float
-    distances: tuple[float, float]
-    weight: float
+    path: str  # beneath the shared data
+    place: tuple[float, float]  # longitude and latitude of the box's middle, degrees
+    half: tuple[float, float]  # m, sides of the box are twice as long, north and east
+    depth: float  # m, of the box
+    distances: tuple[float, float]  # m, of the legs
+    weight: float  # share of the problems
 
 
 _SOURCES = (

@@ -72,34 +72,20 @@ _DEEP_MOVES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A problem on nodes: ahead, aside and down, in that order of axes.
+    """A problem on nodes: ahead, aside and down, in that order of axes."""
 
-    Attributes:
-        origin: [2] m, north and east of the node (0, 0, any).
-        along: [2], unit vector ahead.
-        ahead, aside: m between nodes.
-        levels: [nz] m, depths of nodes.
-        clear: [na, nb, nz] m beyond the margins at each node, without obstacles that move.
-        water: [T, na, nb, nz, 3] m/s north, east, down; T is 1 where it is steady or turns with a tide.
-        moments: [T] s since departure, of the tables of the current.
-        tide: [F] factors of the current; one where it has no tide.
-        tidal_moment: s from one factor to the next.
-        movers: [K, 9], obstacles that move, see `movers_of`; in depth all of them.
-        start, goal: flat index of the node at the start and of the one at or nearest to the goal.
-    """
-
-    origin: Array
-    along: Array
-    ahead: float
-    aside: float
-    levels: Array
-    clear: Array
-    water: Array
-    moments: Array
-    tide: Array
-    tidal_moment: float
-    movers: Array
-    start: int
+    origin: Array  # [2] m, north and east of the node (0, 0, any)
+    along: Array  # [2], unit vector ahead
+    ahead: float  # m between nodes
+    aside: float  # m between nodes
+    levels: Array  # [nz] m, depths of nodes
+    clear: Array  # [na, nb, nz] m beyond the margins at each node, without obstacles that move
+    water: Array  # [T, na, nb, nz, 3] m/s north, east, down; T is 1 where it is steady or turns with a tide
+    moments: Array  # [T] s since departure, of the tables of the current
+    tide: Array  # [F] factors of the current; one where it has no tide
+    tidal_moment: float  # s from one factor to the next
+    movers: Array  # [K, 9], obstacles that move, see `movers_of`; in depth all of them
+    start: int  # flat index of the node at the start and of the one at or nearest to the goal
     goal: int
 
     @classmethod
@@ -215,21 +201,14 @@ def movers_of(problem: PathProblem, spheres: Spheres) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Searched:
-    """Both searches of a grid: from the start and from the goal.
+    """Both searches of a grid: from the start and from the goal."""
 
-    Attributes:
-        total: [na, nb, nz] s, of the best path through each node.
-        before, after: flat, the next node on the way to the start and to the goal, -1 at these.
-        settled, resettled: nodes in the order in which each search settled them.
-        best: s, of the best path.
-    """
-
-    total: Array
-    before: Index
+    total: Array  # [na, nb, nz] s, of the best path through each node
+    before: Index  # flat, the next node on the way to the start and to the goal, -1 at these
     after: Index
-    settled: Index
+    settled: Index  # nodes in the order in which each search settled them
     resettled: Index
-    best: float
+    best: float  # s, of the best path
 
     @classmethod
     def of(

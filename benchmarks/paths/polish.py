@@ -31,16 +31,11 @@ _SWEEPS = 8
 
 @dataclass(frozen=True)
 class Stage:
-    """One descent.
-
-    Attributes:
-        parts: points of each segment at which the current and the clearance are looked up.
-        price: of missing clearance, units of time per squared unit of length.
-    """
+    """One descent."""
 
     segments: int
-    parts: int
-    price: float
+    parts: int  # points of each segment at which the current and the clearance are looked up
+    price: float  # of missing clearance, units of time per squared unit of length
     iterations: int
 
 

@@ -48,23 +48,16 @@ LONGEST = 1.6
 
 @dataclass(frozen=True, eq=False)
 class PathProblem:
-    """One path to plan.
-
-    Attributes:
-        family: problems of one family share a row of the table.
-        start: north, east, depth, m.
-        goal: north, east, depth, m.
-        depart: s since the epoch.
-        changes: of settings of `PathConfig` that the problem needs.
-    """
+    """One path to plan."""
 
     name: str
-    family: str
+    family: str  # problems of one family share a row of the table
     environment: ap.Environment
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float]
+    start: tuple[float, float, float]  # north, east, depth, m
+    goal: tuple[float, float, float]  # north, east, depth, m
     vehicle: ap.Vehicle
-    depart: float = 0.0
+    depart: float = 0.0  # s since the epoch
+    # of settings of `PathConfig` that the problem needs
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -47,19 +47,14 @@ _POLISHED = 3
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The quickest path known.
+    """The quickest path known."""
 
-    Attributes:
-        travel_time: s, by the ruler; None where no path was found.
-        error: relative difference of what the two grids lead to; None where only one of them leads to a path.
-        positions: [n, 2] m, north and east; [n, 3] with depth for problems that have it.
-        plane: s, of the quickest path in the vertical plane, another search; None where there is none.
-    """
-
-    travel_time: float | None
+    travel_time: float | None  # s, by the ruler; None where no path was found
+    # relative difference of what the two grids lead to; None where only one of them leads to a path
     error: float | None
-    positions: Array
+    positions: Array  # [n, 2] m, north and east; [n, 3] with depth for problems that have it
     seconds: float
+    # s, of the quickest path in the vertical plane, another search; None where there is none
     plane: float | None = None
 
     @classmethod

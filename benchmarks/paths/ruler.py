@@ -45,43 +45,28 @@ _UPRIGHT = 0.01
 
 @dataclass(frozen=True)
 class Score:
-    """A path as measured.
+    """A path as measured."""
 
-    Attributes:
-        travel_time: s; infinite where the current cannot be held.
-        feasible: whether it keeps clear of everything, keeps the vehicle's limits and makes way everywhere.
-        clearance: m beyond the margins, the least on the way; negative where something is too near.
-        length: m.
-        excess: greatest share by which ground speed, current across the track, turn rate or pitch exceed
-            their limits, the last as speed up or down through the water; negative where all are kept.
-    """
-
-    travel_time: float
+    travel_time: float  # s; infinite where the current cannot be held
+    # whether it keeps clear of everything, keeps the vehicle's limits and makes way everywhere
     feasible: bool
-    clearance: float
-    length: float
+    clearance: float  # m beyond the margins, the least on the way; negative where something is too near
+    length: float  # m
+    # greatest share by which ground speed, current across the track, turn rate or pitch exceed their limits,
+    # the last as speed up or down through the water; negative where all are kept
     excess: float
 
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """M obstacles in linear motion.
+    """M obstacles in linear motion."""
 
-    Attributes:
-        centres: [M, 3] m, when last observed.
-        velocity: [M, 3] m/s, drift included.
-        reach: [M] m, collision boundaries when last observed plus the margin.
-        growth: [M] m/s.
-        growth_max: [M] m.
-        observed_at: [M] s.
-    """
-
-    centres: Array
-    velocity: Array
-    reach: Array
-    growth: Array
-    growth_max: Array
-    observed_at: Array
+    centres: Array  # [M, 3] m, when last observed
+    velocity: Array  # [M, 3] m/s, drift included
+    reach: Array  # [M] m, collision boundaries when last observed plus the margin
+    growth: Array  # [M] m/s
+    growth_max: Array  # [M] m
+    observed_at: Array  # [M] s
 
     @classmethod
     def of(cls, problem: PathProblem) -> "Spheres":
@@ -122,17 +107,11 @@ class Spheres:
 
 
 class Raster(NamedTuple):
-    """Values between which a look-up is bilinear.
+    """Values between which a look-up is bilinear."""
 
-    Attributes:
-        values: [nx, ny] at pixel centres.
-        origin: [2] m, its corner.
-        pixel: m.
-    """
-
-    values: Array
-    origin: Array
-    pixel: float
+    values: Array  # [nx, ny] at pixel centres
+    origin: Array  # [2] m, its corner
+    pixel: float  # m
 
     @classmethod
     def of(cls, placed: Any, values: ArrayLike) -> "Raster":
@@ -151,22 +130,14 @@ class Raster(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What must be kept off, in NumPy float64.
+    """What must be kept off, in NumPy float64."""
 
-    Attributes:
-        low, high: [3] m, the box.
-        spheres: the obstacles, the margin included.
-        coast: m to the coast; far away where there is no chart.
-        margin: m, to be kept from the coast, the error of interpolation included.
-        bed: m, greatest depth that the sea bed allows; far down without.
-    """
-
-    low: Array
-    high: Array
-    spheres: Spheres
-    coast: Raster
-    margin: float
-    bed: Raster
+    low: Array  # [3] m, the box
+    high: Array  # [3] m, the box
+    spheres: Spheres  # the obstacles, the margin included
+    coast: Raster  # m to the coast; far away where there is no chart
+    margin: float  # m, to be kept from the coast, the error of interpolation included
+    bed: Raster  # m, greatest depth that the sea bed allows; far down without
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":

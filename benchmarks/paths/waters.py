@@ -58,20 +58,14 @@ _PROGRESS = 0.15
 
 @dataclass(frozen=True)
 class Kind:
-    """How the problems of a family are drawn.
+    """How the problems of a family are drawn."""
 
-    Attributes:
-        land: ``(rng, gap) -> (water, ends)`` on the unit square, see `land`.
-        obstacles: least and greatest number of fixed obstacles.
-        radii: least and greatest radius of these, in units of the side.
-        moving: whether obstacles move, one of them into the best passage at the time of arrival.
-    """
-
+    # ``(rng, gap) -> (water, ends)`` on the unit square, see `land`
     land: Callable[[Rng, float], tuple[NDArray[np.bool_], Array]]
     narrow: bool = False
-    obstacles: tuple[int, int] = (2, 10)
-    radii: tuple[float, float] = (0.004, 0.03)
-    moving: bool = False
+    obstacles: tuple[int, int] = (2, 10)  # least and greatest number of fixed obstacles
+    radii: tuple[float, float] = (0.004, 0.03)  # least and greatest radius of these, in units of the side
+    moving: bool = False  # whether obstacles move, one of them into the best passage at the time of arrival
     way: bool = True
 
 
@@ -93,19 +87,13 @@ FAMILIES = tuple(name for name, kind in KINDS.items() if kind.way)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class TidalCurrent:
-    """A steady current times mean + swing cos(2 pi t / period + phase).
+    """A steady current times mean + swing cos(2 pi t / period + phase)."""
 
-    Attributes:
-        current: at its strongest where mean + swing is 1.
-        period: s.
-        phase: rad.
-    """
-
-    current: Current
+    current: Current  # at its strongest where mean + swing is 1
     mean: ArrayLike
     swing: ArrayLike
-    period: ArrayLike
-    phase: ArrayLike
+    period: ArrayLike  # s
+    phase: ArrayLike  # rad
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         u, v, w = self.current(x, y, z, t)
@@ -294,17 +282,12 @@ _MOVES = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Ways over the pixels' centres, coarse but certain.
+    """Ways over the pixels' centres, coarse but certain."""
 
-    Attributes:
-        clear: [PIXELS, PIXELS] m, to coast, edge and fixed obstacles, beyond the margins.
-        pixel: m.
-        seconds: for each of `_MOVES`, [PIXELS, PIXELS] s from each pixel at the current's strongest; infinite
-            where the vehicle's limits forbid the move at any strength.
-    """
-
-    clear: Array
-    pixel: float
+    clear: Array  # [PIXELS, PIXELS] m, to coast, edge and fixed obstacles, beyond the margins
+    pixel: float  # m
+    # for each of `_MOVES`, [PIXELS, PIXELS] s from each pixel at the current's strongest; infinite where the
+    # vehicle's limits forbid the move at any strength
     seconds: Mapping[tuple[int, int], Array]
 
     @classmethod
