@@ -21,8 +21,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.harness import launch, screen, show
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED, launch, screen, show
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {

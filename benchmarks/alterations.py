@@ -17,9 +17,8 @@ import xarray as xr
 
 from auvplan.check.run import check_dataset
 from auvplan.runtime.files import read_mission, read_summary
-from benchmarks.harness import grouped, launch, screen, show, track
+from benchmarks.harness import Rng, grouped, launch, screen, show, track
 
-Rng = np.random.Generator
 Summary = dict[str, Any]
 Alter = Callable[[Summary, xr.Dataset, Rng], None]
 

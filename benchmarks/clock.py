@@ -18,8 +18,7 @@ import auvplan as ap
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
 from auvplan.study.statistics import mean_interval
-from benchmarks.harness import launch, show, track
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED, launch, show, track
 
 DATA = SHARED / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.

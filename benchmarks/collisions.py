@@ -12,8 +12,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.faults import Fault, Faults, HeldUp, Obstacle, SensorOut
 from auvplan.simulation.simulator import TIME_STEP
-
-Array = NDArray[np.floating]
+from benchmarks.harness import Array
 
 #: Headings among which a way out is looked for; keeping station is another.
 _HEADINGS = 72

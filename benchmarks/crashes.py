@@ -28,8 +28,7 @@ import xarray as xr
 from auvplan.runtime.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.harness import clock, launch, screen, show
-from benchmarks.machine import AUVPLAN
+from benchmarks.harness import AUVPLAN, clock, launch, screen, show
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 

@@ -25,8 +25,7 @@ from auvplan.study import load_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES, RUNS
 from benchmarks import small_sea
 from benchmarks.crashes import clockless
-from benchmarks.harness import clock, launch, screen, show
-from benchmarks.machine import AUVPLAN
+from benchmarks.harness import AUVPLAN, clock, launch, screen, show
 
 RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
 STUDY = [*AUVPLAN, "montecarlo", "--quiet", "--save-runs"]

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import shapely
 import yaml
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -27,14 +26,13 @@ from auvplan.io import save_run
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import evaluated
 from auvplan.site import Site
-from benchmarks.harness import launch
+from benchmarks.harness import Array, launch
 
 #: Off Hobart, in Storm Bay.
 SITE = Site(147.55, -43.12)
 HALF, SPEED, COAST = 4000.0, 1.5, 20.0
 #: Degrees, m/s east and north, and Greenwich phases of the tide.
 TIDE = {"M2": (0.12, 0.22, 40.0), "K1": (0.03, 0.06, 100.0)}
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from benchmarks.harness import launch, screen, show_markdown
-from benchmarks.machine import SHARED
-
-Array = NDArray[np.floating]
+from benchmarks.harness import SHARED, Array, launch, screen, show_markdown
 
 #: Wh in a percent of the JaiaBot's battery.
 PERCENT = 1.32

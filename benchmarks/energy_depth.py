@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 import auvplan as ap
 from auvplan.energy import PowerLaw, PowerModel, PowerTable
 from auvplan.path import plan_least_energy, speeds_along
-from benchmarks.harness import clock, launch, show_markdown, track
-
-Array = NDArray[np.floating]
+from benchmarks.harness import Array, clock, launch, show_markdown, track
 
 KINDS = "shear", "jet", "Ekman spiral", "opposed layers"
 #: m/s: least and greatest speed, and the one that a scenario might state.

@@ -20,9 +20,8 @@ from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.simulation import faults as injected
 from benchmarks.collisions import Collision, collisions
-from benchmarks.harness import grouped, launch, screen, show, track
+from benchmarks.harness import Rng, grouped, launch, screen, show, track
 
-Rng = np.random.Generator
 Draw = Callable[[Rng, float], injected.Fault]
 
 

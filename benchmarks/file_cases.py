@@ -14,7 +14,7 @@ import xarray as xr
 
 from benchmarks import file_models, file_references
 from benchmarks.file_references import Table
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED
 
 Reading = Callable[..., Table]
 

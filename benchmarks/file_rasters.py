@@ -23,7 +23,7 @@ from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
 from benchmarks import file_models
 from benchmarks.file_references import LENGTHS, Raw
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED
 
 #: Passability of the classes of the pictures' truth: land, reef, water.
 CLASSES = {0: 0.0, 1: 0.3, 2: 1.0}

@@ -24,8 +24,7 @@ from auvplan.site import Site
 from benchmarks.file_cases import CUTS, REAL, Currents, made
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
-from benchmarks.harness import launch, markdown
-from benchmarks.machine import machine
+from benchmarks.harness import launch, machine, markdown
 
 COUNT = 200
 #: m/s, above which a row says why.

@@ -8,8 +8,14 @@ keeps::
 """
 
 import argparse
+import importlib.metadata
+import importlib.util
 import inspect
 import json
+import os
+import platform
+import shutil
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -20,14 +26,27 @@ from typing import Any, NoReturn, TypeVar
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from auvplan.errors import AuvplanError
-from benchmarks.machine import installed, machine
 
 T = TypeVar("T")
+Array = NDArray[np.floating]
+Rng = np.random.Generator
+
+PACKAGES = (
+    "auvplan", "jax", "jaxlib", "numpy", "scipy", "numba", "mealpy", "evosax", "cma", "ortools", "pyvrp",
+)  # fmt: skip
+COMPILERS = ("cc", "gcc", "clang")
+
+#: Real data lies beside the repository.
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+#: First words of the package's commands, in processes of their own.
+AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
 
 #: Where tables and lines are printed, wide enough where that is a file.
 screen = Console()
@@ -93,6 +112,35 @@ def write(path: Path | None, content: dict[str, Any] | None) -> None:
 def earlier(path: Path | None, name: str) -> dict[str, Any]:
     """Return what an earlier run wrote under a name, for a run that goes on from it; empty without one."""
     return json.loads(path.read_text()).get(name, {}) if path is not None and path.exists() else {}
+
+
+def installed(package: str) -> bool:
+    """Whether an optional package can be imported."""
+    return importlib.util.find_spec(package) is not None
+
+
+def compiler() -> str | None:
+    """Path of a C compiler; None where there is none."""
+    return next((path for name in COMPILERS if (path := shutil.which(name))), None)
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, system, versions and date."""
+    versions = {package: importlib.metadata.version(package) for package in PACKAGES if installed(package)}
+    facts, path = Path("/proc/cpuinfo"), compiler()
+    lines = facts.read_text().splitlines() if facts.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout if path else ""
+    return {
+        "processor": names[0] if names else platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "backend": jax.default_backend(),
+        "versions": versions,
+        "compiler": (said.splitlines() or [path])[0],
+        "date": time.strftime("%Y-%m-%d"),
+    }
 
 
 def available(name: str, packages: Iterable[str]) -> bool:

@@ -30,7 +30,7 @@ from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
 from benchmarks.files import largest, places
 from benchmarks.fuzz.changes import damage
-from benchmarks.harness import launch
+from benchmarks.harness import Rng, launch
 
 COPIES, POINTS = 500, 40
 SECONDS, BYTES = 30, 4 << 30
@@ -42,7 +42,6 @@ NEAR, _MEANS = 0.05, "means of their corners"
 #: A change: what it is, and whether the copy must read as the original ("same"), as the copy is read by other
 #: libraries ("copy"), or as either ("either"); and new names of variables.
 Change = tuple[str, str, dict[str, str]]
-Rng = np.random.Generator
 
 
 #: Attributes of a mapping, which a file with longitudes and latitudes need not heed.

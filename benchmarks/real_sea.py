@@ -17,8 +17,8 @@ import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.export import export_run
 from auvplan.io.example import write_example
+from benchmarks.harness import SHARED as DATA
 from benchmarks.harness import clock, launch
-from benchmarks.machine import SHARED as DATA
 
 
 def fjord() -> str:

@@ -29,8 +29,7 @@ from auvplan.path.cost import score
 from auvplan.path.problem import Problem as Leg
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
-from benchmarks.harness import clock, launch, screen, show, timed, track
-from benchmarks.machine import compiler
+from benchmarks.harness import clock, compiler, launch, screen, show, timed, track
 
 COUNTS = (100, 10_000)
 ROUNDS = 30

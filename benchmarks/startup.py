@@ -15,8 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import clock, launch, screen, show
-from benchmarks.machine import AUVPLAN
+from benchmarks.harness import AUVPLAN, clock, launch, screen, show
 
 README = Path(__file__).parent.parent / "README.md"
 

@@ -20,7 +20,8 @@ import h5py
 import numpy as np
 import yaml
 
-Rng = np.random.Generator
+from benchmarks.harness import Rng
+
 Tree = Any
 
 #: What replaces a value in a tree, and a number.

@@ -36,7 +36,7 @@ from auvplan.scenario.file import read_scenario
 from auvplan.study import Design, Sweep, load_study, summarise
 from auvplan.study.store import Store
 from auvplan.study.table import row_of, table
-from benchmarks.machine import AUVPLAN, SHARED
+from benchmarks.harness import AUVPLAN, SHARED
 from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.geo.files import write_geotiff
 from tests.io.sample_run import make_run

@@ -8,8 +8,7 @@ total priority.
 
 from typing import Any
 
-from benchmarks.harness import launch, screen, show
-from benchmarks.machine import installed
+from benchmarks.harness import installed, launch, screen, show
 from benchmarks.missions.bench import LARGEST_BATCHED, Bench, families, solvers
 
 COLUMNS = {

@@ -12,8 +12,7 @@ import numpy as np
 import auvplan as ap
 from auvplan.mission import MissionGraph, check_route, plan_mission, plan_missions, time_to_go
 from auvplan.mission.bound import upper_bound
-from benchmarks.harness import available, clock, screen, track
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED, available, clock, screen, track
 from benchmarks.missions import peers
 from benchmarks.missions.sets import Case, generated_cases, shared_cases
 

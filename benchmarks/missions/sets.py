@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, random_graph
 from auvplan.mission.timetable import Timetable
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED
 
 
 @dataclass(frozen=True)

@@ -16,20 +16,17 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 import auvplan as ap
 from auvplan.io.currents import read_current
 from auvplan.ocean.currents import Current, Velocity
 from auvplan.site import Site
-from benchmarks.machine import SHARED
+from benchmarks.harness import SHARED, Array, Rng
 from benchmarks.paths.problems import PIXELS, PathProblem, unlimited_vehicle
 from benchmarks.paths.ruler import World, evaluate, velocity_at
 from benchmarks.paths.waters import tide, water_problem
 
-Array = NDArray[np.floating]
-Rng = np.random.Generator
 T = TypeVar("T")
 
 #: rad, most pitch of vehicles of even seeds.

@@ -20,11 +20,11 @@ from scipy import ndimage
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import SPEED_FLOOR
+from benchmarks.harness import Array
 from benchmarks.paths.problems import PathProblem
 from benchmarks.paths.ruler import Spheres, World, upright_max, velocity_at
 from benchmarks.paths.waters import TidalCurrent, without_tide
 
-Array = NDArray[np.floating]
 Index = NDArray[np.integer]
 
 #: Corridor: cells beyond start and goal, as a share of those between; half its width in lengths of the leg.

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.ocean.whitsunday import classes
+from benchmarks.harness import Array, Rng
 from benchmarks.paths.problems import PIXELS, SITES, classes_of, have_charts
 
-Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
-Rng = np.random.Generator
 
 #: Waves that make up the outline of a wall, a channel or an island.
 _WAVES = 6

@@ -12,15 +12,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from auvplan.ocean.currents import is_steady
 from auvplan.vehicle import SPEED_FLOOR
+from benchmarks.harness import Array
 from benchmarks.paths.problems import OBSTACLES, PathProblem
 from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World, evaluate
-
-Array = NDArray[np.floating]
 
 #: Units to the longer side of the box, and to the straight line at the vehicle's speed.
 _LENGTHS, _TIMES = 10_000.0, 4000.0

@@ -21,9 +21,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.currents import FunctionCurrent
-from benchmarks.machine import SHARED
-
-Array = NDArray[np.floating]
+from benchmarks.harness import SHARED, Array
 
 MAPS = SHARED / "maps"
 SITES = "hook_passage", "hamilton_dent"

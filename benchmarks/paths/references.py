@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchmarks.harness import Array
 from benchmarks.paths.grid import Grid, passages, ways
 from benchmarks.paths.polish import Polished, polish, resampled, spread
 from benchmarks.paths.problems import PathProblem
 from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World
 from benchmarks.paths.tighten import tighten
 from benchmarks.paths.vertical import vertical
-
-Array = NDArray[np.floating]
 
 #: Files of the references of `path_problems`, and of random waters without and with depth.
 STORED_PATHS, STORED, STORED_DEEP = (

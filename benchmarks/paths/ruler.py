@@ -17,9 +17,8 @@ from auvplan import PathConfig
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.obstacles import CONFIDENCE
+from benchmarks.harness import Array
 from benchmarks.paths.problems import PathProblem
-
-Array = NDArray[np.floating]
 
 #: Share of the box's longer side by which a clearance may be missed: single precision is no better.
 TOLERANCE = 5e-6

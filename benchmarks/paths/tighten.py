@@ -10,16 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
+from benchmarks.harness import Array
 from benchmarks.paths.grid import Grid, limits_of, motion, packed, strikes, tabulated
 from benchmarks.paths.polish import Polished, spread
 from benchmarks.paths.problems import PathProblem
 from benchmarks.paths.ruler import World, evaluate, velocity_at
 from benchmarks.paths.waters import without_tide
-
-Array = NDArray[np.floating]
 
 #: Segments of a path, and nodes to each side of it.
 SEGMENTS, _ASIDE = 256, 8

@@ -23,6 +23,7 @@ import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import Current, Velocity, evaluated
 from auvplan.ocean.deviation import deviation
+from benchmarks.harness import Array, Rng
 from benchmarks.paths import land
 from benchmarks.paths.problems import (
     OBSTACLES,
@@ -33,9 +34,6 @@ from benchmarks.paths.problems import (
     quickest,
     unlimited_vehicle,
 )
-
-Array = NDArray[np.floating]
-Rng = np.random.Generator
 
 #: m, sides of the square.
 SMALLEST, LARGEST = 500.0, 50_000.0
