@@ -173,18 +173,15 @@ def measured(name: str, dim: int, seeds: tuple[int, ...]) -> np.ndarray:
     return np.maximum(np.log10(np.maximum(np.asarray(cost), 1e-300)), FLOOR)
 
 
-def by_group(found: np.ndarray) -> list[float]:
-    """Median over the functions of a group of the median over the seeds."""
-    medians = np.median(found, axis=1)
-    return [float(np.median(medians[members])) for members in GROUPS.values()]
-
-
 def table(results: dict[str, dict[int, np.ndarray]]) -> str:
-    """Markdown: a row a group and dimension, a column a search; the least is bold."""
+    """Markdown: a row a group and dimension, a column a search; the least is bold.
+
+    A value is the median over the functions of a group of the median over the seeds.
+    """
     rows = []
-    for row, group in enumerate(GROUPS):
+    for group, members in GROUPS.items():
         for dim in next(iter(results.values())):
-            values = [by_group(found[dim])[row] for found in results.values()]
+            values = [float(np.median(np.median(by[dim], axis=1)[members])) for by in results.values()]
             shown = [f"**{v:.1f}**" if round(v, 1) <= round(min(values), 1) else f"{v:.1f}" for v in values]
             rows.append([group, str(dim), *shown])
     return "\n".join(markdown(["group", "D", *results], rows))

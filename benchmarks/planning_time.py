@@ -4,6 +4,7 @@ All go to one place through 12 vortices, past 12 obstacles that drift. The first
 that of a second one with another key.
 """
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -29,24 +30,14 @@ def world() -> ap.Environment:
     return ap.Environment(current, obstacles=obstacles, lower=(0, 0, 0), upper=(3500, 3500, 100))
 
 
-def row(preset: str, config: ap.PathConfig, count: int) -> dict[str, Any]:
-    """Plan twice from `count` starts; times in s, the first with the compilation."""
-    env, goals = world(), np.tile(GOAL, (count, 1))
-    starts = np.random.default_rng(5).uniform(_NEAR, _FAR, (count, 3))
-
-    def call(seed: int) -> ap.PathPlans:
-        return ap.plan_paths(starts, goals, env, key=jax.random.key(seed), config=config)
-
-    (first, _), (seconds, plans) = clock(lambda: call(0)), clock(lambda: call(1))
-    return {
-        "preset": preset, "first": first, "seconds": seconds, "feasible": float(np.mean(plans.feasible))
-    }  # fmt: skip
-
-
 def main(starts: int) -> dict[str, Any]:
-    rows = []
+    rows, env, goals = [], world(), np.tile(GOAL, (starts, 1))
+    places = np.random.default_rng(5).uniform(_NEAR, _FAR, (starts, 3))
     for preset, config in (("default", ap.PathConfig()), ("quick", ap.PathConfig.quick())):
-        rows.append(row(preset, config, starts))
+        call = partial(ap.plan_paths, places, goals, env, config=config)
+        (first, _), (seconds, plans) = (clock(partial(call, key=jax.random.key(seed))) for seed in (0, 1))
+        rows.append({"preset": preset, "first": first, "seconds": seconds})
+        rows[-1]["feasible"] = float(np.mean(plans.feasible))
         took = "{preset}: {seconds:.1f} s, {first:.1f} s with compilation; {feasible:.1%} feasible"
         screen.print(f"{starts:,} starts, {took.format(**rows[-1])}")
     return {"starts": starts, "rows": rows}

@@ -169,12 +169,6 @@ def _plan(leg: Problem, config: ap.PathConfig, count: int, seed: int) -> Any:
     return plans.population[:, 0]
 
 
-def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
-    """[2, N], cost s and violation of habitats [N, 3 n] m of any number of control points."""
-    config = leg.config.replace(control_points=habitats.shape[1] // 3)
-    return np.stack(jax.jit(replace(leg, config=config).cost)(habitats))
-
-
 def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
     # The peers search the space of the paper's planner; the default's splines have more control points.
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
@@ -183,8 +177,9 @@ def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
     rounds = {name: min(seeds, BATCHED_SEEDS) if plans > 1 else seeds for name, (_, plans) in known.items()}
     turns = take_turns(calls, rounds, 999)
     for name, (_, plans) in known.items():
-        scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns[name].pop("results")]
-        cost, violation = np.concatenate(scores, axis=1)
+        best = np.concatenate([np.asarray(found, np.float32) for found in turns[name].pop("results")])
+        sized = replace(leg, config=leg.config.replace(control_points=best.shape[1] // 3))
+        cost, violation = (np.asarray(part) for part in jax.jit(sized.cost)(best))
         row = {"name": name, "plans": len(cost), "feasible": float((violation == 0.0).mean())} | turns[name]
         costs = ("cost", np.mean), ("median_cost", np.median), ("best_cost", np.min)
         row |= {key: float(figure(cost)) for key, figure in costs}

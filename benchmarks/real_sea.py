@@ -51,7 +51,9 @@ def islands(folder: Path) -> Iterator[str]:
     settings["area"] = {"lower": [-4300, -4700, 0], "upper": [4800, 4500, 50]}
     settings["current"]["forecast_error"] = 0.1
     jobs = json.loads((folder / "jobs.geojson").read_text())
-    jobs["features"] = [job for job in jobs["features"] if _southernmost(job) > -20.38]  # on the chart
+    south = [np.reshape(job["geometry"]["coordinates"], (-1, 2))[:, 1].min() for job in jobs["features"]]
+    on_chart = zip(jobs["features"], south, strict=True)
+    jobs["features"] = [job for job, latitude in on_chart if latitude > -20.38]
     (folder / "jobs.geojson").write_text(json.dumps(jobs))
     (folder / "real.yaml").write_text(yaml.safe_dump(settings))
     scenario = ap.load_scenario(folder / "real.yaml")
@@ -72,11 +74,6 @@ def islands(folder: Path) -> Iterator[str]:
                 f"{forecast['current_difference']:.2f} m/s; "
                 + ", ".join(f"{file.name} {file.stat().st_size / 1e3:.0f} kB" for file in files)
             )
-
-
-def _southernmost(job: dict) -> float:
-    """Least latitude of a point or line, degrees."""
-    return float(np.reshape(job["geometry"]["coordinates"], (-1, 2))[:, 1].min())
 
 
 def main() -> None:

@@ -14,10 +14,10 @@ import numpy as np
 
 from auvplan.runtime.compiled import drop_programs
 from benchmarks.harness import figures, grouped, launch, screen, track
-from benchmarks.paths import references
 from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels, posed
 from benchmarks.paths.gaps import Run, beside, plan_one, show_gaps, summed
 from benchmarks.paths.problems import PRESETS, PathProblem, have_charts
+from benchmarks.paths.references import STORED, STORED_DEEP, Reference, reference_of
 from benchmarks.paths.ruler import World
 from benchmarks.paths.waters import FAMILIES, KINDS
 
@@ -27,21 +27,18 @@ _TOGETHER = 8
 #: Families whose problems have a way.
 WITH_WAY = *FAMILIES, *DEPTH_FAMILIES
 
-Cases = Sequence[tuple[PathProblem, references.Reference | None]]
+Cases = Sequence[tuple[PathProblem, Reference | None]]
 
 
-def referenced(families: Sequence[str], seeds: Iterable[int], most: int | None = None) -> Cases:
+def referenced(families: Sequence[str], seeds: Iterable[int]) -> Cases:
     """Return problems, seed by seed, and their references, computed and stored where that was not done.
 
-    Problems without a way have none. The first `most` are returned.
+    Problems without a way have none.
     """
-    chosen, found = [(family, seed) for seed in seeds for family in families][:most], []
+    chosen, found = [(family, seed) for seed in seeds for family in families], []
     for family, seed in track(chosen, "references"):
-        problem, reference = posed(family, seed), None
-        if family in WITH_WAY:
-            path = references.STORED_DEEP if family in DEPTH_FAMILIES else references.STORED
-            reference = references.reference_of(problem, path)
-        found.append((problem, reference))
+        problem, path = posed(family, seed), STORED_DEEP if family in DEPTH_FAMILIES else STORED
+        found.append((problem, reference_of(problem, path) if family in WITH_WAY else None))
     return found
 
 
@@ -56,13 +53,9 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
     for number, (problem, reference) in enumerate(track(cases, "plans"), 1):
         world, own = World.of(problem), []
         known = None if reference is None else reference.travel_time
-        deep = problem.family in DEPTH_FAMILIES
-        more = {
-            "error": None if reference is None else reference.error,
-            "pitched": problem.vehicle.pitch_max is not None if deep else None,
-        }
+        error = None if reference is None else reference.error
         for preset in presets:
-            own += [run | more for run in plan_one(problem, preset, known, world)]
+            own += [run | {"error": error} for run in plan_one(problem, preset, known, world)]
         quickest = min((run["travel_time"] for run in own if run["feasible"]), default=np.inf)
         if problem.family in WITH_WAY and quickest < (np.inf if known is None else known):
             replaced.add(problem.name)
@@ -76,31 +69,25 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
 
 
 def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
-    """Return a row for each family and preset, for limited pitch and any pitch, and for all together."""
-    together = {None: (), True: ("pitch limited",), False: ("any pitch",)}
-    groups = grouped(
-        runs,
-        lambda run: [(name, run["preset"]) for name in (run["family"], *together[run["pitched"]], "all")],
-    )
+    """Return a row for each family and preset, and for all families together."""
     found = []
+    groups = grouped(runs, lambda run: [(name, run["preset"]) for name in (run["family"], "all")])
     for (family, _), members in groups.items():
         errors = figures([run["error"] for run in members if run["error"] is not None])
         own = {"error": errors["mean"], "worst_error": errors["worst"]}
         own["replaced"] = len(replaced & {run["problem"] for run in members})
         found.append(summed(family, members) | own)
-    last = ["", *(name for names in together.values() for name in names), "all"]
-    return sorted(found, key=lambda row: (last.index(row["name"]) if row["name"] in last else 0, row["name"]))
+    return sorted(found, key=lambda row: (row["name"] == "all", row["name"]))
 
 
-def gaps(
-    seeds: Sequence[int], families: Sequence[str], presets: Sequence[str], most: int | None, plans: bool
-) -> dict[str, Any] | None:
-    """Compute references, and plan and print the gaps unless they alone are wanted."""
+def main(seeds: range, families: list[str], preset: list[str], references: bool) -> dict[str, Any] | None:
+    if not have_charts():
+        screen.print("real coast: the shipped chart stands in, the shared maps were not found")
     if "file" in families and not have_levels():
         screen.print("file: left out, the shared currents with levels were not found")
         families = [name for name in families if name != "file"]
     open_, shut = ([name for name in families if (name in WITH_WAY) is way] for way in (True, False))
-    cases = referenced(open_, seeds, most)
+    cases = referenced(open_, seeds)
     known = [reference for _, reference in cases if reference is not None]
     unknown, spent = sum(one.travel_time is None for one in known), sum(one.seconds for one in known)
     screen.print(f"{len(cases)} references, {unknown} without a path, {spent:.0f} s to compute")
@@ -110,28 +97,20 @@ def gaps(
             f"{len(apart)} of them found in the vertical plane as well: {np.mean(apart):+.3%} in the mean, "
             f"{max(apart):+.3%} at most"
         )
-    if not plans:
+    if references:
         return None
-    runs, replaced = plan_all(cases, presets)
+    runs, replaced = plan_all(cases, preset)
     found = rows(runs, replaced)
     if found:
         errors = {"error, mean": "{error:.3%}", "error, worst": "{worst_error:.2%}"}
         show_gaps("Random waters: gap to the reference", found, **errors)
         screen.print(f"references that a feasible plan was quicker than, and replaced: {len(replaced)}")
-    closed, _ = plan_all(referenced(shut, seeds), presets)
-    for preset in presets if closed else ():
-        statuses = [run["status"] for run in closed if run["preset"] == preset and not run["claimed"]]
-        words = f"{len(statuses)} of {len(closed) // len(presets)} plans reported infeasible"
-        screen.print(f"{preset}: no way: {words} ({', '.join(sorted(set(statuses))) or 'none'})")
+    closed, _ = plan_all(referenced(shut, seeds), preset)
+    for name in preset if closed else ():
+        statuses = [run["status"] for run in closed if run["preset"] == name and not run["claimed"]]
+        words = f"{len(statuses)} of {len(closed) // len(preset)} plans reported infeasible"
+        screen.print(f"{name}: no way: {words} ({', '.join(sorted(set(statuses))) or 'none'})")
     return {"rows": found, "replaced": sorted(replaced), "runs": [*runs, *closed]}
-
-
-def main(
-    seeds: range, families: list[str], preset: list[str], most: int | None, references: bool
-) -> dict[str, Any] | None:
-    if not have_charts():
-        screen.print("real coast: the shipped chart stands in, the shared maps were not found")
-    return gaps(seeds, families, preset, most, plans=not references)
 
 
 if __name__ == "__main__":
@@ -140,6 +119,5 @@ if __name__ == "__main__":
         seeds=(range(4), "FIRST:END, the end left out"),
         families=((*KINDS, *DEPTH_FAMILIES), "of waters", [*KINDS, *DEPTH_FAMILIES]),
         preset=(("default", "quick"), "to plan with", PRESETS),
-        most=(int, "problems that have a way, the first of the seeds in order"),
         references=(False, "compute references and end"),
     )

@@ -7,7 +7,6 @@ for more. Lengths and times count in units of the problem's own.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from scipy.optimize import minimize
 from auvplan.ocean.currents import is_steady
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.harness import Array
-from benchmarks.paths.problems import OBSTACLES, PathProblem
+from benchmarks.paths.problems import PathProblem
 from benchmarks.paths.ruler import LIMIT_TOLERANCE, Score, World, evaluate
 
 #: Units to the longer side of the box, and to the straight line at the vehicle's speed.
@@ -135,24 +134,13 @@ def _shapes(segments: int) -> Array:
 
 
 def _data(problem: PathProblem, world: World) -> tuple:
-    """What the descent needs of a problem, of one shape for all problems with a chart and for all without."""
-    spheres, count = world.spheres, len(world.spheres)
-    centres, velocity = np.zeros((OBSTACLES, 2)), np.zeros((OBSTACLES, 2))
-    reach, growth, growth_max, seen = np.full(OBSTACLES, -np.inf), *np.zeros((3, OBSTACLES))
-    for padded, field in (
-        (centres, spheres.centres[:, :2]), (velocity, spheres.velocity[:, :2]), (reach, spheres.reach),
-        (growth, spheres.growth), (growth_max, spheres.growth_max), (seen, spheres.observed_at),
-    ):  # fmt: skip
-        padded[:count] = field
-    coast = *world.coast, world.margin
+    """What the descent needs of a problem."""
     vehicle = problem.vehicle
     limits = tuple(
         float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
     )
     units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
-    obstacles = centres, velocity, reach, growth, growth_max, seen
-    box = world.low, world.high
-    return problem.environment.current, limits, problem.depart, obstacles, coast, box, units
+    return problem.environment.current, limits, problem.depart, world, units
 
 
 def _cost(
@@ -160,7 +148,7 @@ def _cost(
     slack: float, data: tuple, parts: int,
 ) -> jax.Array:  # fmt: skip
     """Travel time plus the price of missing clearance and broken limits, in units of time."""
-    current, (speed, surge_max, sway_max, turn_rate_max), depart, obstacles, coast, box, units = data
+    current, (speed, surge_max, sway_max, turn_rate_max), depart, world, units = data
     points = base + normal * (units[0] * shapes @ amplitudes)[:, None]
     begin, way = points[:-1, None], jnp.diff(points, axis=0)[:, None]
     share = ((jnp.arange(parts) + 0.5) / parts)[:, None]
@@ -192,31 +180,12 @@ def _cost(
     times = depart + jnp.concatenate([jnp.zeros(1), jnp.cumsum(spent)])
     when = jnp.concatenate([depart + jnp.cumsum(duration) - 0.5 * duration, times])
     x, y = jnp.concatenate([x, points[:, 0]]), jnp.concatenate([y, points[:, 1]])
-    centres, velocity, reach, growth, growth_max, seen = (jnp.asarray(part)[:, None] for part in obstacles)
-    since = when - seen
-    grown = jnp.minimum(growth * jnp.maximum(since, 0.0), growth_max)
-    away_x = x - centres[..., 0] - velocity[..., 0] * since
-    away_y = y - centres[..., 1] - velocity[..., 1] * since
-    away = jnp.sqrt(away_x**2 + away_y**2 + 1e-12) - reach - grown
-    missing = (jnp.maximum(extra - away, 0.0) ** 2).sum()
-    if coast[0].size > 4:
-        missing += (jnp.maximum(extra + coast[3] - _coast_distance(x, y, coast), 0.0) ** 2).sum()
-    for line, low, high in ((x, box[0][0], box[1][0]), (y, box[0][1], box[1][1])):
+    clear = world.spheres.clearance(x, y, world.low[2], when)
+    missing = (jnp.maximum(extra - clear, 0.0) ** 2).sum()
+    missing += (jnp.maximum(extra + world.margin - world.coast.at(x, y), 0.0) ** 2).sum()
+    for line, low, high in zip((x, y), world.low[:2], world.high[:2], strict=True):
         missing += (jnp.maximum(low - line, 0.0) ** 2 + jnp.maximum(line - high, 0.0) ** 2).sum()
     return duration.sum() / units[1] + price * (missing / units[0] ** 2 + _LIMIT_PRICE * broken)
-
-
-def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.Array:
-    """m, bilinear, as `ruler.Raster.at`."""
-    raster, origin, pixel, _ = coast
-    north, east = raster.shape
-    i = jnp.clip((x - origin[0]) / pixel - 0.5, 0.0, north - 1.0)
-    j = jnp.clip((y - origin[1]) / pixel - 0.5, 0.0, east - 1.0)
-    i0 = jnp.minimum(i.astype(int), north - 2)
-    j0 = jnp.minimum(j.astype(int), east - 2)
-    a, b, flat, corner = i - i0, j - j0, jnp.ravel(raster), i0 * east + j0
-    south = (1.0 - b) * flat[corner] + b * flat[corner + 1]
-    return (1.0 - a) * south + a * ((1.0 - b) * flat[corner + east] + b * flat[corner + east + 1])
 
 
 _slope = jax.jit(jax.value_and_grad(_cost), static_argnames=("parts",))

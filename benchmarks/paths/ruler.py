@@ -56,6 +56,7 @@ class Score:
     excess: float
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
 class Spheres:
     """M obstacles in linear motion."""
@@ -95,13 +96,14 @@ class Spheres:
         return Spheres(*(field[which] for field in vars(self).values()))
 
     def clearance(self, x: Array, y: Array, z: ArrayLike, t: ArrayLike) -> Array:
-        """Return m to the nearest, at the times t [s]; `_FAR` without any."""
-        clear = np.full(np.shape(x), _FAR)
+        """Return m to the nearest, at the times t [s]; `_FAR` without any. In JAX where x is of JAX."""
+        xp: Any = jnp if isinstance(x, jax.Array) else np
+        clear = xp.full(np.shape(x), _FAR)
         for (a, b, c), (u, v, w), reach, growth, most, seen in zip(*vars(self).values(), strict=True):
-            since = np.asarray(t) - seen
-            grown = np.minimum(growth * np.maximum(since, 0.0), most)
-            level = np.hypot(x - a - u * since, y - b - v * since)
-            clear = np.minimum(clear, np.hypot(level, z - c - w * since) - reach - grown)
+            since = xp.asarray(t) - seen
+            grown = xp.minimum(growth * xp.maximum(since, 0.0), most)
+            level = xp.hypot(x - a - u * since, y - b - v * since)
+            clear = xp.minimum(clear, xp.hypot(level, z - c - w * since) - reach - grown)
         return clear
 
 
@@ -117,16 +119,18 @@ class Raster(NamedTuple):
         return cls(np.asarray(values, float), np.asarray(placed.origin, float), float(placed.pixel_size))
 
     def at(self, x: Array, y: Array) -> Array:
-        """Look up places [m]; beyond the outer centres the nearest holds."""
+        """Look up places [m]; beyond the outer centres the nearest holds. In JAX where x is of JAX."""
+        xp: Any = jnp if isinstance(x, jax.Array) else np
         north, east = self.values.shape
-        i = np.clip((x - self.origin[0]) / self.pixel - 0.5, 0.0, north - 1.0)
-        j = np.clip((y - self.origin[1]) / self.pixel - 0.5, 0.0, east - 1.0)
-        i0, j0 = np.minimum(i.astype(int), north - 2), np.minimum(j.astype(int), east - 2)
-        a, b, v = i - i0, j - j0, self.values
+        i = xp.clip((x - self.origin[0]) / self.pixel - 0.5, 0.0, north - 1.0)
+        j = xp.clip((y - self.origin[1]) / self.pixel - 0.5, 0.0, east - 1.0)
+        i0, j0 = xp.minimum(i.astype(int), north - 2), xp.minimum(j.astype(int), east - 2)
+        a, b, v = i - i0, j - j0, xp.asarray(self.values)
         south = (1.0 - b) * v[i0, j0] + b * v[i0, j0 + 1]
         return (1.0 - a) * south + a * ((1.0 - b) * v[i0 + 1, j0] + b * v[i0 + 1, j0 + 1])
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
 class World:
     """What must be kept off, in NumPy float64."""

@@ -137,21 +137,14 @@ def water_problem(family: str, seed: int) -> PathProblem:
     return problem
 
 
-def least_gap(side: float) -> float:
-    """Return the least width of a passage in units of the side [m]: both margins, some room and five pixels.
-
-    Of 10 km it is 1.5 %; in small waters the margins are most of it.
-    """
-    return (2.4 * ap.PathConfig().coast_margin + 5.0 * side / PIXELS) / side
-
-
 def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     """Draw a problem; None where it has no way, or has one that it should not have."""
     limited = rng.random() < 0.5
     smallest = ROOM if limited and kind.narrow else SMALLEST
     side = float(np.exp(rng.uniform(np.log(smallest), np.log(LARGEST))))
     vehicle = ap.Vehicle() if limited else unlimited_vehicle(float(np.exp(rng.uniform(0.0, np.log(3.0)))))
-    water, ends = kind.land(rng, least_gap(side))
+    # The least width of a passage has both margins, some room and five pixels.
+    water, ends = kind.land(rng, (2.4 * ap.PathConfig().coast_margin + 5.0 * side / PIXELS) / side)
     ends = side * np.asarray(ends)
     pixel = side / PIXELS
     chart = None if water.all() else ap.Chart.from_mask(water, pixel)
