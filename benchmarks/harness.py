@@ -165,6 +165,14 @@ def clock(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - begin, result
 
 
+def clock_all(
+    call: Callable[..., T], given: Iterable[tuple[Any, ...]], description: str
+) -> tuple[list[float], list[T]]:
+    """Clock a call with each of some arguments, beside a bar: s, and what it returned."""
+    runs = [clock(partial(call, *each)) for each in track([*given], description)]
+    return [seconds for seconds, _ in runs], [result for _, result in runs]
+
+
 def take_turns(
     calls: Mapping[str, Callable[[int], Any]], rounds: Mapping[str, int], first: int
 ) -> dict[str, dict[str, Any]]:

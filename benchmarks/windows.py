@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 import auvplan as ap
-from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_mission, random_graph
+from auvplan.mission import MissionConfig, MissionGraph, random_graph
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.harness import grouped, launch, screen, show, track
@@ -98,11 +98,6 @@ def _tasks(
 PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
-def plan(case: Case, config: MissionConfig, key: int, **how: Any) -> MissionRoute:
-    asked = case.graph, case.start, case.goal, case.time_available
-    return plan_mission(*asked, speed=case.speed, key=jax.random.key(key), config=config, **how)
-
-
 def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
     """Wall time and user time of all threads, s, and what the call returned."""
     wall, user = time.perf_counter(), os.times().user
@@ -115,16 +110,15 @@ def compared(count: int, first: int) -> tuple[list[dict[str, Any]], list[dict[st
     cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
         for config in PLANNERS.values():
-            plan(one, config, PLANS)
+            one.plan(PLANS, config=config)
     made, found = [], []
     for one in track(cases, "graphs"):
         plans = [
             {"planner": name, "wall": wall, "user": user, "route": route}
             for name, config in PLANNERS.items()
-            for wall, user, route in (clock(partial(plan, one, config, key)) for key in range(PLANS))
+            for wall, user, route in (clock(partial(one.plan, key, config=config)) for key in range(PLANS))
         ]
-        exact = partial(plan, one, PLANNERS["default"], 0, method="exact", time_limit=PROOF)
-        seconds, _, route = clock(exact)
+        seconds, _, route = clock(partial(one.plan, 0, method="exact", time_limit=PROOF))
         proof = {"seed": int(one.name), "family": one.family, "priority": float(route.priority)}
         proof["bound"] = float(route.bound)
         found.append(proof | {"seconds": seconds})
@@ -187,7 +181,7 @@ def timings(repeats: int) -> list[dict[str, Any]]:
         tasks = graph.with_timetable(Timetable(departures, found, opens, closes))
         timed = Case("", "", tasks, 0, size - 1, AVAILABLE[0], SPEED)
         what = f"plan, {size} waypoints, {DEPARTURES} departures, windows"
-        measure(what, seconds, lambda key, timed=timed: plan(timed, MissionConfig(), key))
+        measure(what, seconds, timed.plan)
     return rows
 
 

@@ -1,7 +1,7 @@
 """Solvers on families of cases, and the rows of their gaps and times."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
 from typing import Any
@@ -10,9 +10,9 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from auvplan.mission import MissionGraph, check_route, plan_mission, plan_missions, time_to_go
+from auvplan.mission import MissionGraph, check_route, plan_missions, time_to_go
 from auvplan.mission.bound import upper_bound
-from benchmarks.harness import SHARED, available, clock, screen, track
+from benchmarks.harness import SHARED, available, clock, clock_all, screen
 from benchmarks.missions import peers
 from benchmarks.missions.sets import Case, generated_cases, shared_cases
 
@@ -33,8 +33,7 @@ class Solver:
 
 
 def preset(case: Case, seed: int, config: ap.MissionConfig) -> Any:
-    asked = case.graph, case.start, case.goal, case.time_available
-    route = plan_mission(*asked, speed=case.speed, key=jax.random.key(seed), config=config)
+    route = case.plan(seed, config=config)
     return route.nodes if route.feasible else []
 
 
@@ -116,11 +115,9 @@ class Bench:
         seeds = min(self._seeds, solver.seeds or self._seeds)
         for case in cases if solver.compiles is not None else ():
             self._clock_compilation(solver.name, case.graph.size, partial(solver.compiles, case))
-        judged, times = [], []
-        for case, seed in track([*product(cases, range(seeds))], f"{family}, {solver.name}"):
-            seconds, nodes = clock(partial(solver.plan, case, seed))
-            times.append(seconds)
-            judged.append(self._judge(case, nodes))
+        planned = [*product(cases, range(seeds))]
+        times, routes = clock_all(solver.plan, planned, f"{family}, {solver.name}")
+        judged = [self._judge(case, nodes) for (case, _), nodes in zip(planned, routes, strict=True)]
         self._add(family, solver.name, cases, *zip(*judged, strict=True), times)
 
     def run_batched(self, family: str, cases: list[Case], repeats: int = 3) -> None:
@@ -136,21 +133,15 @@ class Bench:
             return plan_missions(graphs, starts, goals, budgets, speed=speeds, key=keys)
 
         self._clock_compilation(name, cases[0].graph.size, partial(call, 999))
-        judged, times = [], []
-        for seed in track(range(repeats), f"{family}, {name}"):
-            seconds, routes = clock(partial(call, seed))
-            times.append(seconds / BATCH)
-            judged += [self._judge(case, route.nodes) for case, route in zip(batch, routes, strict=True)]
-        self._add(family, name, cases, *zip(*judged, strict=True), times)
+        times, found = clock_all(call, [(seed,) for seed in range(repeats)], f"{family}, {name}")
+        pairs = [pair for routes in found for pair in zip(batch, routes, strict=True)]
+        judged = [self._judge(case, route.nodes) for case, route in pairs]
+        self._add(family, name, cases, *zip(*judged, strict=True), [seconds / BATCH for seconds in times])
 
     def run_bound(self, family: str, cases: list[Case]) -> None:
         """The linear bound: its gap is how far it is above the optimum."""
-        gaps, times = [], []
-        for case in cases:
-            asked = case.leg_times, case.graph.priority, case.start, case.goal, case.time_available
-            seconds, bound = clock(partial(upper_bound, *asked))
-            times.append(seconds)
-            gaps.append(bound / self._optima[case.name][0] - 1.0)
+        times, bounds = clock_all(upper_bound, [case.searched for case in cases], f"{family}, upper bound")
+        gaps = [bound / self._optima[case.name][0] - 1.0 for case, bound in zip(cases, bounds, strict=True)]
         self._add(family, "upper bound", cases, gaps, [True], times, sign="+")
 
     def run_replanning(self, family: str, cases: list[Case], situations: int = 50) -> None:
@@ -162,15 +153,14 @@ class Bench:
         gaps, kept, times = [], [], []
         for turn in range(-1, situations):
             case = cases[turn % len(cases)]
-            budget, key = case.time_available, jax.random.key(turn + 1)
-            old = plan_mission(case.graph, case.start, case.goal, budget, speed=case.speed, key=key)
+            budget, old = case.time_available, case.plan(turn + 1)
             passed = int(rng.integers(1, len(old.nodes) - 1))
             left = budget - float(old.leg_times[:passed].sum()) * rng.uniform(0.9, 1.1)
             graph = case.graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
             rest = old.nodes[passed:]
-            asked = graph, int(rest[0]), case.goal, left
-            again = {"speed": case.speed, "key": key, "population": old.population, "known_route": rest}
-            seconds, route = clock(partial(plan_mission, *asked, **again))
+            onward = replace(case, graph=graph, start=int(rest[0]), time_available=left)
+            known = {"population": old.population, "known_route": rest}
+            seconds, route = clock(partial(onward.plan, turn + 1, **known))
             if turn < 0:
                 continue
             times.append(seconds)
@@ -185,19 +175,19 @@ class Bench:
     def run_eq15(self, family: str, cases: list[Case]) -> None:
         """Eq. 15 as the aim: costs against the best and the bound that CP-SAT finds."""
         plan = partial(preset, config=ap.MissionConfig(objective="eq15", phi1=PHI1, phi2=PHI2))
-        best, proved, peer_times = {}, [], []
-        for case in track(cases, f"{family}, Eq. 15 by CP-SAT"):
+        for case in cases:
             self._clock_compilation("eq15", case.graph.size, partial(plan, case, 999))
-            seconds, (nodes, bound) = clock(partial(peers.cp_sat_eq15, case, PHI1, PHI2, self._limit))
-            peer_times.append(seconds)
+        asked = [(case, PHI1, PHI2, self._limit) for case in cases]
+        peer_times, solved = clock_all(peers.cp_sat_eq15, asked, f"{family}, Eq. 15 by CP-SAT")
+        best, proved = {}, []
+        for case, (nodes, bound) in zip(cases, solved, strict=True):
             best[case.name] = peers.eq15_cost(case, nodes, PHI1, PHI2)
             proved.append(best[case.name] <= bound * (1.0 + 1e-3))
-        gaps, kept, times = [], [], []
-        for case, seed in track([*product(cases, range(self._seeds))], f"{family}, Eq. 15"):
-            seconds, nodes = clock(partial(plan, case, seed))
-            times.append(seconds)
-            kept.append(self._judge(case, nodes)[1])
-            gaps.append(peers.eq15_cost(case, nodes, PHI1, PHI2) / best[case.name] - 1.0)
+        planned = [*product(cases, range(self._seeds))]
+        times, routes = clock_all(plan, planned, f"{family}, Eq. 15")
+        pairs = [(case, nodes) for (case, _), nodes in zip(planned, routes, strict=True)]
+        kept = [self._judge(case, nodes)[1] for case, nodes in pairs]
+        gaps = [peers.eq15_cost(case, nodes, PHI1, PHI2) / best[case.name] - 1.0 for case, nodes in pairs]
         name, share = f"{family}, cost of Eq. 15", float(np.mean(proved))
         self._add(name, "eq15", cases, gaps, kept, times, proved=share)
         self._add(name, "CP-SAT", cases, [0.0] * len(cases), [True], peer_times, proved=share)

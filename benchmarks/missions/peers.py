@@ -16,14 +16,12 @@ from benchmarks.missions.sets import Case
 
 def cp_sat(case: Case, time_limit: float) -> ExactRoute:
     """The exact search with one thread."""
-    return solve_exact(
-        case.leg_times, case.graph.priority, case.start, case.goal, case.time_available, time_limit=time_limit
-    )
+    return solve_exact(*case.searched, time_limit=time_limit)
 
 
 def reference(case: Case, time_limit: float) -> tuple[float, bool]:
     """Most total priority and whether it is proved; else, and without OR-Tools, the least upper bound."""
-    bound = upper_bound(case.leg_times, case.graph.priority, case.start, case.goal, case.time_available)
+    bound = upper_bound(*case.searched)
     try:
         route = cp_sat(case, time_limit)
     except ImportError:

@@ -5,11 +5,13 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
+import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission import MissionGraph, random_graph
+from auvplan.mission import MissionGraph, MissionRoute, plan_mission, random_graph
 from auvplan.mission.timetable import Timetable
 from benchmarks.harness import SHARED
 
@@ -34,6 +36,16 @@ class Case:
     def leg_times(self) -> NDArray[np.floating]:
         """[N, N] s."""
         return self.graph.leg_times(self.speed)
+
+    @property
+    def searched(self) -> tuple[Any, ...]:
+        """What searches over edges are asked: leg times, priorities, start, goal and the time available."""
+        return self.leg_times, self.graph.priority, self.start, self.goal, self.time_available
+
+    def plan(self, seed: int, **how: Any) -> MissionRoute:
+        """Plan by the package, `how` as `plan_mission` takes it."""
+        asked = self.graph, self.start, self.goal, self.time_available
+        return plan_mission(*asked, speed=self.speed, key=jax.random.key(seed), **how)
 
 
 def timed_graph(
