@@ -21,7 +21,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.harness import SHARED, launch, screen, show
+from benchmarks.harness import SCENARIOS, launch, screen, show
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -45,25 +45,11 @@ _FIGURES = {
 #: Both of these ask whether paths are sought in depth.
 _ASKED = "auvplan.path.stages.is_searched_in_depth", "auvplan.mission.travel_times.is_searched_in_depth"
 
-#: Missions in sheared seas meet no obstacle that is not known: what is late there is late for the current.
-_NO_SURPRISES = {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}}
-
 #: Arrivals count as off from this share of the leg's time in the plan on.
 _OFF = 0.05
 
 #: Of the made tide: period, s; speed at most above and below, m/s; depths, m, of the soft edge between them.
 _PERIOD, _ABOVE, _BELOW, _EDGE = 44_714.0, 0.9, -0.6, (10.0, 16.0)
-
-#: Seas of files: path in ../shared, corners of the box, m, longitude and latitude of its middle; speed, m/s,
-#: time available, s, and clearance of waypoints, m.
-_MODELS = {
-    "fjord (norfjords160, ROMS)": (
-        "currents/norfjords160_roms_native_24h.nc", (700.0, 800.0, 60.0), (5.677, 59.0329), 1.0, 3600, 60
-    ),
-    "shelf (nordic, ROMS)": (
-        "elsewhere/nordic_roms_native_day1.nc", (20e3, 20e3, 200.0), (14.022, 67.353), 1.5, 60_000, 300
-    ),
-}  # fmt: skip
 
 
 def two_layers(folder: Path) -> Path:
@@ -81,49 +67,31 @@ def two_layers(folder: Path) -> Path:
         sea[name] = (speed * part * xr.ones_like(sea[name])).transpose(*sea[name].dims)
     sea.to_netcdf(folder / "layers.nc")
     settings["current"]["files"] = "layers.nc"
+    settings["name"] = "tide in two layers"
     settings["mission"] = {"waypoints": 14, "time_available": 9000}
-    settings["simulation"] = _NO_SURPRISES
+    settings["simulation"] = {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}}
     del settings["obstacles"]
-    path.write_text(yaml.safe_dump(settings))
-    return path
-
-
-def of_model(folder: Path, name: str) -> Path:
-    """Write a scenario in the current, bed and land of a file; return its path."""
-    file, (north, east, depth), (longitude, latitude), speed, available, clearance = _MODELS[name]
-    settings = {
-        "name": name,
-        "site": {"longitude": longitude, "latitude": latitude},
-        "area": {"lower": [-north, -east, 0], "upper": [north, east, depth]},
-        "chart": {"source": "current"},
-        "bathymetry": {"source": "current"},
-        "current": {"source": "file", "files": str(SHARED / file), "outside": "clamp"},
-        "simulation": _NO_SURPRISES,
-        "vehicle": {"speed": speed, "sway_max": speed},
-        "mission": {"waypoints": 14, "time_available": available, "waypoint_clearance": clearance},
-    }
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "scenario.yaml"
     path.write_text(yaml.safe_dump(settings))
     return path
 
 
 def in_sheared_seas(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     """Yield each sea and its rows, one for each way of planning: studies of `count` missions."""
-    seas = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
-    seas |= {name: of_model(folder / name.split()[0] / "scenario", name) for name in _MODELS}
+    seas = {"tide": two_layers(folder / "tide" / "scenario")}
+    seas |= {name: SCENARIOS / f"{name}_levels.yaml" for name in ("fjord", "shelf")}
     for name, path in seas.items():
-        design = Design(ap.load_scenario(path), count)
-        deep = study(path.parent.parent / "depth", design, workers=1)
+        scenario = ap.load_scenario(path)
+        design = Design(scenario, count)
+        deep = study(folder / name / "depth", design, workers=1)
         with ExitStack() as stack:
             for asked in _ASKED:
                 stack.enter_context(patch(asked, lambda *_: False))
-            flat = study(path.parent.parent / "plan-view", design, workers=1)
+            flat = study(folder / name / "plan-view", design, workers=1)
         found = list(rows({"with ways in depth": deep, "without": flat}))
         for dataset, row in zip((deep, flat), found, strict=True):
             off = relative_errors(dataset)
             row["off"] = float(np.mean(off[np.isfinite(off)] > _OFF))
-        yield name, found
+        yield scenario.name, found
 
 
 def study(folder: Path, design: Design, workers: int | None = None) -> xr.Dataset:

@@ -18,18 +18,12 @@ import auvplan as ap
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
 from auvplan.study.statistics import mean_interval
-from benchmarks.harness import SHARED, launch, show, track
+from benchmarks.harness import SCENARIOS, SHARED, launch, show, track
 
-DATA = SHARED / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
 CONSTITUENTS = {"M2": (28.984, 0.7, 40.0), "S2": (30.0, 0.25, 75.0), "K1": (15.041, 0.15, 10.0)}
 #: Seconds by which an arrival may differ, as a share of the time since the route was made.
 OFF = 0.05
-
-COMMON: dict[str, Any] = {
-    "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
-    "vehicle": {"speed": 1.5, "surge_max": 3.0, "sway_max": 1.4},
-}
 
 
 def harmonic_tide(path: Path) -> Path:
@@ -55,47 +49,11 @@ def harmonic_tide(path: Path) -> Path:
     return path
 
 
-def seas(folder: Path) -> dict[str, dict[str, Any]]:
-    tide = harmonic_tide(folder / "tide.nc")
-    fjord, ocean = DATA / "norfjords160_roms_native_24h.nc", DATA / "rtofs_water_u_v_washington_64x3h.nc"
-    found = {
-        "harmonic tide": {
-            "site": {"longitude": 5.05, "latitude": 60.0, "departure": "2026-03-01T01:00:00Z"},
-            "area": {"lower": [-5000, -4000, 0], "upper": [5000, 4000, 30]},
-            "chart": {"source": "none"},
-            "current": {"source": "file", "files": str(tide), "forecast_error": 0.0},
-            "mission": {"waypoints": 24, "time_available": 18_000},
-        }
-    }
-    if DATA.is_dir():
-        found["norfjords160 (ROMS, 24 h)"] = {
-            "site": {"longitude": 5.67686, "latitude": 59.03289, "departure": "2015-09-07T02:00:00Z"},
-            "area": {"lower": [-460, -350, 0], "upper": [770, 480, 20]},
-            "chart": {"source": "current"},
-            "current": {"source": "file", "files": str(fjord), "forecast_error": 0.0, "spacing": 40},
-            "vehicle": {"speed": 0.6, "surge_max": 1.5, "sway_max": 0.55},
-            "mission": {"waypoints": 20, "time_available": 14_400, "waypoint_clearance": 30},
-        }
-        with xr.open_dataset(ocean, engine="scipy") as data:
-            longitude, latitude = (float(data[name].mean()) for name in ("lon", "lat"))
-            first = str(data["time"].values[0])[:19]
-        found["RTOFS off Washington (64 x 3 h)"] = {
-            "site": {
-                "longitude": longitude - 360.0 * (longitude > 180.0), "latitude": latitude,
-                "departure": f"{first}Z",
-            },
-            "area": {"lower": [-40_000, -40_000, 0], "upper": [40_000, 40_000, 5]},
-            "chart": {"source": "none"},
-            "current": {"source": "file", "files": str(ocean), "forecast_error": 0.0, "spacing": 4000},
-            "vehicle": {"speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5},
-            "mission": {"waypoints": 20, "time_available": 432_000},
-            "sensors": {"interval": 300},
-        }  # fmt: skip
-    return found
-
-
-def scenario(name: str, sections: dict[str, Any], departures: int) -> Scenario:
-    return Scenario.model_validate(COMMON | sections | {"name": name, "planning": {"departures": departures}})
+def seas(folder: Path) -> list[Scenario]:
+    """The scenarios, as far as their files are there; the tide's is written into a folder."""
+    names = ("tide", "fjord", "ocean") if SHARED.is_dir() else ("tide",)
+    tide, *real = (ap.load_scenario(SCENARIOS / f"{name}.yaml") for name in names)
+    return [tide.with_({"current.files": str(harmonic_tide(folder / "tide.nc"))}), *real]
 
 
 def arrivals(run: MissionRun) -> list[float]:
@@ -117,16 +75,16 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def compared(name: str, sections: dict[str, Any], seeds: range) -> list[dict[str, Any]]:
+def compared(sea: Scenario, seeds: range) -> list[dict[str, Any]]:
     """Rows of the same missions by the sea as it is when a route is made, and by the clock."""
     rows, before = [], np.zeros(len(seeds))
     for way, departures in (("snapshot", 1), ("clock", 24)):
-        runs = ap.run_missions(scenario(name, sections, departures), seeds=seeds)
+        runs = ap.run_missions(sea.with_({"planning.departures": departures}), seeds=seeds)
         priority = np.array([run.total_priority for run in runs])
         mean, low, _ = mean_interval(priority - before)
         off, before = np.array([error for run in runs for error in arrivals(run)]), priority
         rows.append({
-            "sea": name, "way": way, "priority": float(priority.mean()), "off": float(off.mean()),
+            "sea": sea.name, "way": way, "priority": float(priority.mean()), "off": float(off.mean()),
             "gain": f"{mean:+.2f} ± {mean - low:.2f}" if rows else "", "late": float((off > OFF).mean()),
             "replans": float(np.mean([len(run.routes) - 1 for run in runs])),
             "on_time": sum(run.success for run in runs),
@@ -137,8 +95,8 @@ def compared(name: str, sections: dict[str, Any], seeds: range) -> list[dict[str
 def main(missions: int, first: int, only: str) -> dict[str, Any]:
     seeds = range(first, first + missions)
     with tempfile.TemporaryDirectory() as folder:
-        found = {name: sections for name, sections in seas(Path(folder)).items() if only in name}
-        rows = [row for sea in track(found.items(), "seas") for row in compared(*sea, seeds)]
+        found = [sea for sea in seas(Path(folder)) if only in sea.name]
+        rows = [row for sea in track(found, "seas") for row in compared(sea, seeds)]
     show(f"Seeds {first} to {seeds[-1]}", rows, COLUMNS, names=2)
     return {"clock": rows}
 

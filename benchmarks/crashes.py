@@ -27,8 +27,7 @@ import xarray as xr
 
 from auvplan.runtime.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
-from benchmarks import small_sea
-from benchmarks.harness import AUVPLAN, clock, launch, screen, show
+from benchmarks.harness import AUVPLAN, SCENARIOS, clock, launch, screen, show
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -227,7 +226,7 @@ def main(kills: int, disks: int) -> tuple[dict[str, Any], bool]:
     }  # fmt: skip
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        scenario, result = small_sea.write(folder / "scenario"), folder / "result"
+        scenario, result = SCENARIOS / "small.yaml", folder / "result"
         subprocess.run(command("mission", scenario, result, result), capture_output=True, check=False)
         for kind, (outcomes, commands, count) in kinds.items():
             for word in commands if count else ():

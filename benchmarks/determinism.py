@@ -23,9 +23,8 @@ from typing import Any
 from auvplan.runtime.files import SUMMARY
 from auvplan.study import load_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES, RUNS
-from benchmarks import small_sea
 from benchmarks.crashes import clockless
-from benchmarks.harness import AUVPLAN, clock, launch, screen, show
+from benchmarks.harness import AUVPLAN, SCENARIOS, clock, launch, screen, show
 
 RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
 STUDY = [*AUVPLAN, "montecarlo", "--quiet", "--save-runs"]
@@ -141,9 +140,8 @@ def compared(name: str, seed: int, count: int, kills: int, folder: Path) -> list
 
 def main(scenario: str, seed: int, n: int, kills: int) -> tuple[dict[str, Any], bool]:
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        chosen = str(small_sea.write(folder)) if scenario == "small" else scenario
-        found = compared(chosen, seed, n, kills, folder)
+        chosen = str(SCENARIOS / "small.yaml") if scenario == "small" else scenario
+        found = compared(chosen, seed, n, kills, Path(name))
     for row in found:
         row["same"] = "the same" if row["digest"] == found[0]["digest"] else "DIFFERENT"
     same = sum(row["same"] == "the same" for row in found)

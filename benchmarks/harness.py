@@ -45,6 +45,9 @@ COMPILERS = ("cc", "gcc", "clang")
 #: Real data lies beside the repository.
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
+#: Scenarios of the benchmarks.
+SCENARIOS = Path(__file__).with_name("scenarios")
+
 #: First words of the package's commands, in processes of their own.
 AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
 

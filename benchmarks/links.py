@@ -25,34 +25,10 @@ from auvplan.link import Limits, execute, open_link
 from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
-from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.file import load_scenario
 from auvplan.site import Site
-from benchmarks.harness import launch
+from benchmarks.harness import SCENARIOS, launch
 from tests.link.joining import Faults, body_at, held_as_planned, joined
-
-SCENARIO = {
-    "name": "link",
-    "site": {"longitude": 148.96, "latitude": -20.34},
-    "area": {"lower": [0, 0, 0], "upper": [2500, 2500, 50]},
-    "chart": {"source": "none"},
-    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.6},
-    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 3000},
-    "planning": {"effort": "quick"},
-}
-
-#: For a vehicle that is running, at a speed of small ones; it begins where that is.
-NEARBY = {
-    "name": "nearby",
-    "area": {"lower": [0, 0, 0], "upper": [420, 420, 30]},
-    "chart": {"source": "none"},
-    "vehicle": {"speed": 1.2, "depth_min": 4.0, "depth_max": 25.0},
-    "current": {"vortices": 0},
-    "mission": {
-        "waypoints": 6, "neighbours": 4, "time_available": 1500, "duration": [20, 60],
-        "start": [60, 60, 5], "goal": [360, 380, 8],
-    },
-    "planning": {"effort": "quick"},
-}  # fmt: skip
 
 #: Known beforehand, and so in the fence.
 WRECK = KnownObstacle("wreck", (1300.0, 1200.0), 60.0)
@@ -168,7 +144,7 @@ def books(record, plan: RollingPlan, peer, reach: float) -> tuple[int, int]:
 
 def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: bool = False) -> dict:
     """Execute one mission and count."""
-    scenario = Scenario.model_validate(SCENARIO)
+    scenario = load_scenario(SCENARIOS / "link.yaml")
     area = replace(load_area(scenario, "."), obstacles=(WRECK,))
     plan = RollingPlan(scenario, seed, area=area)
     start, pace = plan.run.graph.positions[plan.run.start], random.Random(seed).uniform(0.85, 1.1)
@@ -208,11 +184,11 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     north, east, _ = whole.report(0.0).position
     longitude, latitude = Site(0.0, 0.0).to_geographic(north, east)
     whole.close()
-    begin = NEARBY["mission"]["start"]
+    scenario = load_scenario(SCENARIOS / "nearby.yaml")
+    begin = scenario.mission.start
     corner = Site(float(longitude), float(latitude)).to_geographic(-begin[0], -begin[1])
     site = dict(zip(("longitude", "latitude"), map(float, corner), strict=True))
-    sections = {"site": site, "current": NEARBY["current"] | {"uniform": [*current, 0.0]}}
-    plan = RollingPlan(Scenario.model_validate(NEARBY | sections), seed)
+    plan = RollingPlan(scenario.with_({"site": site, "current.uniform": [*current, 0.0]}), seed)
     record = execute(plan, open_link(address, plan.site, scale=scale), tell=tell)
     ends = [event.time for event in record.events if event.kind == "leg"]
     planned = [float(leg.times[-1]) + leg.t_wait + leg.t_task for leg in plan.legs]

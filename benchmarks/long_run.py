@@ -18,20 +18,13 @@ import numpy as np
 import auvplan as ap
 from auvplan.executive import execute_missions
 from auvplan.runtime.compiled import compilations
-from benchmarks import clock, small_sea
-from benchmarks.harness import earlier, launch, screen, show, write
+from benchmarks import clock
+from benchmarks.harness import SCENARIOS, earlier, launch, screen, show, write
 
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
 TOGETHER = 8
 SEAS = {"vortices": "small sea", "tide": "harmonic tide"}
-
-
-def scenario(sea: str, folder: Path) -> ap.Scenario:
-    """The scenario of a sea; a folder for the file of its tide."""
-    if sea == "vortices":
-        return small_sea.scenario()
-    return clock.scenario(SEAS[sea], clock.seas(folder)[SEAS[sea]], departures=24)
 
 
 class Compiled(logging.Handler):
@@ -61,7 +54,11 @@ def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
     """Simulate missions; return a row every `EVERY` of them: memory in MiB, programs, open files."""
     rows, late = [], 0
     with tempfile.TemporaryDirectory() as name:
-        missions = execute_missions(scenario(sea, Path(name)), seeds=range(count), together=TOGETHER)
+        if sea == "vortices":
+            scenario = ap.load_scenario(SCENARIOS / "small.yaml")
+        else:
+            scenario = clock.seas(Path(name))[0].with_({"planning.departures": 24})
+        missions = execute_missions(scenario, seeds=range(count), together=TOGETHER)
         for done, (_, run) in enumerate(missions, 1):
             compiled.warm = done >= count / 10
             late += not run.success

@@ -43,6 +43,8 @@ from tests.io.sample_run import make_run
 
 DATA = Path(__file__).resolve().parents[2] / "auvplan" / "data"
 RUN = "mission.nc"
+#: Small files of formats that have no real one.
+SAMPLES = Path(__file__).with_name("samples")
 
 #: Real files of currents, those of them that are small enough to be changed often.
 _CURRENTS = (
@@ -50,34 +52,6 @@ _CURRENTS = (
     "currents/cmems_glo12_uo_vo_northsea.nc", "elsewhere/ngofs_fvcom_small.nc",
     "elsewhere/creofs_selfe_noaa.nc",
 )  # fmt: skip
-_LINES = """{"obstacle": "ferry", "longitude": 148.97, "latitude": -20.34, "radius": 80, "speed": 3}
-{"obstacle": "buoy", "north": 100, "east": -50, "radius": 5, "depth_min": 0, "depth_max": 12}
-{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}
-{"current": [0.4, -0.1]}
-"""
-_DEPARTURES = """departure_utc,departure_s,feasible,best,time_s,tasks,total_priority,waypoints,reason
-2026-03-01T00:00:00Z,0.0,true,true,900.5,2,7,a > b,
-2026-03-01T01:00:00Z,3600.0,false,false,,,,,too late
-"""
-_GPX = """<?xml version="1.0"?>
-<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">
-<wpt lat="-20.33" lon="148.95"><ele>-5</ele><name>reef</name><desc>look</desc></wpt>
-<wpt lat="-20.34" lon="148.96"><name>bay</name></wpt><rte><rtept lat="-20.34" lon="148.96"/></rte></gpx>
-"""
-_KML = """<?xml version="1.0" encoding="UTF-8"?>
-<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Folder>
-<Placemark><name>reef</name><ExtendedData><Data name="priority"><value>3</value></Data></ExtendedData>
-<Point><coordinates>148.95,-20.33,-5</coordinates></Point></Placemark>
-<Placemark><name>bay</name><MultiGeometry><LineString><coordinates>148.95,-20.33 148.96,-20.34,-8
-</coordinates></LineString></MultiGeometry></Placemark></Folder></Document></kml>
-"""
-#: A mission of QGroundControl with waypoints and a survey.
-_PLAN = """{"fileType": "Plan", "version": 1, "mission": {"version": 2,
-"plannedHomePosition": [-20.33, 148.95, 0], "items": [
-{"type": "SimpleItem", "command": 16, "frame": 3, "params": [30, 0, 0, null, -20.33, 148.95, -5]},
-{"type": "ComplexItem", "complexItemType": "survey",
-"TransectStyleComplexItem": {"VisualTransectPoints": [[-20.33, 148.95], [-20.34, 148.95]]}}]}}
-"""
 
 
 class Files:
@@ -188,7 +162,7 @@ def _box() -> dict[str, Any]:
 
 def _zipped(path: Path) -> None:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("doc.kml", _KML)
+        archive.write(SAMPLES / "jobs.kml", "doc.kml")
 
 
 def _jobs(kind: str, *files: Any) -> dict[str, Files]:
@@ -339,9 +313,9 @@ READERS: dict[str, Reader] = {
     ),
     "jobs, GeoJSON": Reader(_read_jobs, _jobs("geojson", _EXAMPLE / "jobs.geojson")),
     "jobs, CSV": Reader(_read_jobs, _jobs("csv", _TIMES / "jobs.csv")),
-    "jobs, GPX": Reader(_read_jobs, _jobs("gpx", _GPX)),
-    "jobs, KML": Reader(_read_jobs, _jobs("kml", _KML)),
-    "jobs, PLAN": Reader(_read_jobs, _jobs("plan", _PLAN)),
+    "jobs, GPX": Reader(_read_jobs, _jobs("gpx", SAMPLES / "jobs.gpx")),
+    "jobs, KML": Reader(_read_jobs, _jobs("kml", SAMPLES / "jobs.kml")),
+    "jobs, PLAN": Reader(_read_jobs, _jobs("plan", SAMPLES / "jobs.plan")),
     "jobs, KMZ": Reader(_read_jobs, {"zip": Files({"jobs.kmz": _zipped})}),
     "closed areas": Reader(
         _read_closed, _each("no_go.geojson", {"0": _EXAMPLE / "no_go.geojson", "1": _TIMES / "no_go.geojson"})
@@ -385,9 +359,9 @@ READERS: dict[str, Reader] = {
     "saved run, checked": Reader(check_run, _RUNS, names=True),
     "departures": Reader(
         lambda path: departures_data(*read_departures(path)),
-        {"table": Files({DEPARTURES: _DEPARTURES, DEPARTED: _write_departed}, ".", ("*",))},
+        {"table": Files({DEPARTURES: SAMPLES / DEPARTURES, DEPARTED: _write_departed}, ".", ("*",))},
     ),
     "notices": Reader(
-        lambda path: list(NoticeFile(path, _site()).read()), {"lines": Files({"notices.jsonl": _LINES})}
+        lambda path: list(NoticeFile(path, _site()).read()), {"lines": Files({"notices.jsonl": SAMPLES / "notices.jsonl"})}
     ),
 }  # fmt: skip
