@@ -362,6 +362,7 @@ READERS: dict[str, Reader] = {
         {"table": Files({DEPARTURES: SAMPLES / DEPARTURES, DEPARTED: _write_departed}, ".", ("*",))},
     ),
     "notices": Reader(
-        lambda path: list(NoticeFile(path, _site()).read()), {"lines": Files({"notices.jsonl": SAMPLES / "notices.jsonl"})}
+        lambda path: list(NoticeFile(path, _site()).read()),
+        _each("notices.jsonl", {"lines": SAMPLES / "notices.jsonl"}),
     ),
 }  # fmt: skip

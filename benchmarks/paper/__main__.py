@@ -8,7 +8,6 @@ continued.
 from dataclasses import asdict
 from pathlib import Path
 
-from auvplan.cli.shared import progress_bar
 from auvplan.errors import AuvplanError
 from benchmarks.harness import launch, screen, show
 from benchmarks.paper.reproduce import QUICK, Effort, reproduce
@@ -24,8 +23,7 @@ def main(out: Path, quick: bool, missions: int | None, seed: int) -> None:
         raise AuvplanError("--missions: two or more, for intervals")
     least = QUICK if quick else Effort()
     effort = Effort(missions or least.missions, least.seeds, least.rate_seeds, seed)
-    with progress_bar("compiling", quiet=False) as move:
-        claims, pictures = reproduce(out, effort, lambda words, share: move(share, words))
+    claims, pictures = reproduce(out, effort)
     show("Claims of section 4", map(asdict, claims), _COLUMNS, names=5, overflow="fold")
     screen.print(f"claims: {out / 'claims.md'}, {out / 'claims.json'}; {len(pictures)} pictures beside them")
 

@@ -50,30 +50,23 @@ def changed(name: str, preset: str, **sections: dict[str, Any]) -> Scenario:
     return validate_scenario(plain, name)
 
 
-def execute_legs(
-    preset: str, seeds: Sequence[int], rate_seeds: Sequence[int], done: Callable[[str], None]
-) -> Legs:
+def execute_legs(preset: str, seeds: Sequence[int], rate_seeds: Sequence[int]) -> Legs:
     """Run the three scenarios from a kept and a fresh population, and the first one by update rate.
 
     Args:
         preset: "paper" or "default".
         seeds: of the three scenarios.
         rate_seeds: of scenario-1 at each of `RATES`.
-        done: called with what comes next, once for each of the ten runs.
     """
 
-    def run(words: str, seeds: Sequence[int], name: str, **sections: dict[str, Any]) -> list[MissionRun]:
-        done(words)
+    def run(name: str, seeds: Sequence[int], **sections: dict[str, Any]) -> list[MissionRun]:
         return run_missions(changed(name, preset, **sections), keys=seed_keys(seeds), seeds=seeds)
 
     kept, fresh = (
-        {name: run(f"{name}, {source}", seeds, name, planning={"replan_from": source}) for name in SCENARIOS}
+        {name: run(name, seeds, planning={"replan_from": source}) for name in SCENARIOS}
         for source in ("kept", "fresh")
     )
-    rates = {
-        rate: run(f"update rate {rate:g}", rate_seeds, "scenario-1", current={"update_rate": rate})
-        for rate in RATES
-    }
+    rates = {rate: run("scenario-1", rate_seeds, current={"update_rate": rate}) for rate in RATES}
     return Legs(kept, fresh, rates)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.plot import style
-from benchmarks.paper import figures, reproduce
+from benchmarks.paper import plots, reproduce
 from benchmarks.paper.legs import RATES, SCENARIOS, Legs
 from tests.benchmarks.paper_evidence import calls
 from tests.io.sample_run import make_run
@@ -23,7 +23,7 @@ SENSORS = {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}
 
 
 def test_figures_and_claims_are_written_and_a_broken_study_is_continued(tmp_path, monkeypatch):
-    asked, shares = [], []
+    asked = []
 
     @cache
     def one_leg(seed):
@@ -31,15 +31,12 @@ def test_figures_and_claims_are_written_and_a_broken_study_is_continued(tmp_path
         run.seed, run.scenario = seed, run.scenario | {"sensors": SENSORS}
         return run
 
-    def execute_legs(preset, seeds, rate_seeds, done):
-        for _ in range(10):
-            done("a leg")
+    def execute_legs(preset, seeds, rate_seeds):
         runs = {name: [one_leg(seed) for seed in seeds] for name in SCENARIOS}
         return Legs(runs, runs, {rate: [one_leg(seed) for seed in rate_seeds] for rate in RATES})
 
-    def run_study(design, out, resume, force, progress):
+    def run_study(design, out, resume, force):
         asked.append((design.scenario.planning.preset, list(design.seeds), resume))
-        progress(design.count, design.count, 1.0)
         return make_study(design.count, first_seed=design.seed)
 
     stand_ins = {
@@ -52,11 +49,9 @@ def test_figures_and_claims_are_written_and_a_broken_study_is_continued(tmp_path
     monkeypatch.setattr(style, "DPI", 40)
     (tmp_path / "missions-paper" / "missions").mkdir(parents=True)
     effort = reproduce.Effort(2, 1, 2, seed=3)
-    claims, pictures = reproduce.reproduce(tmp_path, effort, lambda words, share: shares.append(share))
+    claims, pictures = reproduce.reproduce(tmp_path, effort)
     assert sorted(path.name for path in pictures) == FIGURES
     assert asked == [("paper", [3, 4], True), ("default", [3, 4], False)]
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
     assert [claim["verdict"] for claim in json.loads((tmp_path / "claims.json").read_text("utf-8"))] == [
         claim.verdict for claim in claims
     ]
@@ -68,7 +63,7 @@ def test_figures_and_claims_are_written_and_a_broken_study_is_continued(tmp_path
 
 def test_the_mission_shown_is_on_time_with_about_three_re_plans():
     study = make_study(8)
-    one = study.isel(mission=int(np.flatnonzero(study["seed"] == figures.example_seed(study))[0]))
+    one = study.isel(mission=int(np.flatnonzero(study["seed"] == plots.example_seed(study))[0]))
     replans = study["mission_replans"].values[study["success"].values == 1]
     assert int(one["success"]) == 1
     assert abs(int(one["mission_replans"]) - 3) == np.abs(replans - 3).min()
