@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
-import yaml
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -25,14 +25,11 @@ from auvplan.executive.planning import load_area_at, plan_scenario
 from auvplan.io import save_run
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import evaluated
-from auvplan.site import Site
-from benchmarks.harness import Array, launch
+from auvplan.scenario.scenario import Scenario
+from benchmarks.harness import SCENARIOS, Array, launch
 
-#: Off Hobart, in Storm Bay.
-SITE = Site(147.55, -43.12)
-HALF, SPEED, COAST = 4000.0, 1.5, 20.0
-#: Degrees, m/s east and north, and Greenwich phases of the tide.
-TIDE = {"M2": (0.12, 0.22, 40.0), "K1": (0.03, 0.06, 100.0)}
+#: m/s through the water, and m that are kept from coast and closed areas.
+SPEED, COAST = 1.5, 20.0
 
 
 @dataclass(frozen=True)
@@ -94,13 +91,15 @@ def drawn(seed: int) -> Case:
     return Case(jobs, closed, islands, np.zeros((0, 3)), places[0], places[1], available)
 
 
-def written(case: Case, folder: Path) -> Path:
-    """Write a case as a scenario and its files; return the scenario's path."""
+def posed(case: Case, folder: Path) -> Scenario:
+    """Return a case as a scenario, whose files are written into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
+    scenario = ap.load_scenario(SCENARIOS / "detours.yaml")
+    assert scenario.site is not None
+    site = scenario.site.site
 
     def at(place: Array) -> list[float]:
-        longitude, latitude = SITE.to_geographic(place[0], place[1])
-        return [round(float(longitude), 7), round(float(latitude), 7)]
+        return [round(float(degrees), 7) for degrees in site.to_geographic(place[0], place[1])]
 
     def point(place: Array) -> dict:
         return {"type": "Point", "coordinates": at(place)}
@@ -108,7 +107,7 @@ def written(case: Case, folder: Path) -> Path:
     def collection(name: str, parts: list[tuple[dict, dict]]) -> str:
         features = [{"type": "Feature", "properties": stated, "geometry": shape} for stated, shape in parts]
         (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-        return name
+        return str(folder / name)
 
     def areas(name: str, rings: dict[str, Array]) -> str:
         outlines = {each: [[at(place) for place in [*ring, ring[0]]]] for each, ring in rings.items()}
@@ -119,36 +118,17 @@ def written(case: Case, folder: Path) -> Path:
         ({"name": name, "priority": rho, "duration": stay, "depth": 10}, point(place))
         for name, (place, rho, stay) in case.jobs.items()
     ]
-    chart: dict = {"source": "none", "pixel_size": 20}
-    if case.islands:
-        chart |= {"source": "polygons", "file": areas("coast.geojson", case.islands)}
-    constituents = {name: {"u": [u, phase], "v": [v, phase]} for name, (u, v, phase) in TIDE.items()}
-    (folder / "tide.yaml").write_text(yaml.safe_dump({"source": "made up", "constituents": constituents}))
-    content = {
-        "name": "detours",
-        "site": {
-            "longitude": SITE.longitude, "latitude": SITE.latitude, "departure": "2026-03-10T21:00:00Z",
-            "timezone": "Australia/Hobart",
-        },
-        "area": {"lower": [-HALF, -HALF, 0], "upper": [HALF, HALF, 30]},
-        "chart": chart | {"no_go": areas("no_go.geojson", case.closed)},
-        "vehicle": {"speed": SPEED, "surge_max": 3.0, "sway_max": 1.4},
-        "current": {"source": "harmonic", "constituents": "tide.yaml"},
-        "safety": {"coast": COAST, "obstacles": 10},
-        "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
-        "mission": {
-            "jobs": collection("jobs.geojson", jobs),
-            "start": [*case.start.tolist(), 5.0], "goal": [*case.goal.tolist(), 5.0],
-            "time_available": case.available,
-        },
-        "planning": {"return_margin": 0.0, "reserve": 0.0},
+    changes: dict[str, Any] = {
+        "vehicle.speed": SPEED, "safety.coast": COAST, "mission.time_available": case.available,
+        "chart.no_go": areas("no_go.geojson", case.closed), "mission.jobs": collection("jobs.geojson", jobs),
+        "mission.start": [*case.start.tolist(), 5.0], "mission.goal": [*case.goal.tolist(), 5.0],
     }  # fmt: skip
+    if case.islands:
+        changes |= {"chart.source": "polygons", "chart.file": areas("coast.geojson", case.islands)}
     if len(case.obstacles):
         known = [({"radius": row[2]}, point(row)) for row in case.obstacles]
-        content["obstacles"] = {"file": collection("obstacles.geojson", known)}
-    path = folder / "scenario.yaml"
-    path.write_text(yaml.safe_dump(content, sort_keys=False))
-    return path
+        changes["obstacles.file"] = collection("obstacles.geojson", known)
+    return scenario.with_(changes)
 
 
 def shortest_paths(case: Case, places: Array) -> dict[tuple[int, int], Array]:
@@ -229,10 +209,9 @@ class Row:
 
 
 def planned(case: Case, seed: int | None, folder: Path) -> Row:
-    path = written(case, folder)
-    scenario = ap.load_scenario(str(path))
-    area = load_area_at(scenario, [0.0], folder)
-    run = plan_scenario(scenario, area=area, folder=folder)
+    scenario = posed(case, folder)
+    area = load_area_at(scenario, [0.0])
+    run = plan_scenario(scenario, area=area)
     out = folder / "plan"
     save_run(run, out)
     every = np.arange(0.0, case.available + 2401.0, 300.0)
