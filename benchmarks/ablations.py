@@ -13,11 +13,9 @@ from unittest.mock import patch
 
 import numpy as np
 import xarray as xr
-import yaml
 
 import auvplan as ap
 from auvplan.io.example import write_example
-from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
@@ -52,12 +50,11 @@ _OFF = 0.05
 _PERIOD, _ABOVE, _BELOW, _EDGE = 44_714.0, 0.9, -0.6, (10.0, 16.0)
 
 
-def two_layers(folder: Path) -> Path:
-    """Write the example with a tide in two layers that run against each other; return the scenario's path."""
+def two_layers(folder: Path) -> ap.Scenario:
+    """Write the example with a tide in two layers that run against each other; return the scenario."""
     write_example(folder, force=True)
-    path = folder / "scenario.yaml"
-    settings = yaml.safe_load(path.read_text())
-    with xr.open_dataset(folder / settings["current"]["files"]) as sea:
+    scenario = ap.load_scenario(folder / "scenario.yaml")
+    with xr.open_dataset(folder / "current.nc") as sea:
         sea = sea.load()
     seconds = (sea["time"] - sea["time"][0]) / np.timedelta64(1, "s")
     share = np.clip((sea["depth"] - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
@@ -66,32 +63,30 @@ def two_layers(folder: Path) -> Path:
     for name, part in zip(names, (np.sin(0.5), np.cos(0.5)), strict=True):
         sea[name] = (speed * part * xr.ones_like(sea[name])).transpose(*sea[name].dims)
     sea.to_netcdf(folder / "layers.nc")
-    settings["current"]["files"] = "layers.nc"
-    settings["name"] = "tide in two layers"
-    settings["mission"] = {"waypoints": 14, "time_available": 9000}
-    settings["simulation"] = {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}}
-    del settings["obstacles"]
-    path.write_text(yaml.safe_dump(settings))
-    return path
+    return scenario.with_({
+        "current.files": "layers.nc", "mission": {"waypoints": 14, "time_available": 9000}, "obstacles": {},
+        "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
+    })  # fmt: skip
 
 
 def in_sheared_seas(folder: Path, count: int) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     """Yield each sea and its rows, one for each way of planning: studies of `count` missions."""
-    seas = {"tide": two_layers(folder / "tide" / "scenario")}
-    seas |= {name: SCENARIOS / f"{name}_levels.yaml" for name in ("fjord", "shelf")}
-    for name, path in seas.items():
-        scenario = ap.load_scenario(path)
-        design = Design(scenario, count)
-        deep = study(folder / name / "depth", design, workers=1)
+    seas = {"tide in two layers": two_layers(folder / "tide" / "scenario")}
+    for name in ("fjord", "shelf"):
+        scenario = ap.load_scenario(SCENARIOS / f"{name}_levels.yaml")
+        seas[scenario.name] = scenario
+    for name, scenario in seas.items():
+        design, own = Design(scenario, count), folder / name.split()[0]
+        deep = study(own / "depth", design, workers=1)
         with ExitStack() as stack:
             for asked in _ASKED:
                 stack.enter_context(patch(asked, lambda *_: False))
-            flat = study(folder / name / "plan-view", design, workers=1)
+            flat = study(own / "plan-view", design, workers=1)
         found = list(rows({"with ways in depth": deep, "without": flat}))
         for dataset, row in zip((deep, flat), found, strict=True):
             off = relative_errors(dataset)
             row["off"] = float(np.mean(off[np.isfinite(off)] > _OFF))
-        yield scenario.name, found
+        yield name, found
 
 
 def study(folder: Path, design: Design, workers: int | None = None) -> xr.Dataset:
@@ -130,9 +125,8 @@ def main(out: Path, n: int, sheared: bool) -> None:
     studies = {}
     for name, changes in STUDIES.items():
         folder = name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
-        plain = ap.load_scenario("whitsunday").model_dump(mode="json")
-        plain["planning"] |= changes
-        studies[name] = study(out / folder, Design(validate_scenario(plain), n))
+        scenario = ap.load_scenario("whitsunday").with_({f"planning.{key}": changes[key] for key in changes})
+        studies[name] = study(out / folder, Design(scenario, n))
     more = {"|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}", "routes": "{routes:.1f}"}
     show(title, rows(studies), _FIGURES | more)
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import jax
 import numpy as np
-import yaml
 
 import auvplan as ap
 from auvplan.check.run import check_run
@@ -45,18 +44,16 @@ def fjord() -> str:
 
 def islands(folder: Path) -> Iterator[str]:
     write_example(folder)
-    settings = yaml.safe_load((folder / "scenario.yaml").read_text())
     chart = (DATA / "maps" / "whitsunday_hamilton_dent_rgb.tif").resolve()
-    settings["chart"] = {"source": "raster", "file": str(chart), "no_go": "no_go.geojson"}
-    settings["area"] = {"lower": [-4300, -4700, 0], "upper": [4800, 4500, 50]}
-    settings["current"]["forecast_error"] = 0.1
     jobs = json.loads((folder / "jobs.geojson").read_text())
     south = [np.reshape(job["geometry"]["coordinates"], (-1, 2))[:, 1].min() for job in jobs["features"]]
     on_chart = zip(jobs["features"], south, strict=True)
     jobs["features"] = [job for job, latitude in on_chart if latitude > -20.38]
     (folder / "jobs.geojson").write_text(json.dumps(jobs))
-    (folder / "real.yaml").write_text(yaml.safe_dump(settings))
-    scenario = ap.load_scenario(folder / "real.yaml")
+    scenario = ap.load_scenario(folder / "scenario.yaml").with_({
+        "chart": {"source": "raster", "file": str(chart), "no_go": "no_go.geojson"},
+        "area": {"lower": [-4300, -4700, 0], "upper": [4800, 4500, 50]}, "current.forecast_error": 0.1,
+    })  # fmt: skip
     for seed in range(3):
         run = ap.run_mission(scenario, key=jax.random.key(seed), seed=seed, folder=folder)
         ap.save_run(run, folder / str(seed))
