@@ -1,6 +1,6 @@
 """How well planning calls keep a budget of wall-clock time, on a quiet machine and beside busy processes.
 
-`python -m benchmarks.budgets [-n 40] [--quick]` plans paths, re-plans and routes with budgets, after calls
+`python -m benchmarks.budgets [-n 40]` plans paths, re-plans and routes with budgets, after calls
 that compile what is needed: how far they went beyond, and what they cost compared with the same call without
 a budget.
 """
@@ -23,7 +23,7 @@ from benchmarks.harness import clock, figures, launch, show
 from benchmarks.paths.problems import path_problems
 
 #: s.
-BUDGETS = (0.05, 0.1, 0.2, 0.5, 1.0)
+BUDGETS = (0.1, 0.5)
 
 COLUMNS = {
     "call": "{call}", "machine": "{machine}", "budget, s": "{budget:g}",
@@ -106,13 +106,13 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
     }  # fmt: skip
 
 
-def main(n: int, quick: bool) -> dict[str, Any]:
-    rows, budgets = [], BUDGETS[1:4:2] if quick else BUDGETS
+def main(n: int) -> dict[str, Any]:
+    rows = []
     for name, (call, worth) in calls().items():
         for number in range(n):  # compiles what each problem needs, and learns how long things take
             for budget in (None, 30.0, 0.1) if number < 4 else (None, 0.1):
                 call(number, budget)
-        for machine, budget in product(("as it is", "busy"), budgets):
+        for machine, budget in product(("as it is", "busy"), BUDGETS):
             with busy() if machine == "busy" else nullcontext():
                 row = timed(call, worth, budget, n)
             rows.append({"call": name, "machine": machine, "budget": budget} | row)
@@ -121,4 +121,4 @@ def main(n: int, quick: bool) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    launch(main, n=(40, "calls of each kind"), quick=(False, "two budgets alone"))
+    launch(main, n=(40, "calls of each kind"))

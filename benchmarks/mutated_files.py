@@ -14,7 +14,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -406,18 +406,16 @@ BED_VARIABLES = {
 }
 
 
-def main(out: Path | None, copies: int, only: str, kind: str | None, all: bool) -> None:
+def main(out: Path | None, copies: int, only: str) -> None:
     counts = json.loads(out.read_text()) if out and out.exists() else {}
     rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
-    kinds: dict[str, Sequence[Currents | Rasters]] = {"currents": REAL, "rasters": rasters}
-    chosen = [case for each in kinds if kind in (None, each) for case in kinds[each] if only in case.name]
-    for case in chosen:
+    for case in [case for case in (*REAL, *rasters) if only in case.name]:
         begin, found, failures = time.perf_counter(), Counter(), []
         for number, change, became in run_apart(copies_of, (case,), range(copies), "fork"):
             fault = not became.startswith(("refused", "right"))
             found["failed" if fault else became.split(":")[0]] += 1
             failures += [f"{change}: {became}"] * fault
-            if fault or all:
+            if fault:
                 print(f"  {number}: {change}: {re.sub(r'/tmp/[^ :]*/', '', became)}", flush=True)
         counts[case.name] = dict(found) | {"copies": found.total(), "failures": failures}
         print(f"{case.name}: {dict(found)}, {time.perf_counter() - begin:.0f} s", flush=True)
@@ -431,6 +429,4 @@ if __name__ == "__main__":
         out=(Path, "JSON file for the counts; those of other files there are kept"),
         copies=(COPIES, "of each file"),
         only=("", "part of the names of files"),
-        kind=(str, "only these", ("currents", "rasters")),
-        all=(False, "print what became of every copy"),
     )

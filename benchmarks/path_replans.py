@@ -123,12 +123,12 @@ def rows(count: int) -> list[dict[str, Any]]:
             seconds[way, k], plan = clock(call)
             times[way, k] = plan.travel_time if plan.feasible else np.nan
     excess = times / times[list(WAYS).index(LARGEST)] - 1.0
-    found = zip(
-        WAYS, np.nanmean(excess, axis=1), np.nanmax(excess, axis=1), np.isfinite(times).mean(axis=1),
-        1e3 * np.median(seconds, axis=1), first, strict=True,
-    )  # fmt: skip
-    names = ("mean", "worst", "feasible", "milliseconds", "first_seconds")
-    return [{"name": name, **dict(zip(names, map(float, row), strict=True))} for name, *row in found]
+    found = []
+    for way, name in enumerate(WAYS):
+        row = {"name": name, "mean": np.nanmean(excess[way]), "worst": np.nanmax(excess[way])}
+        row |= {"feasible": np.isfinite(times[way]).mean(), "first_seconds": first[way]}
+        found.append(row | {"milliseconds": 1e3 * np.median(seconds[way])})
+    return [{key: value if key == "name" else float(value) for key, value in row.items()} for row in found]
 
 
 def main(situations: int) -> dict[str, Any]:

@@ -137,19 +137,13 @@ def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, i
     return figure
 
 
-def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
-    """Draw a leg's paths among its obstacles, with the current of every time step in a layer of its own.
+def plot_layers(run: MissionRun) -> Figure:
+    """Draw the paths of a run of one leg among its obstacles, with the current of each step in a layer.
 
     Obstacles are drawn where they truly were at the last step, with their tracks; the rings are their
     boundaries at each step, which grow until the vehicle sees them again.
-
-    Args:
-        run: as executed.
-        leg: that of `busiest_leg` where not given.
     """
-    leg = leg or scene.busiest_leg(run)
-    if leg is None:
-        return style.figure_of(style.annotate_empty(None, "no path was planned"))
+    leg = leg_of(run)
     plans = leg.followed_plans
     figure = style.new_figure(9.6, 7.4)
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
@@ -232,20 +226,14 @@ def _draw_boundaries(pen: Space, run: MissionRun, leg: LegRecord, times: list[fl
     return kinds
 
 
-def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
-    """Draw the first path of a leg and every later one that was followed, on one map.
+def plot_windows(run: MissionRun) -> Figure:
+    """Draw the first path of a run of one leg and every later one that was followed, on one map.
 
     Obstacles are drawn where they truly were at each re-plan, the later the darker, within the boundary that
     had grown around them since the vehicle last saw them; the errors of measurement, which widen it further,
     are left out.
-
-    Args:
-        run: as executed.
-        leg: that of `busiest_leg` where not given.
     """
-    leg = leg or scene.busiest_leg(run)
-    if leg is None:
-        return style.figure_of(style.annotate_empty(None, "no path was planned"))
+    leg = leg_of(run)
     plans = leg.followed_plans
     low, high = scene.window(scene.extent_points(leg), 0.06, run.chart)
     tall, wide = high - low

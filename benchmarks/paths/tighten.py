@@ -6,8 +6,6 @@ penalty; turns are free. The lattice is then laid about what was found, half as 
 nothing.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 
@@ -38,25 +36,11 @@ _SLACK = 0.002
 _TRIES = 4
 
 
-@dataclass(frozen=True, eq=False)
-class _Lattices:
-    """What lattices are laid by; the current is looked up at the grid's moments."""
-
-    problem: PathProblem
-    world: World
-    grid: Grid
-
-    @property
-    def deep(self) -> bool:
-        """Whether the box has depth."""
-        return bool(self.world.high[2] > self.world.low[2])
-
-    @property
-    def offsets(self) -> Array:
-        """Nodes of a station about its middle, [K, 2] steps aside and up or down."""
-        aside, upright = _ROUND if self.deep else (_ASIDE, 0)
-        steps = np.meshgrid(np.arange(-aside, aside + 1), np.arange(-upright, upright + 1), indexing="ij")
-        return np.stack([line.ravel() for line in steps], axis=1).astype(float)
+def _offsets(deep: bool) -> Array:
+    """Nodes of a station about its middle, [K, 2] steps aside and up or down."""
+    aside, upright = _ROUND if deep else (_ASIDE, 0)
+    steps = np.meshgrid(np.arange(-aside, aside + 1), np.arange(-upright, upright + 1), indexing="ij")
+    return np.stack([line.ravel() for line in steps], axis=1).astype(float)
 
 
 def tighten(
@@ -72,7 +56,8 @@ def tighten(
     """
     width = 2.0 * grid.ahead if width is None else width
     size = np.broadcast_to(np.asarray(width, float), 2)
-    lattices = _Lattices(problem, world, grid)
+    deep = bool(world.high[2] > world.low[2])
+    lattices = problem, world, grid, _offsets(deep)
     points = positions
     if points.shape[1] == 2:
         points = np.column_stack([points, np.full(len(points), world.low[2])])
@@ -81,7 +66,7 @@ def tighten(
         found = _settled(lattices, points, size, extra)
         if found is None:
             return None
-        result = Polished(found if lattices.deep else found[:, :2], evaluate(problem, found, world))
+        result = Polished(found if deep else found[:, :2], evaluate(problem, found, world))
         if result.score.clearance > -world.tolerance:
             return result
         extra += 0.2 * world.tolerance - result.score.clearance
@@ -89,10 +74,11 @@ def tighten(
     return result
 
 
-def _settled(lattices: _Lattices, points: Array, size: Array, extra: float) -> Array | None:
+def _settled(lattices: tuple, points: Array, size: Array, extra: float) -> Array | None:
     """Lay lattices until nothing is gained, [n, 3] m; None where the widest holds no path.
 
     Args:
+        lattices: problem, world, grid, at whose moments the current is looked up, and `_offsets`.
         points: [n, 3] m.
         size: [2] m, of the first lattice to each side, and up and down.
         extra: m of clearance beyond the margins.
@@ -115,7 +101,7 @@ def _settled(lattices: _Lattices, points: Array, size: Array, extra: float) -> A
     return points
 
 
-def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tuple[float, Array] | None:
+def _sweep(lattices: tuple, points: Array, size: Array, extra: float) -> tuple[float, Array] | None:
     """Find the quickest path on one lattice: its time [s] and positions [n, 3] m; None without any.
 
     Args:
@@ -123,7 +109,7 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
         size: [2] m, from a station's middle to its outermost nodes aside, and up or down.
         extra: m of clearance beyond the margins.
     """
-    problem, world, grid, offsets = lattices.problem, lattices.world, lattices.grid, lattices.offsets
+    problem, world, grid, offsets = lattices
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     level = np.hypot(tangent[:, 0], tangent[:, 1])

@@ -96,12 +96,6 @@ def test_a_rejected_retry_is_not_drawn(run):
     assert not any(np.isclose(drawn, place).all(axis=1).any() for place in retry[5:-5])
 
 
-@pytest.mark.parametrize("plot", [plot_windows, plot_layers])
-def test_nothing_planned_is_said(run, plot):
-    run.legs = []
-    assert "no path was planned" in plot(run).axes[0].texts[0].get_text()
-
-
 def test_populations_show_the_mean_over_the_seeds(saved):
     legs = evidence.legs()
     legs["violation_mean"][1] += 0.5
