@@ -20,15 +20,6 @@ from benchmarks.harness import clock, launch, screen, show
 SINGLES, PERIOD = 20, 3.0
 
 
-def one_after_the_other(count: int) -> tuple[float, float]:
-    """Seconds a mission without compilation, and of compilation, of missions by `run_mission`."""
-    scenario = ap.load_scenario("whitsunday")
-    begin, compile_seconds = time.perf_counter(), 0.0
-    for seed, key in enumerate(seed_keys(range(count))):
-        compile_seconds += ap.run_mission(scenario, key=key, seed=seed).compile_seconds
-    return (time.perf_counter() - begin - compile_seconds) / count, compile_seconds
-
-
 def memory(process: int) -> int:
     """Bytes that a process and its children hold, shared ones counted once; 0 where Linux does not tell."""
     try:
@@ -59,16 +50,18 @@ def main(n: int) -> None:
         whole, _ = clock(lambda: run_study(Design(ap.load_scenario("whitsunday"), n), folder))
         spent = json.loads((Path(folder) / "summary.json").read_text())["clock"]
     watch.over.set()
-    single, compiled = one_after_the_other(SINGLES)
-    study = whole - spent["compile_s"]
+    scenario, compiled, begin = ap.load_scenario("whitsunday"), 0.0, time.perf_counter()
+    for seed, key in enumerate(seed_keys(range(SINGLES))):
+        compiled += ap.run_mission(scenario, key=key, seed=seed).compile_seconds
+    singles, study = time.perf_counter() - begin - compiled, whole - spent["compile_s"]
     ways = (
-        ("one after the other", SINGLES, compiled, single * SINGLES),
+        ("one after the other", SINGLES, compiled, singles),
         (f"a study, {spent['workers']} processes", n, spent["compile_s"], study),
     )
     names = "how", "count", "compiled", "then"
     rows = [dict(zip(names, way, strict=True)) | {"each": way[3] / way[1]} for way in ways]
     for row in rows:
-        row["ratio"] = single / row["each"]
+        row["ratio"] = rows[0]["each"] / row["each"]
     columns = {
         "how": "{how}", "missions": "{count}", "compilation": "{compiled:.0f} s", "then": "{then:.1f} s",
         "a mission": "{each:.2f} s", "throughput": "{ratio:.2f}",

@@ -53,8 +53,8 @@ def reproduce(out: Path, effort: Effort) -> tuple[list[Claim], list[Path]]:
     screen.print("single legs under both presets ...")
     with process_apart() as beside:  # programs of both presets compile side by side
         others = beside.submit(_figures_of_legs, folder, "default", effort)
-        legs = _legs("paper", effort)
-        figures = _write_legs(legs, folder, "paper"), others.result()
+        legs, own = _legs(folder, "paper", effort)
+        figures = own, others.result()
     missions = []
     for preset, scenario in zip(PRESETS, scenarios, strict=True):
         screen.print(f"{effort.missions} missions, preset {preset} ...")
@@ -76,17 +76,14 @@ def reproduce(out: Path, effort: Effort) -> tuple[list[Claim], list[Path]]:
     return claims, pictures
 
 
-def _legs(preset: str, effort: Effort) -> Legs:
-    return execute_legs(preset, effort.first(effort.seeds), effort.first(effort.rate_seeds))
-
-
-def _write_legs(legs: Legs, folder: Path, preset: str) -> xr.Dataset:
-    """Write what the claims need of the legs of a preset, and return it."""
+def _legs(folder: Path, preset: str, effort: Effort) -> tuple[Legs, xr.Dataset]:
+    """Run the legs of one preset, and write what the claims need of them; return both."""
+    legs = execute_legs(preset, effort.first(effort.seeds), effort.first(effort.rate_seeds))
     dataset = legs_dataset(legs)
     write_dataset(dataset, folder / f"legs-{preset}.nc")
-    return dataset
+    return legs, dataset
 
 
 def _figures_of_legs(folder: Path, preset: str, effort: Effort) -> xr.Dataset:
     """Run the legs of a preset that nobody draws."""
-    return _write_legs(_legs(preset, effort), folder, preset)
+    return _legs(folder, preset, effort)[1]

@@ -135,8 +135,9 @@ def fjords(rng: Rng, gap: float) -> tuple[Mask, Array]:
     apart = np.linalg.norm(nodes[leaves] - nodes[first], axis=1)
     far = leaves[apart >= min(_APART, apart.max())]
     # The bend moves a node's place: the ends are where the bent coordinates equal the node's.
-    ends = np.array([_place_of(nodes[node], bent_x, bent_y) for node in (first, rng.choice(far))])
-    return water, ends
+    pair = nodes[[first, rng.choice(far)]]
+    nearest = [np.argmin((bent_x - node[0]) ** 2 + (bent_y - node[1]) ** 2) for node in pair]
+    return water, (np.stack(np.divmod(nearest, PIXELS), axis=1) + 0.5) / PIXELS
 
 
 def gates(rng: Rng, gap: float) -> tuple[Mask, Array]:
@@ -254,9 +255,3 @@ def _spanning_tree(rng: Rng, cells: int) -> list[int]:
         parent[chosen] = node
         active.append(chosen)
     return parent
-
-
-def _place_of(node: Array, bent_x: Array, bent_y: Array) -> Array:
-    """Return the centre of the pixel whose bent coordinates are nearest to a node."""
-    nearest = np.argmin((bent_x - node[0]) ** 2 + (bent_y - node[1]) ** 2)
-    return (np.array(divmod(int(nearest), PIXELS)) + 0.5) / PIXELS
