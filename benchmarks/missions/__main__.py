@@ -18,10 +18,9 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def main(seeds: int, quick: bool, peers: bool, variants: bool, only: list[str]) -> dict[str, Any]:
-    seeds, limit = (min(seeds, 2), 10.0) if quick else (seeds, 60.0)
-    sets = {name: cases for name, cases in families(quick) if not only or name in only}
-    bench, chosen = Bench(seeds, limit), solvers(variants, peers, limit)
+def main(seeds: int, peers: bool, variants: bool, only: list[str]) -> dict[str, Any]:
+    sets = {name: cases for name, cases in families().items() if not only or name in only}
+    bench, chosen = Bench(seeds), solvers(variants, peers)
     for family, cases in sets.items():
         bench.compare_with_optima(cases)
         bench.run_bound(family, cases)
@@ -29,7 +28,7 @@ def main(seeds: int, quick: bool, peers: bool, variants: bool, only: list[str]) 
             if all(solver.fits(case) for case in cases):
                 bench.run(family, cases, solver)
         if cases[0].graph.size <= LARGEST_BATCHED:
-            bench.run_batched(family, cases, repeats=1 if quick else 3)
+            bench.run_batched(family, cases)
         if family == "knn40":
             bench.run_replanning(family, cases)
     if "knn40" in sets and installed("ortools"):
@@ -44,7 +43,6 @@ if __name__ == "__main__":
     launch(
         main,
         seeds=(10, "plans of each case"),
-        quick=(False, "two cases of each set, two seeds, short limits"),
         peers=(False, "other solvers too"),
         variants=(False, "what each part of the default is worth"),
         only=((), "families to run, such as knn40"),

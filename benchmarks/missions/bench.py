@@ -1,6 +1,6 @@
 """Solvers on families of cases, and the rows of their gaps and times."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
@@ -12,12 +12,14 @@ import numpy as np
 import auvplan as ap
 from auvplan.mission import MissionGraph, check_route, plan_missions, time_to_go
 from auvplan.mission.bound import upper_bound
-from benchmarks.harness import SHARED, available, clock, clock_all, screen
+from benchmarks.harness import SHARED, available, clock, clock_all, grouped, screen
 from benchmarks.missions import peers
 from benchmarks.missions.sets import Case, generated_cases, shared_cases
 
 BATCH, LARGEST_BATCHED, LARGEST_MEALPY, PEER_SEEDS = 32, 100, 64, 2
 PHI1, PHI2 = 1.0, 100.0
+#: s, to prove an optimum in, and that PyVRP has.
+LIMIT, SECONDS = 60.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -51,16 +53,16 @@ def variants() -> dict[str, ap.MissionConfig]:
     }
 
 
-def solvers(with_variants: bool, with_peers: bool, limit: float) -> list[Solver]:
+def solvers(with_variants: bool, with_peers: bool) -> list[Solver]:
     """The presets, and with them the peers that are installed; a line for each that is not."""
-    found, seconds = [], min(limit, 2.0)
+    found = []
     presets = {"default": ap.MissionConfig(), "paper": ap.MissionConfig.paper()}
     for name, config in (presets | (variants() if with_variants else {})).items():
         plan = partial(preset, config=config)
         found.append(Solver(name, plan, compiles=partial(plan, seed=999)))
-    cp_sat = Solver("CP-SAT", lambda case, _: peers.cp_sat(case, limit).nodes, seeds=1)
+    cp_sat = Solver("CP-SAT", lambda case, _: peers.cp_sat(case, LIMIT).nodes, seeds=1)
     pyvrp = Solver(
-        f"PyVRP, {seconds:g} s", lambda case, seed: peers.pyvrp(case, seed, seconds), None, PEER_SEEDS,
+        f"PyVRP, {SECONDS:g} s", lambda case, seed: peers.pyvrp(case, seed, SECONDS), None, PEER_SEEDS,
         lambda case: case.prizes is not None,
     )  # fmt: skip
     mealpy = Solver(
@@ -73,18 +75,12 @@ def solvers(with_variants: bool, with_peers: bool, limit: float) -> list[Solver]
     return found
 
 
-def families(quick: bool) -> Iterator[tuple[str, list[Case]]]:
-    """Cases by family; quick: one or two of each, of 200 waypoints at most."""
+def families() -> dict[str, list[Case]]:
+    """Cases by family."""
     cases = shared_cases()
     if not cases:
         screen.print(f"shared graphs and orienteering sets: left out, not found at {SHARED}")
-    cases += generated_cases(count=1 if quick else 3)
-    for family in dict.fromkeys(case.family for case in cases):
-        members = [case for case in cases if case.family == family]
-        if not quick:
-            yield family, members
-        elif members[0].graph.size <= 200:
-            yield family, members[:: max(1, len(members) // 2)][:2]
+    return grouped([*cases, *generated_cases()], lambda case: [case.family])
 
 
 class Bench:
@@ -95,12 +91,11 @@ class Bench:
 
     Args:
         seeds: plans of each case.
-        limit: s, to prove an optimum in.
     """
 
-    def __init__(self, seeds: int, limit: float) -> None:
+    def __init__(self, seeds: int) -> None:
         self.rows: list[dict[str, Any]] = []
-        self._seeds, self._limit = seeds, limit
+        self._seeds = seeds
         self._optima: dict[str, tuple[float, bool]] = {}
         self._compilation: dict[tuple[str, int], float] = {}
 
@@ -108,7 +103,7 @@ class Bench:
         """Find the total priority to compare with, and whether it is proved."""
         for case in cases:
             known = case.optimum is not None
-            self._optima[case.name] = (case.optimum, True) if known else peers.reference(case, self._limit)
+            self._optima[case.name] = (case.optimum, True) if known else peers.reference(case, LIMIT)
 
     def run(self, family: str, cases: list[Case], solver: Solver) -> None:
         """Plan each case with each seed, one at a time."""
@@ -177,7 +172,7 @@ class Bench:
         plan = partial(preset, config=ap.MissionConfig(objective="eq15", phi1=PHI1, phi2=PHI2))
         for case in cases:
             self._clock_compilation("eq15", case.graph.size, partial(plan, case, 999))
-        asked = [(case, PHI1, PHI2, self._limit) for case in cases]
+        asked = [(case, PHI1, PHI2, LIMIT) for case in cases]
         peer_times, solved = clock_all(peers.cp_sat_eq15, asked, f"{family}, Eq. 15 by CP-SAT")
         best, proved = {}, []
         for case, (nodes, bound) in zip(cases, solved, strict=True):

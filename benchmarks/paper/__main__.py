@@ -5,10 +5,9 @@
 continued.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from auvplan.errors import AuvplanError
 from benchmarks.harness import launch, screen, show
 from benchmarks.paper.reproduce import QUICK, Effort, reproduce
 
@@ -18,11 +17,8 @@ _COLUMNS = {
 }  # fmt: skip
 
 
-def main(out: Path, quick: bool, missions: int | None, seed: int) -> None:
-    if missions is not None and missions < 2:
-        raise AuvplanError("--missions: two or more, for intervals")
-    least = QUICK if quick else Effort()
-    effort = Effort(missions or least.missions, least.seeds, least.rate_seeds, seed)
+def main(out: Path, quick: bool, seed: int) -> None:
+    effort = replace(QUICK if quick else Effort(), seed=seed)
     claims, pictures = reproduce(out, effort)
     show("Claims of section 4", map(asdict, claims), _COLUMNS, names=5, overflow="fold")
     screen.print(f"claims: {out / 'claims.md'}, {out / 'claims.json'}; {len(pictures)} pictures beside them")
@@ -33,6 +29,5 @@ if __name__ == "__main__":
         main,
         out=(Path("out/paper"), "folder for results; created if needed"),
         quick=(False, "6 missions and 3 seeds of each scenario: minutes, not hours"),
-        missions=(int, "missions of each preset, two or more; 100 if absent, quick 6"),
         seed=(0, "first seed"),
     )
