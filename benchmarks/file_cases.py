@@ -1,6 +1,5 @@
 """The currents of ``benchmarks.files``: real files, cuts of them, and made ones, with another reading."""
 
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks import file_models, file_references
+from benchmarks.file_models import Prepared, copied
 from benchmarks.file_references import Table
 from benchmarks.harness import SHARED
 
@@ -27,21 +27,14 @@ class Currents:
     model: str
     origin: str  # "real", "cut" (real, changed as the name says) or "made"
     # a folder to the files there, and the options of `open_ocean`
-    prepare: Callable[[Path], tuple[list[Path], dict[str, Any]]]
+    prepare: Callable[[Path], Prepared]
     reading: Reading  # paths, and new names of variables as `renamed`, to what an independent reading finds
     # names that mutations look at: east, north, longitude, latitude, depth, time
     variables: tuple[str, ...] = field(default=())
 
 
-def _copied(*names: str, **options: Any) -> Callable[[Path], tuple[list[Path], dict[str, Any]]]:
-    def prepare(folder: Path) -> tuple[list[Path], dict[str, Any]]:
-        return [Path(shutil.copy(SHARED / name, folder)) for name in names], options
-
-    return prepare
-
-
 def _changed(name: str, change: Callable[[xr.Dataset], xr.Dataset], form: Any = "NETCDF4") -> Any:
-    def prepare(folder: Path) -> tuple[list[Path], dict[str, Any]]:
+    def prepare(folder: Path) -> Prepared:
         with xr.open_dataset(SHARED / name, engine="netcdf4", decode_cf=False) as data:
             path = folder / f"cut_{Path(name).stem}.nc"
             change(data).to_netcdf(path, engine="netcdf4", format=form)
@@ -50,10 +43,10 @@ def _changed(name: str, change: Callable[[xr.Dataset], xr.Dataset], form: Any = 
     return prepare
 
 
-def _schism(folder: Path) -> tuple[list[Path], dict[str, Any]]:
+def _schism(folder: Path) -> Prepared:
     """The real mesh and levels, with velocities on them, which the real output lacks."""
     names = ("elsewhere/schism_out2d_1.nc", "elsewhere/schism_zCoordinates_1.nc")
-    paths = [Path(shutil.copy(SHARED / name, folder)) for name in names]
+    paths, _ = copied(*names)(folder)
     with netCDF4.Dataset(str(paths[1])) as data:
         variable = data["zCoordinates"]
         height = np.ma.filled(variable[...].astype(float), np.nan)
@@ -97,38 +90,38 @@ def _mesh(names: str, heights: str | None = None, **options: Any) -> tuple[Readi
 
 
 REAL = (
-    Currents("norfjords160_roms_native_24h.nc", "ROMS, C-grid", "real", _copied(_FJORD), file_references.roms,
+    Currents("norfjords160_roms_native_24h.nc", "ROMS, C-grid", "real", copied(_FJORD), file_references.roms,
              _ROMS),
-    Currents("norkyst_v3_800m_5h.nc", "NorKyst (ROMS on z-levels)", "real", _copied(_NORKYST),
+    Currents("norkyst_v3_800m_5h.nc", "NorKyst (ROMS on z-levels)", "real", copied(_NORKYST),
              *_grid("u_eastward v_northward lon lat time", floor="h")),
-    Currents("cmems_glo12_uo_vo_northsea.nc", "Copernicus GLO12", "real", _copied(_CMEMS), *_grid(_UO)),
+    Currents("cmems_glo12_uo_vo_northsea.nc", "Copernicus GLO12", "real", copied(_CMEMS), *_grid(_UO)),
     Currents("rtofs_water_u_v_washington_64x3h.nc", "RTOFS (HYCOM)", "real",
-             _copied("currents/rtofs_water_u_v_washington_64x3h.nc"),
+             copied("currents/rtofs_water_u_v_washington_64x3h.nc"),
              *_grid("water_u water_v lon lat time", depth=None)),
-    Currents("creofs_selfe_noaa.nc", "SELFE", "real", _copied("elsewhere/creofs_selfe_noaa.nc"),
+    Currents("creofs_selfe_noaa.nc", "SELFE", "real", copied("elsewhere/creofs_selfe_noaa.nc"),
              *_mesh("u v lon lat time", nodes=("lon", "lat"), connectivity="ele", heights="zval")),
     Currents("nordic_roms_native_day1.nc, _day2.nc", "ROMS, cut by one range on all axes", "real",
-             _copied("elsewhere/nordic_roms_native_day1.nc", "elsewhere/nordic_roms_native_day2.nc"), _days,
+             copied("elsewhere/nordic_roms_native_day1.nc", "elsewhere/nordic_roms_native_day2.nc"), _days,
              _ROMS),
-    Currents("arctic20_polar_stereographic.nc", "ROMS on z-levels, along x and y", "real", _copied(_ARCTIC),
+    Currents("arctic20_polar_stereographic.nc", "ROMS on z-levels, along x and y", "real", copied(_ARCTIC),
              *_grid("u v longitude latitude time", floor="h", angle=file_references.polar)),
     Currents("schism_out2d_1.nc, schism_zCoordinates_1.nc", "SCHISM scribed (velocities made)", "real",
              _schism, *_mesh("horizontalVelX horizontalVelY SCHISM_hgrid_node_x SCHISM_hgrid_node_y time",
                              nodes=("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), heights="zCoordinates",
                              connectivity="SCHISM_hgrid_face_nodes", dry="dryFlagNode", crs=26910)),
     Currents("mom5_access_om2_u.nc, _v.nc", "MOM5, B-grid, NOLEAP", "real",
-             _copied("elsewhere/mom5_access_om2_u.nc", "elsewhere/mom5_access_om2_v.nc"),
+             copied("elsewhere/mom5_access_om2_u.nc", "elsewhere/mom5_access_om2_v.nc"),
              *_grid("u v xu_ocean yu_ocean time", depth="st_ocean")),
     Currents("dflowfm_simplebox_projected.nc", "D-Flow FM, UGRID in metres", "real",
-             _copied("elsewhere/dflowfm_simplebox_projected.nc"),
+             copied("elsewhere/dflowfm_simplebox_projected.nc"),
              *_mesh("mesh2d_ucx mesh2d_ucy mesh2d_face_x mesh2d_face_y time",
                     nodes=("mesh2d_node_x", "mesh2d_node_y"), connectivity="mesh2d_face_nodes", in_cells=True,
                     crs=28992)),
     Currents("roms_separate_his.nc, roms_separate_grid.nc", "ROMS, grid in another file, no dates", "real",
-             _copied("elsewhere/roms_separate_his.nc", "elsewhere/roms_separate_grid.nc", **_EPOCH),
+             copied("elsewhere/roms_separate_his.nc", "elsewhere/roms_separate_grid.nc", **_EPOCH),
              partial(file_references.roms, epoch=0.0, aligned=True), _ROMS),
     Currents("ngofs_fvcom_small.nc", "FVCOM, two-dimensional", "real",
-             _copied("elsewhere/ngofs_fvcom_small.nc"),
+             copied("elsewhere/ngofs_fvcom_small.nc"),
              *_mesh("u v lonc latc time", nodes=("lon", "lat"), connectivity="nv", in_cells=True)),
 )  # fmt: skip
 

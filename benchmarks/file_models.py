@@ -1,5 +1,6 @@
 """Small files by the conventions of ocean models, with the current that they stand for in closed form."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,13 @@ from pyproj import CRS, Proj
 from scipy.spatial import Delaunay
 
 from benchmarks.file_references import Table, halves
+from benchmarks.harness import SHARED
 from tests.io.currents import samples
 from tests.io.currents.samples import DEPTHS, LAT, LON, MERIDIANS, PARALLELS, START, STEP, TIMES
 
-#: Files, options of `open_ocean`, and the current.
+#: Files, and options of `open_ocean`.
+Prepared = tuple[list[Path], dict[str, Any]]
+#: The same, and the current.
 Made = tuple[list[Path], dict[str, Any], Table]
 Change = Callable[[xr.Dataset], xr.Dataset]
 
@@ -46,6 +50,11 @@ def save(path: Path, variables: dict[str, tuple], form: Any = "NETCDF4", **attri
             variable[...] = values
         file.setncatts(attributes)
     return path
+
+
+def copied(*names: str, **options: Any) -> Callable[[Path], Prepared]:
+    """Return what copies shared files to a folder, and states the options of `open_ocean` that they need."""
+    return lambda folder: ([Path(shutil.copy(SHARED / name, folder)) for name in names], options)
 
 
 def written(folder: Path, name: str, *parts: xr.Dataset, form: Any = "NETCDF4") -> list[Path]:

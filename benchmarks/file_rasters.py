@@ -1,7 +1,6 @@
 """Sea beds and charts of ``benchmarks.files``: as read, and as rasterio, netCDF4 and shapely do."""
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +21,7 @@ from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymet
 from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
 from benchmarks import file_models
+from benchmarks.file_models import Prepared, copied
 from benchmarks.file_references import LENGTHS, Raw
 from benchmarks.harness import SHARED
 
@@ -62,7 +62,7 @@ class Rasters:
     name: str  # what it is; kind is "sea bed", "chart" or "picture"
     kind: str
     origin: str
-    prepare: Callable[[Path], Path]  # a folder to the file there
+    prepare: Callable[[Path], Prepared]  # a folder to the file there
     read: Callable[[Path], np.ndarray]  # what auvplan makes of it, [n, m] or [n, m, 3]
     expect: Callable[[Path], np.ndarray]  # what other libraries find there
     exact: float = 1e-3  # largest difference, in the values' unit, that is none
@@ -71,10 +71,6 @@ class Rasters:
         """Share of the pixels that are the same."""
         missing = np.isnan(found) & np.isnan(expected)
         return float(((np.abs(found - expected) <= self.exact) | missing).mean())
-
-
-def _copied(name: str) -> Callable[[Path], Path]:
-    return lambda folder: Path(shutil.copy(SHARED / name, folder))
 
 
 def bilinear(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
@@ -214,7 +210,7 @@ def rasterized(path: Path, box: Box) -> np.ndarray:
     return np.where(burnt[::-1] == 1, 0.0, 1.0)
 
 
-def _utm_floor(folder: Path) -> Path:
+def _utm_floor(folder: Path) -> Prepared:
     """A GeoTIFF of heights in UTM, packed in decimetres, with missing pixels."""
     rows, columns = np.meshgrid(np.arange(60), np.arange(80), indexing="ij")
     values = (-300 - 4 * rows - 7 * columns + (rows * columns) % 11).astype(np.int16)
@@ -227,10 +223,10 @@ def _utm_floor(folder: Path) -> Path:
         sink.write(values, 1)
         sink.scales, sink.offsets = (0.1,), (0.0,)
         sink.units = ("metre",)
-    return path
+    return [path], {}
 
 
-def _gebco(folder: Path) -> Path:
+def _gebco(folder: Path) -> Prepared:
     lon, lat = 359.5 + np.arange(300) / 240.0, 50.0 + np.arange(200) / 240.0
     values = np.rint(-60 + 30 * np.sin(lon * 9)[None] * np.cos(lat * 7)[:, None]).astype(np.int16)
     fields = {
@@ -238,10 +234,10 @@ def _gebco(folder: Path) -> Path:
         "lon": (("lon",), lon, {"units": "degrees_east"}),
         "lat": (("lat",), lat, {"units": "degrees_north"}),
     }
-    return file_models.save(folder / "gebco.nc", fields)
+    return [file_models.save(folder / "gebco.nc", fields)], {}
 
 
-def _geopackage(folder: Path) -> Path:
+def _geopackage(folder: Path) -> Prepared:
     """The real land polygons in UTM, as a GeoPackage."""
     _, _, wkb, _ = pyogrio.raw.read(SHARED / "maps/whitsunday_land_osm.geojson")
     turn = Transformer.from_crs(4326, 32755, always_xy=True)
@@ -250,13 +246,13 @@ def _geopackage(folder: Path) -> Path:
     pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
                       geometry_type="Polygon" if plain else "MultiPolygon",
                       promote_to_multi=not plain)  # fmt: skip
-    return path
+    return [path], {}
 
 
-def _world_file(folder: Path) -> Path:
-    path = Path(shutil.copy(SHARED / "maps/whitsunday_hook_passage.png", folder))
-    path.with_suffix(".pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
-    return path
+def _world_file(folder: Path) -> Prepared:
+    paths, options = copied("maps/whitsunday_hook_passage.png")(folder)
+    paths[0].with_suffix(".pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
+    return paths, options
 
 
 _HOOK = Box(Site(*Transformer.from_crs(32755, 4326, always_xy=True).transform(702_200.0, 7_769_100.0)),
@@ -281,18 +277,18 @@ def _floor(
 
 
 def _real(kind: str, name: str, read: Any, expect: Any) -> Rasters:
-    return Rasters(Path(name).name, kind, "real", _copied(name), read, expect)
+    return Rasters(Path(name).name, kind, "real", copied(name), read, expect)
 
 
 RASTERS = (
-    _floor("oban_gebco2020.tif", "real", _copied("bathymetry/oban_gebco2020.tif"), _OBAN, tiff_depth),
-    _floor("etopo60_rose.nc", "real", _copied("elsewhere/etopo60_rose.nc"), _ROSE,
+    _floor("oban_gebco2020.tif", "real", copied("bathymetry/oban_gebco2020.tif"), _OBAN, tiff_depth),
+    _floor("etopo60_rose.nc", "real", copied("elsewhere/etopo60_rose.nc"), _ROSE,
            lambda p, b: axes_depth(p, ("ROSE", "ETOPO60X", "ETOPO60Y"), b, -1.0)),
-    _floor("norfjords160_roms_native_24h.nc, h", "real", _copied("currents/norfjords160_roms_native_24h.nc"),
+    _floor("norfjords160_roms_native_24h.nc, h", "real", copied("currents/norfjords160_roms_native_24h.nc"),
            _FJORD, lambda p, b: grid_depth(p, ("h", "lon_rho", "lat_rho"), b, "mask_rho"), 0.05),
-    _floor("norkyst_v3_800m_5h.nc, h", "real", _copied("currents/norkyst_v3_800m_5h.nc"), _NORKYST,
+    _floor("norkyst_v3_800m_5h.nc, h", "real", copied("currents/norkyst_v3_800m_5h.nc"), _NORKYST,
            lambda p, b: grid_depth(p, ("h", "lon", "lat"), b), 0.05),
-    _floor("arctic20_polar_stereographic.nc, h", "real", _copied("elsewhere/arctic20_polar_stereographic.nc"),
+    _floor("arctic20_polar_stereographic.nc, h", "real", copied("elsewhere/arctic20_polar_stereographic.nc"),
            _ARCTIC, lambda p, b: grid_depth(p, ("h", "longitude", "latitude"), b), 1.0),
     _floor("UTM GeoTIFF, packed in decimetres", "made", _utm_floor, _UTM, tiff_depth, positive="up"),
     _floor("GEBCO NetCDF across Greenwich, 0 to 360", "made", _gebco, _GREENWICH,

@@ -214,7 +214,8 @@ def compared(case: Currents, folder: Path) -> list[str]:
 
 
 def raster(case: Rasters, folder: Path) -> list[str]:
-    path, about = case.prepare(folder), [case.name, case.kind, case.origin]
+    (path,), _ = case.prepare(folder)
+    about = [case.name, case.kind, case.origin]
     try:
         found = np.asarray(case.read(path), float)
     except AuvplanError as error:

@@ -371,13 +371,12 @@ def copies_of(case: Currents | Rasters, pipe: Any) -> None:
     with tempfile.TemporaryDirectory() as name:
         kept, folder = Path(name) / "kept", Path(name) / "copy"
         kept.mkdir()
+        whole, options = case.prepare(kept)
         if isinstance(case, Currents):
-            whole, options = case.prepare(kept)
             for path in whole:
                 thin(path, case.variables)
             original: Any = case.reading(whole)
         else:
-            whole, options = [case.prepare(kept)], {}
             original = np.asarray(case.expect(whole[0]), float)
         for number in iter(pipe.recv, None):
             shutil.rmtree(folder, ignore_errors=True)
