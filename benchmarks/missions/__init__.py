@@ -1,1 +1,1 @@
-"""Mission planning: cases and other solvers."""
+"""Mission planning: cases, other solvers, proofs by labels."""

@@ -1,6 +1,7 @@
-"""References of missions: published optima, ways round areas in closed form."""
+"""References of missions: labels against all orders, published optima, ways round areas in closed form."""
 
 import json
+from itertools import permutations
 
 import jax
 import numpy as np
@@ -9,8 +10,46 @@ import pytest
 from auvplan.mission import plan_mission
 from benchmarks import detours
 from benchmarks.clock_peers import FILE, posed, profit_of
+from benchmarks.missions.labels import Windows, most_priority
 
+SIZE, END = 7, 1200
 SETS = json.loads(FILE.read_text(encoding="utf-8"))["sets"]
+
+
+def mission(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Legs, windows and priorities of a few waypoints, in whole seconds."""
+    rng = np.random.default_rng(seed)
+    lasts = rng.integers(60, 400, (SIZE, SIZE)).astype(float)
+    lasts[rng.random(lasts.shape) < 0.2] = np.inf
+    opens = rng.integers(0, END, (SIZE, 2)).astype(float)
+    closes = opens + rng.integers(20, 400, (SIZE, 2))
+    opens[[0, -1]], closes[[0, -1]] = -np.inf, np.inf
+    priority = rng.integers(1, 10, SIZE).astype(float)
+    priority[[0, -1]] = 0.0
+    return lasts, opens, closes, priority
+
+
+def by_all_orders(lasts, opens, closes, priority) -> float:
+    """Most total priority; zero where no order reaches the last waypoint with a task."""
+    best = 0.0
+    orders = (order for count in range(1, SIZE - 1) for order in permutations(range(1, SIZE - 1), count))
+    for between in orders:
+        time, here = 0.0, 0
+        for node in (*between, SIZE - 1):
+            arrives = time + lasts[here, node]
+            here, late = node, arrives > closes[node]
+            time = np.where(late, np.inf, np.maximum(arrives, opens[node])).min()
+        if time <= END:
+            best = max(best, priority[list(between)].sum())
+    return best
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
+def test_labels_find_and_prove_the_best_order(seed):
+    windows, best = Windows.of(*mission(seed), END), by_all_orders(*mission(seed))
+    assert most_priority(windows, 0.0) == (best, best)
+    assert most_priority(windows, best) == (best, best)
 
 
 @pytest.mark.slow
