@@ -81,6 +81,12 @@ def feature(kind: str, coordinates: Any, **properties: Any) -> dict:
     }
 
 
-def write_geojson(path: Path, *features: dict, **more: Any) -> Path:
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": list(features), **more}))
+def written(path: Path, content: Any) -> Path:
+    """A file of bytes, of text, or of what JSON has."""
+    text = content if isinstance(content, str | bytes) else json.dumps(content)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def write_geojson(path: Path, *features: dict, **more: Any) -> Path:
+    return written(path, {"type": "FeatureCollection", "features": list(features), **more})

@@ -3,6 +3,8 @@
 import numpy as np
 import xarray as xr
 
+from auvplan.io.geo import read_bathymetry
+from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
 from tests.io.geo.files import geographic
 
@@ -31,6 +33,11 @@ def write_grid(path, name="elevation", *, form=None, **options):
     engine = "h5netcdf" if form is None else "scipy"
     grid(name, **options).to_netcdf(path, engine=engine, format=form)
     return path
+
+
+def floor_of(source, pixel_size=None, site=SITE, lower=AREA["lower"], upper=AREA["upper"], **options):
+    """What is read of a source."""
+    return read_bathymetry(source, site, Extent(lower, upper, pixel_size), **options)
 
 
 def expected(bathymetry, site=SITE):

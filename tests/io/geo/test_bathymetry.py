@@ -6,13 +6,13 @@ import rasterio
 import rasterio.shutil
 import xarray as xr
 from pyproj import Transformer
-from scipy.interpolate import RegularGridInterpolator, griddata
+from scipy.interpolate import RegularGridInterpolator
 
-from auvplan.io.geo import GeoError, read_bathymetry, read_raster
-from auvplan.io.geo.grid import Extent
+from auvplan.io.geo import GeoError, read_raster
 from auvplan.site import Site
 from tests.io.geo.files import geographic, write_geotiff
-from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, grid, sea_floor, write_grid
+from tests.io.geo.sea_floors import LATITUDE, LONGITUDE, SITE, expected, floor_of, grid, sea_floor, write_grid
+from tests.io.refusals import refusal
 
 
 @pytest.mark.parametrize(
@@ -36,9 +36,7 @@ from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, g
     ],
 )
 def test_both_senses_and_all_units(name, sign, attributes):
-    found = read_bathymetry(
-        grid(name, sign=sign, attributes=attributes), SITE, Extent(pixel_size=100.0, **AREA)
-    )
+    found = floor_of(grid(name, sign=sign, attributes=attributes), 100.0)
     assert found.depth.shape == (50, 45)
     assert found.depth.dtype == np.float32
     assert found.origin == (-1000.0, -1500.0)
@@ -60,7 +58,7 @@ def test_both_senses_and_all_units(name, sign, attributes):
     ],
 )
 def test_axes_of_all_kinds(axes):
-    found = read_bathymetry(grid(**axes), SITE, Extent(pixel_size=250.0, **AREA))
+    found = floor_of(grid(**axes), 250.0)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
 
 
@@ -71,19 +69,19 @@ def test_the_seam_of_a_global_grid(longitude, first):
     site, lon = Site(longitude, 10.0), np.arange(first, first + 360.0, 0.5)
     lat = np.arange(8.0, 12.1, 0.5)
     values = -(50.0 + 30.0 * np.sin(np.deg2rad(lon))[None, :] + lat[:, None])
-    area = {"lower": (-50_000, -80_000), "upper": (50_000, 60_000), "pixel_size": 5000.0}
-    found = read_bathymetry(grid(values=values, lat=lat, lon=lon), site, Extent(**area))
+    area = {"lower": (-50_000, -80_000), "upper": (50_000, 60_000)}
+    found = floor_of(grid(values=values, lat=lat, lon=lon), 5000.0, site, **area)
     x, y = expected(found, site)
     np.testing.assert_allclose(found.depth, 50.0 + 30.0 * np.sin(np.deg2rad(x)) + y, atol=0.02)
 
 
 def test_default_pixels():
     spacing = 0.01 * 111_350.0
-    assert read_bathymetry(grid(), SITE, Extent(**AREA)).pixel_size == pytest.approx(500.0)
+    assert floor_of(grid()).pixel_size == pytest.approx(500.0)
     fine = grid(lat=np.arange(56.38, 56.48, 0.001), lon=np.arange(-5.75, -5.55, 0.004))
-    assert read_bathymetry(fine, SITE, Extent(**AREA)).pixel_size == pytest.approx(spacing / 20, rel=0.01)
+    assert floor_of(fine).pixel_size == pytest.approx(spacing / 20, rel=0.01)
     dense = grid(lat=np.arange(56.4, 56.42, 5e-5), lon=np.arange(-5.68, -5.66, 1e-4))
-    found = read_bathymetry(dense, SITE, Extent(lower=(0.0, 100.0), upper=(700.0, 900.0)))
+    found = floor_of(dense, lower=(0.0, 100.0), upper=(700.0, 900.0))
     assert found.pixel_size == 10.0
 
 
@@ -107,37 +105,21 @@ def test_two_dimensional_coordinates_of_a_turned_grid():
             "mask_rho": (rho, mask),
         }
     )
-    found = read_bathymetry(dataset, SITE, Extent(pixel_size=250.0, **AREA))
+    found = floor_of(dataset, 250.0)
     known = np.isfinite(found.depth)
     np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.05)
     assert 0.0 < (~known).mean() < 0.1
     assert not known[int((1500 + 1000) / 250), int((700 + 1500) / 250)]
     assert any("mask_rho" in note for note in found.notes)
-    with pytest.raises(GeoError, match=r"the area reaches beyond the data .* of its edge in the"):
-        read_bathymetry(dataset, SITE, Extent(lower=(-1000.0, -1500.0), upper=(15_000.0, 3000.0)))
+    words = r"the area reaches beyond the data .* of its edge in the"
+    refusal(GeoError, words, floor_of, dataset, upper=(15_000.0, 3000.0))
     dataset["lat_rho"] = (rho, np.minimum(places[..., 1], places[::-1, ::-1, 1]))
-    with pytest.raises(GeoError, match="contradict each other, the grid folds"):
-        read_bathymetry(dataset, SITE, Extent(**AREA))
-
-
-def test_the_fjord_of_a_roms_file(shared):
-    path = shared / "data" / "currents" / "norfjords160_roms_native_24h.nc"
-    with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as roms:
-        site = Site(float(roms.lon_rho.mean()), float(roms.lat_rho.mean()))
-        north, east = site.to_local(roms.lon_rho.values, roms.lat_rho.values)
-        h = np.where(roms.mask_rho.values == 1, roms.h.values, np.nan)
-    found = read_bathymetry(path, site, Extent(lower=(-300.0, -350.0), upper=(250.0, 400.0), pixel_size=50.0))
-    n, e = np.meshgrid(-300 + 50 * (np.arange(11) + 0.5), -350 + 50 * (np.arange(15) + 0.5), indexing="ij")
-    twin = griddata(np.stack([north.ravel(), east.ravel()], -1), h.ravel(), (n, e))
-    both = np.isfinite(twin) & np.isfinite(found.depth)
-    assert both.mean() > 0.3
-    # Bilinear against triangles: the same to a part of what the floor changes by within a cell.
-    assert np.abs(found.depth - twin)[both].mean() < 1.0
+    refusal(GeoError, "contradict each other, the grid folds", floor_of, dataset)
 
 
 def test_oban_at_asymmetric_places(shared):
     path = shared / "data" / "bathymetry" / "oban_gebco2020.tif"
-    found = read_bathymetry(path, SITE, Extent(pixel_size=130.0, **AREA))
+    found = floor_of(path, 130.0)
     with rasterio.open(path) as file:
         values = file.read(1).astype(float)
     step = 1.0 / 240.0
@@ -149,15 +131,13 @@ def test_oban_at_asymmetric_places(shared):
     np.testing.assert_allclose(found.depth, -twin((y, x)), atol=0.01)
     assert found.depth.min() < -100.0 < 50.0 < found.depth.max()
     assert found.notes == ()
-    assert read_bathymetry(path, SITE, Extent(**AREA)).pixel_size == pytest.approx(
-        step * 111_350 * 0.5535 / 2, rel=0.01
-    )
+    assert floor_of(path).pixel_size == pytest.approx(step * 111_350 * 0.5535 / 2, rel=0.01)
 
 
 def test_missing_values_stay_missing():
     values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     values[6, 4], values[0] = np.nan, np.nan
-    found = read_bathymetry(grid(values=values), SITE, Extent(pixel_size=100.0, **AREA))
+    found = floor_of(grid(values=values), 100.0)
     unknown = np.isnan(found.depth)
     x, y = expected(found)
     # The four cells about the missing node, no more and no less.
@@ -169,7 +149,7 @@ def test_missing_values_stay_missing():
 def test_numbers_that_stand_for_none(tmp_path):
     values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     values[6, 4], values[5, 2] = -32768.0, -9999.0
-    found = read_bathymetry(grid(values=values), SITE, Extent(pixel_size=100.0, **AREA))
+    found = floor_of(grid(values=values), 100.0)
     assert np.isnan(found.depth).any()
     assert "2 values that no sea floor has" in " ".join(found.notes)
     assert np.nanmax(np.abs(found.depth)) < 500.0
@@ -178,7 +158,7 @@ def test_numbers_that_stand_for_none(tmp_path):
     tif = write_geotiff(
         tmp_path / "b.tif", flipped, corner=corner, scale=(0.02, 0.01), point=True, nodata=-3.4e38
     )
-    twin = read_bathymetry(tif, SITE, Extent(pixel_size=100.0, **AREA), positive="up")
+    twin = floor_of(tif, 100.0, positive="up")
     np.testing.assert_array_equal(np.isnan(twin.depth), np.isnan(found.depth))
     np.testing.assert_allclose(twin.depth, found.depth, atol=1e-3)
 
@@ -187,8 +167,8 @@ def test_one_variable_of_several():
     both = grid()
     both["tid"] = both["elevation"] * 0 + 11
     both["deep"] = (("time", "lat", "lon"), both["elevation"].values[None] * 2)
-    first = read_bathymetry(both, SITE, Extent(**AREA))
-    deep = read_bathymetry(both, SITE, Extent(**AREA), variable="deep", positive="up")
+    first = floor_of(both)
+    deep = floor_of(both, variable="deep", positive="up")
     np.testing.assert_allclose(deep.depth, 2 * first.depth, rtol=1e-5)
     assert deep.notes == ("units are not given: metres",)
 
@@ -219,7 +199,7 @@ def floor_tiff(path, *, per_metre=-1.0, dtype="float32", epsg=4326, **options):
 def test_geotiffs(tmp_path, stored, arguments, notes):
     """Sense and unit of a band, by its tags, or by a vertical reference system."""
     path = floor_tiff(tmp_path / "b.tif", **stored)
-    found = read_bathymetry(path, SITE, Extent(pixel_size=100.0, **AREA), **arguments)
+    found = floor_of(path, 100.0, **arguments)
     tolerance = 0.06 if stored.get("dtype") else 2e-3
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=tolerance)
     assert len(found.notes) == notes
@@ -231,7 +211,7 @@ def test_masked_values_of_a_geotiff_are_missing(tmp_path, inside):
     mask[25:35, 40:50] = False
     with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside):
         path = floor_tiff(tmp_path / "b.tif", mask=mask)
-    found = read_bathymetry(path, SITE, Extent(pixel_size=100.0, **AREA))
+    found = floor_of(path, 100.0)
     longitude, latitude = expected(found)
     hidden = (np.abs(longitude + 5.66) < 0.008) & (np.abs(latitude - 56.431) < 0.008)
     assert np.isnan(found.depth[hidden]).all()
@@ -241,12 +221,12 @@ def test_masked_values_of_a_geotiff_are_missing(tmp_path, inside):
 
 def test_a_sidecar_gives_scale_unit_and_no_data(tmp_path):
     path = floor_tiff(tmp_path / "b.tif", per_metre=-10.0 / 0.3048, dtype="int16")
-    whole = read_bathymetry(path, SITE, Extent(pixel_size=100.0, **AREA))
+    whole = floor_of(path, 100.0)
     least = round(float(np.nanmin(whole.depth)))
     band = f"<NoDataValue>{-least}</NoDataValue><UnitType>ft</UnitType><Offset>0</Offset><Scale>0.1</Scale>"
     beside = tmp_path / "b.tif.aux.xml"
     beside.write_text(f'<PAMDataset><PAMRasterBand band="1">{band}</PAMRasterBand></PAMDataset>')
-    found = read_bathymetry(path, SITE, Extent(pixel_size=100.0, **AREA))
+    found = floor_of(path, 100.0)
     known = np.isfinite(found.depth)
     assert 0.95 < known.mean() <= 1.0
     np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.02)
@@ -256,7 +236,7 @@ def test_a_sidecar_gives_scale_unit_and_no_data(tmp_path):
 def test_grids_that_gdal_reads(tmp_path, name):
     crs = None if name == "b.bag" else 4326
     twin = floor_tiff(tmp_path / "t.tif", epsg=4326 if crs is None else None)
-    stated = read_bathymetry(twin, SITE, Extent(pixel_size=100.0, **AREA), crs=4326)
+    stated = floor_of(twin, 100.0, crs=4326)
     driver = {".asc": "AAIGrid", ".bag": "BAG"}.get(name[1:], "XYZ")
     if name == "b.bag":  # metres of a projection, with the uncertainty as second band
         twin = projected(tmp_path / "u.tif")
@@ -264,9 +244,8 @@ def test_grids_that_gdal_reads(tmp_path, name):
     options |= {"FORCE_CELLSIZE": "YES"} if name == "b.asc" else {}
     rasterio.shutil.copy(twin, tmp_path / name, driver=driver, **options)
     if crs is not None:
-        with pytest.raises(GeoError, match="has no coordinate reference system: set crs, such as"):
-            read_bathymetry(tmp_path / name, SITE, Extent(**AREA))
-    found = read_bathymetry(tmp_path / name, SITE, Extent(pixel_size=100.0, **AREA), crs=crs)
+        refusal(GeoError, "has no coordinate reference system: set crs, such as", floor_of, tmp_path / name)
+    found = floor_of(tmp_path / name, 100.0, crs=crs)
     np.testing.assert_allclose(found.depth, stated.depth, atol=0.05)
 
 
@@ -282,7 +261,7 @@ def projected(path):
 
 def test_arrays_in_place_of_files(tmp_path):
     path, classic = write_grid(tmp_path / "b.nc"), write_grid(tmp_path / "c.nc", form="NETCDF3_CLASSIC")
-    wanted = read_bathymetry(path, SITE, Extent(pixel_size=100.0, **AREA))
+    wanted = floor_of(path, 100.0)
     heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
     plain = xr.DataArray(heights, {"lat": LATITUDE, "lon": LONGITUDE}, attrs={"units": "m"})
     grids = np.meshgrid(LONGITUDE, LATITUDE)
@@ -296,7 +275,7 @@ def test_arrays_in_place_of_files(tmp_path):
         plain.rename(lon="x", lat="y").assign_attrs(crs=4326, units="m"), turned,
         read_raster(tiff), plain.to_dataset(name="z"),
     ):  # fmt: skip
-        found = read_bathymetry(source, SITE, Extent(pixel_size=100.0, **AREA))
+        found = floor_of(source, 100.0)
         np.testing.assert_allclose(found.depth, wanted.depth, atol=0.05 if source is turned else 2e-3)
-    missing = read_bathymetry(plain.where(plain.lat < 56.43), SITE, Extent(pixel_size=100.0, **AREA))
+    missing = floor_of(plain.where(plain.lat < 56.43), 100.0)
     assert 0.3 < np.isnan(missing.depth).mean() < 0.8

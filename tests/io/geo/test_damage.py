@@ -9,7 +9,6 @@ from auvplan.io.geo import (
     GeoError,
     chart_from_polygons,
     chart_from_raster,
-    read_bathymetry,
     read_jobs,
     read_zones,
 )
@@ -21,7 +20,7 @@ from auvplan.ocean.whitsunday import render
 from tests.io.currents import samples
 from tests.io.geo import sea_floors, test_s57
 from tests.io.geo.enc_cells import write_cell
-from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff
+from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff, written
 
 BOX = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0)}
 TABLE = "name,north,east,line,priority,duration,depth\nreef,12,35,,3,60,12\n,10,20,a,2,,5\n,10,120,a,,90,6\n"
@@ -47,24 +46,15 @@ def read_box(path):
     read_current(path, samples.SITE, **samples.BOX).source.close()
 
 
-def read_bed(path):
-    read_bathymetry(path, sea_floors.SITE, Extent(**sea_floors.AREA))
-
-
 def polygons(path):
     return write_geojson(path, feature("Polygon", [ring((0, 0), (0, 50), (50, 0))]))
-
-
-def table(path):
-    path.write_text(TABLE)
-    return path
 
 
 READERS = {
     "picture.tif": (picture, lambda path: chart_from_raster(path, SITE, Extent(**BOX))),
     **dict.fromkeys(("chart.png", "chart.jpg", "chart.tif"), (image, Chart.from_image)),
-    "grid.nc": (sea_floors.write_grid, read_bed),
-    "classic.nc": (lambda path: sea_floors.write_grid(path, form="NETCDF3_CLASSIC"), read_bed),
+    "grid.nc": (sea_floors.write_grid, sea_floors.floor_of),
+    "classic.nc": (lambda path: sea_floors.write_grid(path, form="NETCDF3_CLASSIC"), sea_floors.floor_of),
     "current.nc": (current, read_box),
     "current.nc3": (current, read_box),
     "A.000": (
@@ -73,7 +63,7 @@ READERS = {
     ),
     "land.geojson": (polygons, lambda path: chart_from_polygons(path, SITE, Extent(**BOX))),
     "zones.geojson": (polygons, lambda path: read_zones(path, SITE)),
-    "jobs.csv": (table, lambda path: read_jobs(path, SITE)),
+    "jobs.csv": (lambda path: written(path, TABLE), lambda path: read_jobs(path, SITE)),
 }
 
 

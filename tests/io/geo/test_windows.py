@@ -8,6 +8,8 @@ import pytest
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.io.geo.windows import Hours
 from auvplan.site import Site
+from tests.io.geo.files import written
+from tests.io.refusals import refusal
 
 SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
 HOUR = 3600.0
@@ -65,9 +67,7 @@ def test_times_of_day_hold_on_every_day():
     ],
 )
 def test_slips_are_stated(stated, message):
-    with pytest.raises(GeoError, match=message) as refused:
-        windows(300.0, **stated)
-    assert str(refused.value).startswith("jobs.csv: row 2: ")
+    refusal(GeoError, "^jobs.csv: row 2: .*" + message, windows, 300.0, **stated)
 
 
 def test_daylight_is_between_sunrise_and_sunset():
@@ -83,29 +83,26 @@ def test_daylight_is_between_sunrise_and_sunset():
 def test_there_is_no_night_in_the_arctic_summer():
     site = Site(20.0, 78.0, epoch=datetime(2026, 6, 20, tzinfo=UTC))
     assert windows(until=HOUR, site=site, windows="daylight") == ((-float("inf"), float("inf")),)
-    with pytest.raises(GeoError, match="there is no night"):
-        windows(until=HOUR, site=site, windows="night")
+    refusal(GeoError, "there is no night", windows, until=HOUR, site=site, windows="night")
 
 
 def test_dates_need_a_departure():
-    with pytest.raises(GeoError, match=r"needs site\.departure"):
-        windows(site=Site(0.0, 0.0), **{"from": "2026-03-01T01:00Z"})
+    stated = {"from": "2026-03-01T01:00Z"}
+    refusal(GeoError, r"needs site\.departure", windows, site=Site(0.0, 0.0), **stated)
 
 
 def test_windows_of_a_line_stand_in_any_of_its_rows(tmp_path):
-    table = tmp_path / "jobs.csv"
-    table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,,\na,148.97,-20.33,60,900\n")
-    (line,) = read_jobs(table, SITE).lines
-    assert line.windows == ((60.0, 900.0),)
-    table.write_text("name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
+    path, line = tmp_path / "jobs.csv", "line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33"
+    table = written(path, f"{line},,\na,148.97,-20.33,60,900\n")
+    (line_,) = read_jobs(table, SITE).lines
+    assert line_.windows == ((60.0, 900.0),)
+    written(path, "name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
     (point,) = read_jobs(table, SITE, until=6 * HOUR).points
     assert point.windows == ((HOUR, 2 * HOUR - 60.0),)
-    table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,90,\n")
-    with pytest.raises(GeoError, match="line 'a' has from 60 in an earlier row, 90 in this"):
-        read_jobs(table, SITE)
-    table.write_text("line,lon,lat,from,window\na,148.95,-20.33,60,begin\na,148.96,-20.33,,\n")
-    with pytest.raises(GeoError, match="leave out window: begin"):
-        read_jobs(table, SITE)
+    words = "line 'a' has from 60 in an earlier row, 90 in this"
+    refusal(GeoError, words, read_jobs, written(path, f"{line},90,\n"), SITE)
+    begin = written(path, "line,lon,lat,from,window\na,148.95,-20.33,60,begin\na,148.96,-20.33,,\n")
+    refusal(GeoError, "leave out window: begin", read_jobs, begin, SITE)
 
 
 def test_slack_water_is_when_the_current_is_slower_there(tmp_path):
@@ -119,15 +116,12 @@ def test_slack_water_is_when_the_current_is_slower_there(tmp_path):
     assert near.windows == ((0.0, HOUR),)
     half = HOUR / np.pi * np.arccos(0.5 / 1.8)
     assert far.windows[0] == pytest.approx((half, HOUR - half), abs=60.0)
-    with pytest.raises(GeoError, match=r"needs a current that is forecast"):
-        read_jobs(table, SITE)
+    refusal(GeoError, r"needs a current that is forecast", read_jobs, table, SITE)
     table.write_text("name,north,east,windows\na,100,0,slack < fast\n")
-    with pytest.raises(
-        GeoError, match=r"row 2, job 'a': slack water is given in m/s, such as slack < 0\.2, got 'fast'"
-    ):
-        read_jobs(table, SITE, speed=speed)
-    with pytest.raises(GeoError, match=r"never below 0\.1 m/s there in the time of the mission: 0\.30 m/s"):
-        windows(speed=lambda times: 0.3 + 0.0 * times, windows="slack < 0.1")
+    words = r"row 2, job 'a': slack water is given in m/s, such as slack < 0\.2, got 'fast'"
+    refusal(GeoError, words, read_jobs, table, SITE, speed=speed)
+    words = r"never below 0\.1 m/s there in the time of the mission: 0\.30 m/s"
+    refusal(GeoError, words, windows, speed=lambda times: 0.3 + 0.0 * times, windows="slack < 0.1")
 
 
 def falls(stated):
@@ -159,8 +153,7 @@ def test_priorities_fall_at_moments(stated, expected):
     ],
 )
 def test_slips_in_falling_priorities_are_stated(stated, message):
-    with pytest.raises(GeoError, match=message):
-        falls(stated)
+    refusal(GeoError, message, falls, stated)
 
 
 def test_the_sun_of_a_place_is_reckoned_once(monkeypatch):
