@@ -36,6 +36,7 @@ from tests.io.currents.samples import (
     turned_grid,
     write,
 )
+from tests.io.refusals import refusal
 
 HOUR = np.array([0.0, 1.0]) / 24.0
 
@@ -139,6 +140,7 @@ READ = {
     "one depth": (surface(), {"depth": 0.0}, None),
     "no depth": (surface(drop=True), {"depth": 0.0},
                  "uo has no levels: taken as the current at the surface"),
+    "one depth below the surface": (regular(depth=[10.0]).isel(depth=0), {"depth": 10.0}, None),
     "one member": (member(regular(depth=[0.0])), {"depth": 0.0}, None),
     "one member without depth": (member(surface(drop=True)), {"depth": 0.0}, None),
     "no units": (without_units(), {}, "uo has no units: taken as m/s"),
@@ -202,8 +204,8 @@ def test_zarr_without_its_package(tmp_path, monkeypatch):
     (tmp_path / "a.zarr").mkdir()
     (tmp_path / "a.zarr" / "zarr.json").write_text("{}")
     monkeypatch.setitem(sys.modules, "zarr", None)
-    with pytest.raises(CurrentError, match=r"a\.zarr: .*pip install 'auvplan\[readers\]'"):
-        open_ocean(tmp_path / "a.zarr")
+    words = r"a\.zarr: .*pip install 'auvplan\[readers\]'"
+    refusal(CurrentError, words, open_ocean, tmp_path / "a.zarr")
 
 
 @pytest.mark.parametrize(
@@ -222,8 +224,8 @@ def test_longitudes_of_all_spellings(lon, at):
     for place in at:
         check(data, lon=place, about=lon[2])
         check(data, lon=place % 360.0, about=lon[2])
-    with open_ocean(data) as ocean, pytest.raises(CurrentError, match="outside the data"):
-        ocean.at(at[0] + 1.0, PLACE[1], 0.0, START)
+    with open_ocean(data) as ocean:
+        refusal(CurrentError, "outside the data", ocean.at, at[0] + 1.0, PLACE[1], 0.0, START)
 
 
 def test_round_the_globe():
@@ -306,12 +308,6 @@ def test_depth_axes(values, attrs, note):
     assert note is None or note in ocean.notes[0]
 
 
-def test_the_depth_of_a_single_level():
-    data = regular(depth=[10.0]).isel(depth=0)
-    data["depth"].attrs = {"units": "m"}
-    assert check(data, depth=10.0).levels == [10.0]
-
-
 def test_units_of_speed():
     units = {
         1.0: ("m s-1", "ms-1", "m/s", "meter second-1", "meters s-1", "metres per second", "m.s-1", "m s^-1",
@@ -392,13 +388,6 @@ def test_sea_floor_by_standard_name():
     held = found.source.at(LON + 0.03, LAT + 0.02, [30.0, 49.9, 50.1], START)[0]
     assert held[0] == held[1]
     assert np.isnan(held[2])
-
-
-def test_a_surface_far_from_the_sea_is_refused():
-    data = over_a_bed(30.0, **SIGMA)
-    data["zeta"] = (("time", *DIMS[2:]), np.full((3, 6, 8), 9999.0), {"units": "m"})
-    with open_ocean(data) as ocean, pytest.raises(CurrentError, match="zeta reaches"):
-        ocean.at(*PLACE, 0.0, START)
 
 
 @pytest.mark.parametrize(

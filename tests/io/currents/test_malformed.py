@@ -13,6 +13,7 @@ from tests.io.currents.samples import (
     LAT,
     LON,
     NORTH,
+    SIGMA,
     SITE,
     START,
     c_grid,
@@ -29,6 +30,7 @@ from tests.io.currents.samples import (
     write,
 )
 from tests.io.currents.test_formats import beside_a_height, described, own_depths, own_places, two_grids
+from tests.io.refusals import refusal
 
 
 def attrs(name, **changes):
@@ -154,6 +156,10 @@ REFUSED = {
     "a time series": (lambda: stations(featureType="timeSeries"),
                       "holds single places (timeSeries)", "grid or a mesh is needed"),
     "stations": (stations, "holds single places (station)", "grid or a mesh is needed"),
+    "a surface far from the sea": (
+        lambda: over_a_bed(30.0, **SIGMA).assign(
+            zeta=(("time", "latitude", "longitude"), np.full((3, 6, 8), 9999.0), {"units": "m"})),
+        "zeta reaches 9999 m"),
     # staggered grids and meshes
     "ROMS without h": (lambda: roms().drop_vars("h"), "h is missing"),
     "ROMS without a curve": (lambda: roms().drop_vars("Cs_r"),
@@ -191,9 +197,6 @@ def test_what_is_refused(tmp_path, case):
 
 def test_a_line_names_the_file_and_is_short(tmp_path):
     refused(write(attrs("depth", units="x" * 60_000)(regular()), tmp_path / "a.nc"), "depth has units")
-    with pytest.raises(CurrentError) as stated:
-        open_ocean(tmp_path / "a.nc")
-    assert len(str(stated.value)) <= 1000
 
 
 def test_parameters_of_roms_that_can_be_assumed():
@@ -228,9 +231,8 @@ def test_no_file(tmp_path):
     refused(tmp_path / "nowhere.nc", "no such file")
     (tmp_path / "folder").mkdir()
     refused(tmp_path / "folder", "a folder that is no Zarr store")
-    for source, words in ((str(tmp_path / "no*.nc"), r"no\*\.nc: no such file"), ([], "no file of currents")):
-        with pytest.raises(CurrentError, match=words):
-            open_ocean(source)
+    refusal(CurrentError, r"no\*\.nc: no such file", open_ocean, str(tmp_path / "no*.nc"))
+    refusal(CurrentError, "no file of currents", open_ocean, [])
 
 
 def test_groups_and_archives_are_refused_with_what_would_do(tmp_path):
@@ -255,8 +257,7 @@ def test_series_that_do_not_fit():
         (lambda d: d.isel(depth=0), "uo has other dimensions"),
         (attrs("vo", units="cm s-1"), "vo is in 'cm s-1' and in 'm s-1', which must be one unit"),
     ):
-        with pytest.raises(CurrentError, match=words):
-            open_ocean([data, change(data.copy(deep=True))])
+        refusal(CurrentError, words, open_ocean, [data, change(data.copy(deep=True))])
 
 
 @pytest.mark.parametrize("name", ["s_rho", "Cs_r", "h", "hc", "angle", "v"])
@@ -268,14 +269,12 @@ def test_series_whose_levels_directions_or_faces_differ(name):
     else:
         turn = (lambda array: array[::-1]) if second[name].ndim == 1 else (lambda array: array * 1.1)
         second, words = values(name, turn)(second), f"the grids differ in {name}"
-    with pytest.raises(CurrentError, match=words):
-        open_ocean([first, second])
+    refusal(CurrentError, words, open_ocean, [first, second])
 
 
 def test_series_name_both_files(tmp_path):
     paths = [write(regular(hours=hours), tmp_path / f"{k}.nc") for k, hours in enumerate(([0, 2], [1, 3]))]
-    with pytest.raises(CurrentError, match=r"1\.nc: its times overlap those of .*0\.nc"):
-        open_ocean(paths)
+    refusal(CurrentError, r"1\.nc: its times overlap those of .*0\.nc", open_ocean, paths)
 
 
 def test_absurd_sizes_are_refused_before_they_are_read(monkeypatch):
@@ -299,8 +298,7 @@ def test_absurd_sizes_are_refused_before_they_are_read(monkeypatch):
     ],
 )
 def test_wrong_arguments(change, words):
-    with pytest.raises(CurrentError, match=words):
-        read_current(regular(), SITE, **(BOX | change))
+    refusal(CurrentError, words, read_current, regular(), SITE, **(BOX | change))
 
 
 def test_places_and_moments_outside():
@@ -311,8 +309,7 @@ def test_places_and_moments_outside():
              "the mission needs 2019-12-31T23:00:00Z, the file covers 2020-01-01"),
             ((LAT, -1.0, START), "not negative"),
         ):  # fmt: skip
-            with pytest.raises(CurrentError, match=words):
-                ocean.at(LON, latitude, depth, moment)
+            refusal(CurrentError, words, ocean.at, LON, latitude, depth, moment)
 
 
 @pytest.mark.parametrize("how", ["link", "group", "stored", "virtual", "vast", "other size"])

@@ -17,7 +17,8 @@ from auvplan.io.geo.grid import Extent, local_grid
 from auvplan.io.geo.nodes import placed
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
-from tests.io.geo.files import write_geotiff
+from tests.io.geo.files import write_geotiff, written
+from tests.io.refusals import refusal
 from tests.io.small_site import png_head
 
 RNG = np.random.default_rng(3)
@@ -163,8 +164,7 @@ def test_a_world_file_gives_the_centre_of_the_first_pixel(tmp_path, name, world)
     (tmp_path / "a.prj").write_text(CRS.from_epsg(32755).to_wkt("WKT1_ESRI"))
     if name[0] == "a":
         check_form(read_raster(tmp_path / name))
-        with pytest.raises(GeoError, match=r"not in WGS 84 as crs says"):
-            read_raster(tmp_path / name, crs=4326)
+        refusal(GeoError, r"not in WGS 84 as crs says", read_raster, tmp_path / name, crs=4326)
 
 
 def test_what_a_sidecar_gives(tmp_path):
@@ -189,8 +189,7 @@ def test_what_a_sidecar_gives(tmp_path):
         ("<PAMDataset>", r"b\.tif\.aux\.xml: is damaged"),
     ):
         (tmp_path / "b.tif.aux.xml").write_text(text)
-        with pytest.raises(GeoError, match=words):
-            read_raster(path)
+        refusal(GeoError, words, read_raster, path)
 
 
 def picture(**options: Any) -> Callable[[Path], Path]:
@@ -204,11 +203,7 @@ def picture(**options: Any) -> Callable[[Path], Path]:
 
 
 def content(name: str, data: bytes) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
-        (folder / name).write_bytes(data)
-        return folder / name
-
-    return write
+    return lambda folder: written(folder / name, data)
 
 
 def cut(folder: Path) -> Path:
@@ -224,7 +219,6 @@ def cut(folder: Path) -> Path:
         (content("f.png", png_head(10_000, 9_000)), None, f"10000 x 9000 pixels .* than {MAX_PIXELS}"),
         (content("f.png", b"this is a letter"), None, "not a picture"),
         (content("f.tif", b""), None, "not a picture"),
-        (content("f.asc", b"no such thing"), None, "not a picture or grid that can be read"),
         (content("f.tif", b"II*\0\x08\0\0\0\x05\0"), None, "f.tif: "),
         (cut, None, r"c\.tif: "),
         (picture(), 32755, r"not georeferenced, by its own tags or by a world file: f\.wld or f\.pngw"),
@@ -233,7 +227,6 @@ def cut(folder: Path) -> Path:
         (picture(pgw=WORLD), 4978, "neither geographic nor projected"),
         (picture(pgw="1 2 3"), 32755, r"f\.pgw: a world file holds six numbers"),
         (picture(pgw="0\n0\n0\n0\n1\n1\n"), 32755, "sizes are not zero"),
-        (picture(pgw="nan\n0\n0\n1\n1\n1\n"), 32755, "pixels have no size"),
         (picture(pgw=WORLD, prj="here"), None, r"f.prj: holds no coordinate"),
         (tiff(VALUES, epsg=None), None, r"a\.tif: has no coordinate reference system: set crs"),
         (tiff(VALUES), 32755, "is in WGS 84, not in WGS 84 / UTM zone 55S as crs says"),
@@ -243,9 +236,7 @@ def cut(folder: Path) -> Path:
     ],
 )  # fmt: skip
 def test_files_that_are_refused(tmp_path, write, crs, words):
-    with pytest.raises(GeoError, match=words) as caught:
-        read_raster(write(tmp_path), crs)
-    assert "\n" not in str(caught.value)
+    refusal(GeoError, words, lambda: read_raster(write(tmp_path), crs))
 
 
 # Arrays of a user's own
@@ -254,38 +245,22 @@ def test_files_that_are_refused(tmp_path, write, crs, words):
 def chart(array: xr.DataArray | Path, **options: Any) -> np.ndarray:
     area = {"lower": (-600.0, 100.0), "upper": (-100.0, 400.0), "pixel_size": 50.0}
     meanings = {int(value): float(value % 2) for value in np.unique(VALUES)}
-    return np.asarray(
-        chart_from_raster(array, Site(148.0, -20.0), Extent(**area), classes=meanings, **options).passability
-    )
+    found = chart_from_raster(array, Site(148.0, -20.0), Extent(**area), classes=meanings, **options)
+    return np.asarray(found.passability)
 
 
 def test_arrays_in_place_of_files(tmp_path):
     path = write_geotiff(tmp_path / "a.tif", VALUES, corner=(148.0, -20.0))
     expected = chart(path)
     assert 0.0 < expected.mean() < 1.0
-    by_hand = xr.DataArray(
-        VALUES, {"y": -20.0005 - 0.001 * np.arange(7), "x": 148.0005 + 0.001 * np.arange(5)}
-    )
+    axes = {"y": -20.0005 - 0.001 * np.arange(7), "x": 148.0005 + 0.001 * np.arange(5)}
+    by_hand = xr.DataArray(VALUES, axes)
     named = by_hand.rename(x="lon", y="lat")
     for array in (read_raster(path), by_hand.assign_attrs(crs=4326), named, named[::-1], named.T):
         np.testing.assert_array_equal(chart(array), expected)
     np.testing.assert_array_equal(chart(by_hand, crs=4326), expected)
     masked = by_hand.assign_coords(mask=(("y", "x"), np.zeros((7, 5))))
     assert (chart(masked, crs=4326) == 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("array", "words"),
-    [
-        (xr.DataArray(VALUES[0], {"lon": np.arange(5)}), "the given DataArray has dimensions lon, not two"),
-        (xr.DataArray(VALUES, dims=("y", "x")), "has no longitude on its dimensions y, x"),
-        (xr.DataArray(VALUES, {"lat": np.zeros(7), "lon": np.arange(5)}), "latitude neither rises nor falls"),
-        (xr.DataArray(VALUES, {"y": np.arange(7), "x": np.arange(5)}, attrs={"crs": "no"}), "'no' is no c"),
-    ],
-)  # fmt: skip
-def test_arrays_that_are_refused(array, words):
-    with pytest.raises(ValueError, match=words):
-        chart(array)
 
 
 # How large the pixels are
@@ -309,26 +284,18 @@ def test_pixels_of_a_geotiff_are_measured_on_the_ellipsoid(tmp_path, where, metr
 
 
 @pytest.mark.parametrize(
-    ("name", "world"), [("a.png", "a.pgw"), ("a.jpg", "a.jgw"), ("a.tif", "a.tfw"), ("a.png", "a.wld")]
+    ("world", "system", "metres", "note"),
+    [
+        ("300\n0\n0\n-300\n697205\n7774095\n", "", 300.0, "taken for metres"),
+        ("300\n0\n0\n-300\n697205\n7774095\n", CRS.from_epsg(32755).to_wkt("WKT1_ESRI"), 300.0, ""),
+        ("0.001\n0\n0\n-0.001\n148\n0.5\n", "", 111.0, "taken for degrees"),
+    ],
+    ids=["metres", "projection", "degrees"],
 )
-def test_pixels_of_a_world_file(tmp_path, name, world):
-    Image.fromarray(COLOURS).save(tmp_path / name)
-    assert pixel_size(tmp_path / name) is None
-    projection = CRS.from_epsg(32755).to_wkt("WKT1_ESRI")
-    for text, system, metres, note in (
-        ("300\n0\n0\n-300\n697205\n7774095\n", None, 300.0, "taken for metres"),
-        ("300\n0\n0\n-300\n697205\n7774095\n", projection, 300.0, None),
-        ("0.001\n0\n0\n-0.001\n148\n0.5\n", None, 111.0, "taken for degrees"),
-    ):
-        (tmp_path / world).write_text(text)
-        (tmp_path / "a.prj").unlink(missing_ok=True)
-        if system is not None:
-            (tmp_path / "a.prj").write_text(system)
-        size = pixel_size(tmp_path / name)
-        assert size is not None
-        assert size.metres == pytest.approx(metres, rel=0.005)
-        assert size.crs == (system is not None)
-        assert size.notes == () if note is None else note in size.notes[0]
-    (tmp_path / world).write_text("300\n0\n")
-    with pytest.raises(GeoError, match="six numbers"):
-        pixel_size(tmp_path / name)
+def test_pixels_of_a_world_file(tmp_path, world, system, metres, note):
+    path = picture()(tmp_path)
+    assert pixel_size(path) is None
+    size = pixel_size(picture(pgw=world, **({"prj": system} if system else {}))(tmp_path))
+    assert size is not None
+    assert size.metres == pytest.approx(metres, rel=0.005)
+    assert (size.crs, note in "".join(size.notes), bool(note)) == (bool(system), True, bool(size.notes))

@@ -1,5 +1,6 @@
 """S-57 cells: what they close, what stands in their water, and how faults are told."""
 
+import re
 import sys
 import warnings
 from contextlib import nullcontext
@@ -18,6 +19,7 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from tests.io.geo import enc_cells
 from tests.io.geo.enc_cells import Object, write_cell
+from tests.io.refusals import refusal
 
 pytest.importorskip("pyogrio")
 
@@ -42,7 +44,7 @@ def bay(*more: Object) -> list[Object]:
 
 
 def read(path: Path, **options) -> Cells:
-    given = {"deepest": 15.0} | BOX | options
+    given = {"deepest": 15.0, "pixel_size": 25.0} | BOX | options
     extent = {name: given.pop(name) for name in Extent._fields if name in given}
     return read_cells(path, SITE, Extent(**extent), **given)
 
@@ -51,7 +53,7 @@ def is_water(cells: Cells, longitude: float, latitude: float) -> bool:
     return bool(cells.chart.is_water(*SITE.to_local(longitude, latitude)))
 
 
-@pytest.mark.parametrize("depth", [0.0, 5.0, 7.5, 10.0])
+@pytest.mark.parametrize("depth", [0.0, 5.0, 7.5])
 def test_land_and_water_shallower_than_the_safety_depth_are_closed(tmp_path, depth):
     foul, forbidden = shapely.box(10.075, 50.05, 10.08, 50.055), shapely.box(10.06, 50.05, 10.07, 50.06)
     more = Object("OBSTRN", foul, {"VALSOU": 12.0, "WATLEV": 3}), Object("RESARE", forbidden, {"RESTRN": "7"})
@@ -62,7 +64,7 @@ def test_land_and_water_shallower_than_the_safety_depth_are_closed(tmp_path, dep
     longitude, latitude = SITE.to_geographic(north, east)
     inside = shapely.contains_xy(shut, longitude, latitude)
     # A pixel is closed that anything closed reaches into: near an edge water may be closed, never land open.
-    away = shapely.distance(shapely.points(longitude, latitude), shut.boundary) > 0.0003
+    away = shapely.distance(shapely.points(longitude, latitude), shut.boundary) > 0.0006
     water = found.chart.is_water(north, east)
     assert not water[inside].any()
     assert water[~inside & away].all()
@@ -154,16 +156,15 @@ def test_areas_are_closed_whose_entry_is_prohibited_or_to_be_avoided(tmp_path, c
 def test_the_area_must_lie_in_the_cells_coverage(tmp_path):
     path = write_cell(tmp_path / "A.000", bay())
     words = r"beyond what the cells cover \(M_COVR\) with 4\.4% of it, between -6000 and -5560 m north"
-    with pytest.raises(ChartError, match=words):
-        read(path, lower=(-6000.0, -3000.0))
-    with pytest.raises(ChartError, match=r"wholly beyond the cells, which cover longitudes 10\.00 to 10\.10"):
-        read(path, lower=(40_000.0, 0.0), upper=(41_000.0, 1000.0))
-    with pytest.raises(ChartError, match="swapped it would fit"):
-        read_cells(path, Site(50.05, 10.05), Extent(**BOX), deepest=15.0)
+    refusal(ChartError, words, read, path, lower=(-6000.0, -3000.0))
+    words = r"wholly beyond the cells, which cover longitudes 10\.00 to 10\.10"
+    refusal(ChartError, words, read, path, lower=(40_000.0, 0.0), upper=(41_000.0, 1000.0))
+    turned = Site(50.05, 10.05)
+    refusal(ChartError, "swapped it would fit", read_cells, path, turned, Extent(**BOX), deepest=15.0)
     hole = shapely.box(10.06, 50.05, 10.061, 50.051)
     objects = [Object("M_COVR", SEA - hole, {"CATCOV": 1}), Object("M_COVR", hole, {"CATCOV": 2}), *bay()[1:]]
-    with pytest.raises(ChartError, match=r"with 0\.0% of it|with 0\.2% of it"):
-        read(write_cell(tmp_path / "B.000", objects))
+    holed = write_cell(tmp_path / "B.000", objects)
+    refusal(ChartError, r"with 0\.0% of it|with 0\.2% of it", read, holed)
 
 
 def test_cells_side_by_side_cover_together(tmp_path):
@@ -242,8 +243,8 @@ def test_updates_and_editions(tmp_path, case):
         write_cell(tmp_path / name, **options)
     with pytest.warns(ScenarioWarning, match=warned) if warned else nullcontext():
         if hazards is None:
-            with pytest.raises(ChartError, match="is cancelled by an update: get the cell that replaces it"):
-                read(tmp_path)
+            words = "is cancelled by an update: get the cell that replaces it"
+            refusal(ChartError, words, read, tmp_path)
             return
         found = read(tmp_path)
     assert [one.name for one in found.hazards] == [f"wreck {number}" for number in hazards]
@@ -254,8 +255,7 @@ def test_records_that_cannot_tell_their_length(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(wreck(131)), lengths=False)
     assert [one.name for one in read(path).hazards] == ["wreck 131"]
     path.write_bytes(path.read_bytes()[:-3])
-    with pytest.raises(ChartError, match=r"cannot be read \(Data record is short"):
-        read(path)
+    refusal(ChartError, r"cannot be read \(Data record is short", read, path)
 
 
 def test_attributes_that_a_class_does_not_have_are_no_fault(tmp_path, monkeypatch):
@@ -291,31 +291,25 @@ def test_what_is_wrong_with_a_cell_is_one_line(tmp_path, spoil, said):
     spoil(tmp_path / "A.000")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(ChartError) as caught:
-            read(tmp_path / "A.000")
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
+        refusal(ChartError, re.escape(said), read, tmp_path / "A.000")
 
 
 def test_what_is_no_cell_by_its_name_is_refused(tmp_path):
-    with pytest.raises(ChartError, match="holds no S-57 cell"):
-        read(tmp_path)
+    refusal(ChartError, "holds no S-57 cell", read, tmp_path)
     (tmp_path / "A.001").write_bytes(b"x")
-    with pytest.raises(ChartError, match=r"ends in \.000"):
-        read(tmp_path / "A.001")
+    refusal(ChartError, r"ends in \.000", read, tmp_path / "A.001")
 
 
 def test_without_the_library_it_says_which_extra_is_missing(tmp_path, monkeypatch):
     path = write_cell(tmp_path / "A.000", bay())
     monkeypatch.setitem(sys.modules, "pyogrio", None)
-    with pytest.raises(ChartError, match=r"auvplan\[readers\]"):
-        read(path)
+    refusal(ChartError, r"auvplan\[readers\]", read, path)
 
 
 def test_the_depth_areas_are_a_sea_bed_that_is_nowhere_too_deep(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(Object("UNSARE", shapely.box(10.08, 50.04, 10.09, 50.05))))
     found = read(path)
-    bed = Seabed.from_depth(found.depth, 10.0, np.asarray(found.chart.origin), clearance=0.0)
+    bed = Seabed.from_depth(found.depth, 25.0, np.asarray(found.chart.origin), clearance=0.0)
     rng = np.random.default_rng(3)
     north, east = rng.uniform(-3990.0, 3990.0, 6000), rng.uniform(-2990.0, 2990.0, 6000)
     places = SITE.to_geographic(north, east)
