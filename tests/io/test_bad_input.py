@@ -3,15 +3,13 @@
 import time
 import warnings
 
-import numpy as np
 import pytest
 
-from auvplan.errors import AuvplanError, ScenarioWarning
+from auvplan.errors import ScenarioWarning
 from auvplan.executive import loop
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.scenario.file import load_scenario
-from auvplan.scenario.waypoints import make_graph
 from tests.io.bad_input import DAMAGED, NOTED, REFUSED
 from tests.io.small_site import SmallSite
 
@@ -56,18 +54,6 @@ def test_bad_input_is_one_line_and_status_2(case, spoilt, tmp_path, call, monkey
     assert time.process_time() - begin < 20.0
 
 
-@pytest.mark.parametrize("case", [name for name in DAMAGED if not name.startswith("scenario")][::5])
-def test_validate_gives_the_same_faults_with_their_lines(case, spoilt, call):
-    change, *words = DAMAGED[case]
-    path = spoilt(change)
-    code, said, err = call("validate", path)
-    assert (code, err) == (2, ""), said
-    lines = said.splitlines()
-    assert all(line.startswith(f"{path}:") for line in lines)
-    for word in words:
-        assert any(word in line for line in lines), (word, said)
-
-
 def test_unspoilt_it_is_valid(sound, call):
     path = sound / "scenario.yaml"
     code, said, err = call("validate", path)
@@ -91,7 +77,7 @@ def test_a_slip_is_refused_or_noted(case, spoilt):
 
 
 @pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
-@pytest.mark.parametrize("case", list(NOTED)[::4])
+@pytest.mark.parametrize("case", list(NOTED)[::8])
 def test_a_mission_has_the_same_note(case, spoilt):
     change, *words = NOTED[case]
     path = spoilt(change)
@@ -100,18 +86,3 @@ def test_a_mission_has_the_same_note(case, spoilt):
         area = load_area(load_scenario(path), path.parent)
     said = [str(one.message) for one in heard] + list(area.notes)
     assert holding(words, said), said
-
-
-@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
-@pytest.mark.parametrize("case", [name for name in REFUSED if "seconds" not in name][::6])
-def test_a_mission_refuses_it_in_one_line(case, spoilt):
-    """One that is too short is planned, and fails for want of time."""
-    path = spoilt(REFUSED[case][0])
-
-    def graph():
-        scenario = load_scenario(path)
-        make_graph(scenario, load_area(scenario, path.parent), np.random.default_rng(0))
-
-    with pytest.raises(AuvplanError) as caught:
-        graph()
-    assert len(str(caught.value).splitlines()) == 1

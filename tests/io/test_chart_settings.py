@@ -11,7 +11,7 @@ from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.whitsunday import classes
-from auvplan.scenario.file import load_scenario, scenario_schema, validate_scenario
+from auvplan.scenario.file import load_scenario, validate_scenario
 from tests.io.geo.files import write_geotiff
 from tests.ocean.chart_pictures import STYLES, paint, satellite, shares_right
 
@@ -95,15 +95,6 @@ def test_doubts_are_faults_of_the_picture(picture):
     assert "scenario.yaml:5:" in line
     assert "chart.image" in line
     assert "--water" in line
-
-
-def test_the_schema_takes_one_colour_or_several():
-    jsonschema = pytest.importorskip("jsonschema")
-    plain = {"chart": {"source": "image", "image": "map.png", "colours": {"water": "white", "land": ["tan"]}}}
-    jsonschema.validate(plain, scenario_schema())
-    plain["chart"]["colours"]["watre"] = "white"
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(plain, scenario_schema())
 
 
 def test_a_picture_from_space_is_warned_of_and_noted_once(tmp_path, call):

@@ -1,6 +1,5 @@
 """Runs to files and back: the tables of a run, what `restore_run` makes of them, and damaged files."""
 
-import csv
 import json
 import shutil
 from datetime import UTC, datetime
@@ -13,7 +12,6 @@ import pytest
 import xarray as xr
 
 from auvplan.check.run import check_run
-from auvplan.export import ExportError, export_run, itinerary_of
 from auvplan.io import load_run, save_run
 from auvplan.io.restore import restore_run
 from auvplan.io.results import to_dataset
@@ -173,6 +171,17 @@ def test_little_to_save_replaces_what_was_there(folder, legs):
     assert sorted(path.name for path in folder.iterdir()) == ["mission.nc", "summary.json"]
 
 
+def _wait_for_windows(run):
+    """A run in which a task had to be waited for, and another was missed."""
+    size = run.graph.size
+    opens, closes = np.full((size, size, 1), -np.inf), np.full((size, size, 1), np.inf)
+    opens[:, 3], closes[:, 3] = 100.0, 900.0
+    still = run.graph.leg_times(1.5) - run.graph.duration
+    run.graph = run.graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes))
+    run.legs[1].t_wait, run.legs[1].t_hold, run.legs[2].missed = 12.0, 3.0, True
+    run.routes[0].waits, run.followable = [0.0, 12.0, 0.0], np.full((size, size), 0.25)
+
+
 @pytest.mark.parametrize("change", ["as it is", "bounded plan without histories", "bare", "at speeds"])
 def test_a_run_that_came_back_is_saved_as_it_was(written, run, tmp_path, change):
     _, one, back, _ = written
@@ -189,6 +198,7 @@ def test_a_run_that_came_back_is_saved_as_it_was(written, run, tmp_path, change)
         run.legs[0].current = np.full((len(run.legs[0].times), 2), 0.25)
         run.simulated, run.departed = False, 60.0
         run.obstacles = (KnownObstacle("buoy", (500.0, 600.0), 20.0, 0.0, np.inf, (0.1, 0.0)),)
+        _wait_for_windows(run)
     if change != "as it is":
         one = save_run(run, tmp_path / "one")
         back = restore_run(one)
@@ -201,42 +211,14 @@ def test_a_run_that_came_back_is_saved_as_it_was(written, run, tmp_path, change)
     stated = [row.get("speed") for row in json.loads((one / "summary.json").read_text())["legs"]]
     assert stated == speeds
     for route, was in zip(back.routes, run.routes, strict=True):
-        assert (route.speeds, route.energies) == (was.speeds, was.energies)
-    histories = [plan.history for leg in back.legs for plan in leg.plans]
-    assert ("without histories" in change) == (not any(histories))
-
-
-def test_windows_and_waiting_come_back(run, tmp_path):
-    size = run.graph.size
-    opens, closes = np.full((size, size, 1), -np.inf), np.full((size, size, 1), np.inf)
-    opens[:, 3], closes[:, 3] = 100.0, 900.0
-    still = run.graph.leg_times(1.5) - run.graph.duration
-    run.graph = run.graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes))
-    run.legs[1].t_wait, run.legs[1].t_hold, run.legs[2].missed = 12.0, 3.0, True
-    run.routes[0].waits, run.followable = [0.0, 12.0, 0.0], np.full((size, size), 0.25)
-    back = restore_run(save_run(run, tmp_path))
-    np.testing.assert_array_equal(back.graph.timetable.opens, opens)
-    np.testing.assert_array_equal(back.graph.timetable.closes, closes)
-    np.testing.assert_array_equal(back.followable, run.followable)
+        assert (route.waits, route.speeds, route.energies) == (was.waits, was.speeds, was.energies)
     for leg, was in zip(back.legs, run.legs, strict=True):
         assert (leg.t_wait, leg.t_hold, leg.missed) == (was.t_wait, was.t_hold, was.missed)
-    assert back.routes[0].waits == run.routes[0].waits
-
-
-def test_a_restored_run_is_exported_as_the_run_itself(written, tmp_path):
-    run, _, back, _ = written
-    export_run(run, tmp_path / "one", ["csv", "geojson"])
-    export_run(back, tmp_path / "two", ["csv", "geojson"])
-    for name in ("itinerary.csv", "itinerary.geojson"):
-        one, two = ((tmp_path / part / name).read_text() for part in ("one", "two"))
-        assert len(one.splitlines()) == len(two.splitlines())
-    with (tmp_path / "two" / "itinerary.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert {round(float(row["surge"]), 2) for row in rows} == {2.5}
-    assert "2026-11-22T06:" in one
-    run = make_run()
-    with pytest.raises(ExportError, match="section site"):
-        itinerary_of(run)
+    for table, was in ((back.graph.timetable, run.graph.timetable), (back, run)):
+        for name in ("opens", "closes", "followable"):
+            np.testing.assert_array_equal(getattr(table, name, None), getattr(was, name, None))
+    histories = [plan.history for leg in back.legs for plan in leg.plans]
+    assert ("without histories" in change) == (not any(histories))
 
 
 def attribute(name, value):

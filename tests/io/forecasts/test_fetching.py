@@ -133,42 +133,6 @@ def test_native_roms_with_its_grid(server, tmp_path):
     np.testing.assert_array_equal(values[0], values[1])
 
 
-@pytest.mark.parametrize(
-    ("name", "box"),
-    [
-        ("norfjords160_roms_native_24h", "5.668,59.028,5.68,59.034"),
-        ("norkyst_v3_800m_5h", None),
-        ("cmems_glo12_uo_vo_northsea", None),
-    ],
-)
-def test_real_files_cut_by_a_server_are_the_same_current(shared, tmp_path, name, box):
-    path = shared / "data" / "currents" / f"{name}.nc"
-    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
-        plain = [key for key, variable in data.variables.items() if variable.dtype.kind in "fiu"]
-        data = data[plain].load()
-    for variable in data.variables.values():
-        variable.attrs = {key: value for key, value in variable.attrs.items() if np.ndim(value) == 0}
-        if variable.dtype == "int64":
-            variable.data = variable.values.astype("f8")
-    data.attrs = {}
-    with open_ocean(path) as ocean:
-        first = ocean.moments[0]
-        if box is None:
-            middle = [float(np.nanmean(axis)) for axis in (ocean.longitude, ocean.latitude)]
-            box = f"{middle[0]},{middle[1]},{middle[0] + 0.02},{middle[1] + 0.01}"
-        west, south, east, north = map(float, box.split(","))
-        lon, lat = (
-            axis.ravel() for axis in np.meshgrid(np.linspace(west, east, 9), np.linspace(south, north, 9))
-        )
-        whole = ocean.at(lon, lat, 1.0, first)[:2]
-    with serving(x=data) as server:
-        time = f"{first:%Y-%m-%dT%H:%M:%S},+0h"
-        fetch(dap(server, "x"), tmp_path / "cut.nc", box, time, None)
-    assert (tmp_path / "cut.nc").stat().st_size < path.stat().st_size
-    with open_ocean(tmp_path / "cut.nc") as ocean:
-        np.testing.assert_allclose(ocean.at(lon, lat, 1.0, first)[:2], whole, atol=1e-7)
-
-
 def test_a_mesh_is_not_cut(tmp_path):
     mesh = ugrid("node").drop_vars("mesh")
     with serving(m=mesh) as server, pytest.raises(ForecastError, match="is a mesh, which is not cut"):

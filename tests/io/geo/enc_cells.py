@@ -6,6 +6,7 @@ GDAL's driver can create such files, but takes all layers in one session, which 
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,6 @@ def write_cell(
     units: int = 1,
     edition: int = 1,
     reissued: int = 0,
-    lengths: bool = True,
 ) -> Path:
     """Write a cell, or an update of one, and return its path.
 
@@ -86,11 +86,10 @@ def write_cell(
         units: code of the unit of depths; 1 is metres.
         edition: number; 0 of an update that cancels its cell.
         reissued: number of the last update that a cell holds.
-        lengths: whether records tell their lengths, which those of 100,000 bytes cannot.
     """
     features, vectors = [], _Vectors(first)
-    for count, one in enumerate(objects, 1):
-        number, deleted = one.number or count, one.shape is None
+    for place, one in enumerate(objects, 1):
+        number, deleted = one.number or place, one.shape is None
         primitive = 255 if deleted else _PRIMITIVE[one.shape.geom_type]
         codes = 100, number, primitive, 2, _CLASSES[one.kind], 1 + deleted, 1 + deleted
         record = [
@@ -116,10 +115,7 @@ def write_cell(
     if not update:
         measures = struct.pack("<BI3BI4B2I", 20, 1, datum, 23, 23, scale, units, 1, 1, 1, _FACTOR, 10) + _UNIT
         records.append([("DSPM", measures)])
-    written = [
-        _record(number, fields) if lengths else b"00000" + _record(number, fields)[5:]
-        for number, fields in enumerate([*records, *vectors.records, *features], 1)
-    ]
+    written = map(_record, count(1), [*records, *vectors.records, *features])
     path.write_bytes(_definitions() + b"".join(written))
     return path
 

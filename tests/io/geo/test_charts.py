@@ -10,7 +10,7 @@ from PIL import Image
 
 from auvplan.io.geo import chart_and_notes, chart_from_raster
 from auvplan.io.geo.grid import Extent
-from auvplan.ocean.chart import ChartError, classify_file
+from auvplan.ocean.chart import ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.palette import ChartColours, to_hex
 from auvplan.site import Site
@@ -156,13 +156,6 @@ def by_mask(folder: Path, inside: bool = True) -> Path:
 
 def by_mask_beside(folder: Path) -> Path:
     return by_mask(folder, inside=False)
-
-
-@pytest.mark.parametrize("hide", [by_mask, by_mask_beside])
-def test_masks_of_pictures_without_a_place(tmp_path, hide):
-    found = classify_file(hide(tmp_path))
-    assert found.outside is not None
-    np.testing.assert_array_equal(found.outside, np.arange(60)[None] + np.zeros((40, 1)) < 20)
 
 
 @pytest.mark.parametrize("hide", [by_value, by_alpha, by_mask, by_mask_beside])

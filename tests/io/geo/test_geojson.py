@@ -1,7 +1,5 @@
 """GeoJSON that is none: what is said of it."""
 
-import json
-
 import numpy as np
 import pytest
 import shapely
@@ -149,23 +147,6 @@ def _times_around(ring, places):
     """Winding number of a closed ring about each of some places."""
     angles = np.unwrap(np.arctan2(*(ring[:, None] - places).transpose(2, 1, 0)[::-1]), axis=1)
     return np.rint(np.abs(angles[:, -1] - angles[:, 0]) / (2.0 * np.pi)).astype(int)
-
-
-def test_land_of_the_whole_world_with_a_faulty_ring_far_away(shared):
-    path = shared / "data/elsewhere/natural_earth_110m_land.geojson"
-    box = {"lower": (-1e5, -1e5), "upper": (1e5, 1e5), "pixel_size": 2000.0}
-    chart = chart_from_polygons(path, Site(12.0, 41.9), Extent(**box))
-    land = shapely.union_all([
-        shapely.make_valid(shapely.from_geojson(json.dumps(part["geometry"])))
-        for part in json.loads(path.read_text())["features"]
-    ])  # fmt: skip
-    middles = -1e5 + 2000.0 * (np.arange(100) + 0.5)
-    local = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
-    places = Site(12.0, 41.9).to_geographic(*local)
-    inside = shapely.contains_xy(land, *places).reshape(100, 100)
-    dry = np.asarray(chart.passability) == 0.0
-    assert dry[inside].all()
-    assert dry.mean() == pytest.approx(inside.mean(), abs=0.02)
 
 
 def test_many_rings_that_cross_are_refused_at_once(tmp_path, monkeypatch):

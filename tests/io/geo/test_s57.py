@@ -251,13 +251,6 @@ def test_updates_and_editions(tmp_path, case):
     assert found.notes[0] == f"A.000: {noted} of 2026-01-01, 1:25000"
 
 
-def test_records_that_cannot_tell_their_length(tmp_path):
-    path = write_cell(tmp_path / "A.000", bay(wreck(131)), lengths=False)
-    assert [one.name for one in read(path).hazards] == ["wreck 131"]
-    path.write_bytes(path.read_bytes()[:-3])
-    refusal(ChartError, r"cannot be read \(Data record is short", read, path)
-
-
 def test_attributes_that_a_class_does_not_have_are_no_fault(tmp_path, monkeypatch):
     monkeypatch.setitem(enc_cells._ATTRIBUTES, "UNKNOWN", 40_000)
     rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"UNKNOWN": 3, "CATCOV": 1, "VALSOU": 4})
