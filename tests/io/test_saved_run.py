@@ -23,6 +23,7 @@ from auvplan.path.motion import Motion
 from auvplan.runtime.files import ResultError, read_mission
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
+from tests.io.refusals import refusal
 from tests.io.sample_run import SPIT, at_speeds, make_run, refused_leg
 
 SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000.0))
@@ -158,14 +159,12 @@ def test_cf_conventions(written):
     assert check_run(folder).seabed_hits == 0
 
 
-@pytest.mark.parametrize("legs", [0, 1])
-def test_little_to_save_replaces_what_was_there(folder, legs):
+def test_little_to_save_replaces_what_was_there(folder):
     run = make_run((0, 1), chart=False, obstacles=False)
-    if legs == 0:
-        run.legs, run.routes, run.arrived, run.t_mission, run.reason = [], [], False, 0.0, ""
+    run.legs, run.routes, run.arrived, run.t_mission, run.reason = [], [], False, 0.0, ""
     save_run(run, folder)
     data = load_run(folder)
-    assert data.sizes["leg"] == legs
+    assert data.sizes["leg"] == 0
     assert "passability" not in data
     assert "obstacle_position" not in data
     assert sorted(path.name for path in folder.iterdir()) == ["mission.nc", "summary.json"]
@@ -272,6 +271,4 @@ def summary(text):
 def test_what_is_wrong_with_a_saved_run_is_one_line(folder, spoil, reads, words):
     spoil(folder)
     for read in reads:
-        with pytest.raises(ResultError, match=words) as stated:
-            read(folder)
-        assert len(str(stated.value)) < 600
+        assert len(str(refusal(ResultError, words, read, folder))) < 600

@@ -180,23 +180,18 @@ def test_it_is_read_as_the_sample(case):
         assert ocean.levels == [0.0]
 
 
-@pytest.mark.parametrize("engine", ["h5netcdf", "scipy", "netcdf4"])
-def test_netcdf_of_all_types(tmp_path, engine):
-    """Type CDF-5 is opened by netCDF4 alone, where that is installed."""
-    if engine == "netcdf4":
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            pytest.importorskip("netCDF4")
-    form = {"format": "NETCDF3_64BIT_DATA"} if engine == "netcdf4" else {}
-    regular().to_netcdf(tmp_path / "a.nc", engine=engine, **form)
-    assert (tmp_path / "a.nc").read_bytes().startswith(b"CDF\x05") == bool(form)
+def test_netcdf_of_type_cdf5_is_opened_by_netcdf4(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        pytest.importorskip("netCDF4")
+    regular().to_netcdf(tmp_path / "a.nc", engine="netcdf4", format="NETCDF3_64BIT_DATA")
+    assert (tmp_path / "a.nc").read_bytes().startswith(b"CDF\x05")
     assert check(tmp_path / "a.nc").kind == "regular"
 
 
-@pytest.mark.parametrize("zarr_format", [2, 3])
-def test_zarr(tmp_path, zarr_format):
+def test_zarr_of_the_older_type(tmp_path):
     pytest.importorskip("zarr")
-    regular().to_zarr(tmp_path / "a.zarr", zarr_format=zarr_format, consolidated=False)
+    regular().to_zarr(tmp_path / "a.zarr", zarr_format=2, consolidated=False)
     check(tmp_path / "a.zarr")
 
 
@@ -319,26 +314,12 @@ def test_units_of_speed():
         assert [speed_factor(name) for name in names] == pytest.approx([factor] * len(names))
     for name in ("m", "m s", "m/s-1", "1", "degrees", "m2 s-1", "kg m-2 s-1", "Pa", "m s-2"):
         assert speed_factor(name) is None
-    data = regular()
-    for name in ("uo", "vo"):
-        data[name] = (data[name] * 100).assign_attrs(data[name].attrs | {"units": "cm s-1"})
-    check(data)
 
 
 def test_units_of_length():
     lengths = {"m": 1.0, "Meter": 1.0, "metres": 1.0, "cm": 0.01, "km": 1000.0, "100 km": 1e5}
     assert {units: length_factor(units) for units in lengths} == lengths
     assert [length_factor(units) for units in ("dbar", "level", "1", "100")] == [None] * 4
-
-
-def test_packed_values(tmp_path):
-    packing = {"dtype": "int16", "scale_factor": 1e-4, "add_offset": 0.5, "_FillValue": -32767}
-    data = regular()
-    data["uo"][:, :, 0, 0] = np.nan
-    path = write(data, tmp_path / "a.nc", uo=packing, vo=packing)
-    check(path, atol=1e-4)
-    with open_ocean(path) as ocean:
-        assert np.isnan(ocean.at(LON, LAT, 0.0, START)[0])
 
 
 def test_values_far_beyond_the_valid_range_are_missing():
@@ -406,18 +387,14 @@ def test_parts_of_a_current_are_read_where_nothing_else_is_given(standard, note)
     check(whole)
 
 
-@pytest.mark.parametrize("calendar", ["noleap", "360_day", "julian"])
-def test_other_calendars(calendar):
+def test_a_calendar_of_months_of_30_days():
     pytest.importorskip("cftime")
-    data, days = regular(), {"noleap": 59, "360_day": 61, "julian": 60}[calendar]
-    data["time"] = ("time", days + data["time"].values / 24.0,
-                    {"units": "days since 2019-01-01", "calendar": calendar})  # fmt: skip
+    data, about = regular(), {"units": "days since 2019-01-01", "calendar": "360_day"}
+    data["time"] = "time", 61 + data["time"].values / 24.0, about
     with open_ocean(data) as ocean:
-        # A Julian day is 13 days later in today's calendar.
-        first = {"noleap": (3, 1), "360_day": (3, 2), "julian": (3, 15)}[calendar]
-        assert ocean.moments[0] == datetime(2019, *first, tzinfo=UTC)
+        assert ocean.moments[0] == datetime(2019, 3, 2, tzinfo=UTC)
         np.testing.assert_allclose(np.diff(ocean.times), [3600.0, 7200.0], atol=1e-3)
-        assert any(calendar in note for note in ocean.notes) == (calendar != "julian")
+        assert any("360_day" in note for note in ocean.notes)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import zipfile
 
+import h5py
 import numpy as np
 import pytest
 
@@ -312,42 +313,45 @@ def test_places_and_moments_outside():
             refusal(CurrentError, words, ocean.at, LON, latitude, depth, moment)
 
 
-@pytest.mark.parametrize("how", ["link", "group", "stored", "virtual", "vast", "other size"])
+OTHER = "other.nc"
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((3, 3, 6, 8), "f8")
+    layout[...] = h5py.VirtualSource(OTHER, "secret", shape=(3, 3, 6, 8))
+    file.create_virtual_dataset("uo", layout)
+
+
+def vast(file):
+    axis = file.create_dataset("longitude", (10**12,), "f8", chunks=(1000,))
+    axis.make_scale("longitude")
+    file["uo"].dims[3].attach_scale(axis)
+    axis.attrs["units"] = "degrees_east"
+
+
+#: What is taken out of a file, what is put in its place, and words of the line.
+HDF5 = {
+    "link": ("uo", lambda file: file.update({"uo": h5py.ExternalLink(OTHER, "/secret")}), "another file"),
+    "stored": ("uo", lambda file: file.create_dataset("uo", (3, 3, 6, 8), "f8", external=[(OTHER, 0, 3456)]),
+               "another file"),
+    "virtual": ("uo", virtual, "another file"),
+    "vast": ("longitude", vast, "a.nc"),
+    "other size": ("depth", lambda file: file.create_dataset("depth", (3 * 10**8,), "f4", chunks=(1000,)),
+                   "not a readable NetCDF file"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", HDF5)
 def test_files_that_hdf5_would_follow_or_never_end_to_read(tmp_path, how):
     """Values in other files, an axis larger than any memory, a variable of other sizes than its dimensions.
 
     NetCDF's own library, which is tried where h5netcdf fails, ends the process when it reads the last.
     """
-    h5py = pytest.importorskip("h5py")
-    pytest.importorskip("netCDF4")
-    path, other = write(regular(), tmp_path / "a.nc"), tmp_path / "other.nc"
-    shape, words = (3, 3, 6, 8), "another file"
-    with h5py.File(other, "w") as file:
-        file["secret"] = np.ones(shape)
+    name, put_in, words = HDF5[how]
+    path = write(regular(), tmp_path / "a.nc")
     with h5py.File(path, "r+") as file:
-        if how in ("link", "stored", "virtual"):
-            del file["uo"]
-        if how == "group":
-            file["more"] = h5py.ExternalLink(str(other), "/")
-        if how == "link":
-            file["uo"] = h5py.ExternalLink(str(other), "/secret")
-        if how == "stored":
-            file.create_dataset("uo", shape, "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
-        if how == "virtual":
-            layout = h5py.VirtualLayout(shape, "f8")
-            layout[...] = h5py.VirtualSource(str(other), "secret", shape=shape)
-            file.create_virtual_dataset("uo", layout)
-        if how == "vast":
-            words = "a.nc"
-            del file["longitude"]
-            vast = file.create_dataset("longitude", (10**12,), "f8", chunks=(1000,))
-            vast.make_scale("longitude")
-            file["uo"].dims[3].attach_scale(vast)
-            vast.attrs["units"] = "degrees_east"
-        if how == "other size":
-            words = "not a readable NetCDF file"
-            del file["depth"]
-            file.create_dataset("depth", (3 * 10**8,), "f4", chunks=(1000,))
+        del file[name]
+        put_in(file)
     refused(path, words)
 
 

@@ -10,10 +10,12 @@ import xarray as xr
 
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.forecasts import ForecastError, Request, fetch_current
+from auvplan.ocean.gridded import CurrentError
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import source_files
 from tests.io.currents.samples import LAT, LON, START, regular, roms, ugrid
 from tests.io.forecasts.servers import serving
+from tests.io.refusals import refusal
 
 BOX = "5.025,60.012,5.032,60.025"
 TIME = "2020-01-01T00:10Z,+40min"
@@ -55,7 +57,8 @@ def forecast():
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(a=forecast(), h=hycom(), r=roms(land=[(3, 4)]), t=forecast()[["thetao"]]) as one:
+    mesh = ugrid("node").drop_vars("mesh")
+    with serving(a=forecast(), h=hycom(), r=roms(land=[(3, 4)]), t=forecast()[["thetao"]], m=mesh) as one:
         yield one
 
 
@@ -133,12 +136,6 @@ def test_native_roms_with_its_grid(server, tmp_path):
     np.testing.assert_array_equal(values[0], values[1])
 
 
-def test_a_mesh_is_not_cut(tmp_path):
-    mesh = ugrid("node").drop_vars("mesh")
-    with serving(m=mesh) as server, pytest.raises(ForecastError, match="is a mesh, which is not cut"):
-        fetch(dap(server, "m"), tmp_path / "m.nc")
-
-
 def test_where_it_is_from_stays_with_the_file(server, tmp_path):
     found = fetch(dap(server), tmp_path / "f.nc")
     request = Request.of(dap(server), BOX, TIME, "0,5")
@@ -178,9 +175,7 @@ ASKED = [
 @pytest.mark.parametrize(("other", "words"), ASKED)
 def test_what_cannot_be_fetched_is_one_line(server, tmp_path, other, words):
     options = {"source": dap(server), "box": BOX, "time": TIME, "depth": "0,5"} | other
-    with pytest.raises(ForecastError, match=words) as stated:
-        fetch_current(Request.of(**options), tmp_path / "f.nc")
-    assert "\n" not in str(stated.value)
+    refusal(ForecastError, words, lambda: fetch_current(Request.of(**options), tmp_path / "f.nc"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -198,31 +193,28 @@ def test_what_cannot_be_fetched_is_one_line(server, tmp_path, other, words):
 )
 def test_what_servers_do_wrong_is_one_line_and_no_file(server, tmp_path, of, part, ill, words):
     server.ill[part] = ill
-    with pytest.raises(ForecastError, match=words) as stated:
-        fetch(of(server), tmp_path / "f.nc", timeout=0.2)
-    assert server.address in str(stated.value)
-    assert "\n" not in str(stated.value)
+    line = refusal(ForecastError, words, fetch, of(server), tmp_path / "f.nc", timeout=0.2)
+    assert server.address in str(line)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_other_answers_and_no_server(server, tmp_path):
-    with pytest.raises(ForecastError, match="no such data set"):
-        fetch(dap(server, "none"), tmp_path / "f.nc")
-    with pytest.raises(ValueError, match="no current"):
-        fetch(dap(server, "t"), tmp_path / "f.nc")
-    with pytest.raises(ForecastError, match="griddap page"):
-        fetch(f"erddap:{server.address}/a", tmp_path / "f.nc")
     with serving() as gone:
         address = dap(gone)
-    with pytest.raises(ForecastError, match="cannot be reached"):
-        fetch(address, tmp_path / "f.nc")
-    with pytest.raises(OutputError, match="no folder"):
-        fetch(dap(server), tmp_path / "none" / "f.nc")
-    (tmp_path / "f.nc").write_text("mine")
+    path = tmp_path / "f.nc"
+    for kind, words, source in (
+        (ForecastError, "no such data set", dap(server, "none")),
+        (ForecastError, "is a mesh, which is not cut", dap(server, "m")),
+        (ForecastError, "griddap page", f"erddap:{server.address}/a"),
+        (ForecastError, "cannot be reached", address),
+        (CurrentError, "no current", dap(server, "t")),
+    ):
+        refusal(kind, words, fetch, source, path)
+    refusal(OutputError, "no folder", fetch, dap(server), tmp_path / "none" / "f.nc")
+    path.write_text("mine")
     server.ill["vo"] = "cut"
-    with pytest.raises(ForecastError):
-        fetch(dap(server), tmp_path / "f.nc")
-    assert (tmp_path / "f.nc").read_text() == "mine"
+    refusal(ForecastError, "broke off", fetch, dap(server), path)
+    assert path.read_text() == "mine"
 
 
 class Client(ModuleType):
@@ -290,9 +282,7 @@ def test_copernicus_by_its_client(client, tmp_path):
 )
 def test_what_copernicus_refuses_is_one_line(client, tmp_path, options, words):
     client(**options)
-    with pytest.raises(ForecastError, match=words) as stated:
-        fetch("copernicus:cmems_mod", tmp_path / "f.nc")
-    assert "\n" not in str(stated.value)
+    refusal(ForecastError, words, fetch, "copernicus:cmems_mod", tmp_path / "f.nc")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -303,11 +293,10 @@ def test_what_copernicus_refuses_is_one_line(client, tmp_path, options, words):
 def test_without_the_packages(server, tmp_path, monkeypatch, module, source):
     monkeypatch.setitem(__import__("sys").modules, module, None)
     source = {"erddap:": griddap(server), "thredds:": dap(server)}.get(source, source)
-    with pytest.raises(ForecastError, match=r"pip install 'auvplan\[forecasts\]'"):
-        fetch(source, tmp_path / "f.nc")
+    refusal(ForecastError, r"pip install 'auvplan\[forecasts\]'", fetch, source, tmp_path / "f.nc")
 
 
-def test_the_command(server, tmp_path, call):
+def test_the_command(server, tmp_path, call, refused):
     path = tmp_path / "forecast.nc"
     options = ["--from", griddap(server), "--box", BOX, "--time", TIME, "--out", path]
     code, out, _ = call("currents", *options, "--json")
@@ -319,15 +308,9 @@ def test_the_command(server, tmp_path, call):
     assert f"written: {path}" in out
     path.unlink()
     for left, words in ((2, "--box"), (4, "--time"), (6, "--out")):
-        given = options[:left] + options[left + 2 :]
-        code, _, err = call("currents", *given)
-        assert (code, len(err.splitlines())) == (2, 1)
-        assert f"needs {words} too" in err
-    for given in (["currents"], ["currents", path, "--box", BOX], ["currents", path, *options]):
-        code, _, err = call(*given)
-        assert (code, len(err.splitlines())) == (2, 1)
+        assert f"needs {words} too" in refused("currents", *options[:left], *options[left + 2 :])
+    for given in ([], [path, "--box", BOX], [path, *options]):
+        refused("currents", *given)
     server.ill["uo"] = "cut"
-    code, _, err = call("currents", *options)
-    assert (code, len(err.splitlines())) == (2, 1)
-    assert "broke off" in err
+    assert "broke off" in refused("currents", *options)
     assert not path.exists()

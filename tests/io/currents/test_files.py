@@ -1,26 +1,31 @@
-"""Files of models' real output: what is read is what netCDF4, xarray and NumPy alone find in them."""
+"""Files of all models, real and made: what is read is what other means find in them.
+
+Of real files that is what netCDF4, xarray and NumPy alone read, of made ones their closed form.
+"""
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 import shapely
 import xarray as xr
 
-from auvplan.io.currents import open_ocean, read_current
+from auvplan.io.currents import open_ocean, read_current, to_cf
 from auvplan.ocean.gridded import CurrentError
+from auvplan.runtime.files import write_dataset
 from auvplan.site import Site
+from benchmarks import file_models
 from benchmarks.file_cases import CUTS, REAL
-from benchmarks.files import at_nodes, farthest
+from benchmarks.files import at_nodes, between, farthest, inside, on_local_grid
 from tests.io.refusals import refusal
 
 KINDS = (
     "roms", "curvilinear", "regular", "regular", "triangles", "roms", "curvilinear", "triangles", "regular",
     "triangles", "roms", "triangles", "regular", "regular", "curvilinear", "roms",
 )  # fmt: skip
-
-
 CASES = {case.name: (case, kind) for case, kind in zip([*REAL, *CUTS], KINDS, strict=True)}
+MADE = {f"{model}: {name}": maker for name, model, maker in file_models.MADE}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -45,6 +50,44 @@ def test_the_current_is_that_of_the_file_at_its_own_points(shared, tmp_path, nam
         known = np.isfinite(table.longitude[p]) & np.isfinite(table.latitude[p])
         found = ocean.at(table.longitude[p][known], table.latitude[p][known], depth[known], ocean.times[0])
         assert np.isnan(found[0]).all()
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_current_is_the_models_and_what_is_written_is_the_same(tmp_path, name):
+    """At points, between them and inside cells; any part of the form is that part of what is written."""
+    paths, options, table = MADE[name](tmp_path)
+    rng = np.random.default_rng(0)
+    asked = [islice(places(table, rng), 40) for places in (at_nodes, between, inside)]
+    at = [[*places] for places in asked]
+    with open_ocean(paths, **options) as ocean:
+        assert max(farthest(ocean, iter(places)) for places in at) < 1e-6
+        whole, form = to_cf(ocean), ocean.form
+        for variable, values in whole.data_vars.items():
+            part = {dim: rng.integers(0, size, 2) if k % 2 else slice(0, size, 2) if k else int(size - 1)
+                    for k, (dim, size) in enumerate(values.sizes.items())}  # fmt: skip
+            np.testing.assert_allclose(form[variable].isel(part), values.isel(part), rtol=1e-6)
+        times, fixed = ocean.times, ocean.levels is not None
+    with open_ocean(write_dataset(whole, tmp_path / "cf.nc")) as again:
+        np.testing.assert_allclose(again.times, times)
+        assert (again.levels is not None) == fixed
+        assert max(farthest(again, iter(places)) for places in at) < 2e-6
+
+
+_LOCAL = [name for name in MADE if name.split(":")[0] in ("MOM6", "SCHISM", "POP")]
+
+
+@pytest.mark.parametrize("name", [*_LOCAL, *(case.name for case in REAL[:2])])
+def test_the_planners_grid_has_the_current_of_the_file(request, tmp_path, name):
+    """Turned into the local frame, and in single precision."""
+    if name in MADE:
+        paths, options, table = MADE[name](tmp_path)
+    else:
+        request.getfixturevalue("shared")
+        paths, options = CASES[name][0].prepare(tmp_path)
+        table = CASES[name][0].reading(paths)
+    worst, share = on_local_grid(paths, options, table)
+    assert worst < 2e-7
+    assert share > 0.3
 
 
 @pytest.mark.parametrize(
@@ -79,41 +122,3 @@ def test_beyond_a_mesh_there_is_land(shared):
         assert len(set(inside.tolist())) == len(water)
         assert 0.05 < found.water.mean() < 0.9
         assert np.isnan(found.sea_floor[~found.covered]).all()
-
-
-#: Of four files: a site in each, half the side of a box that it covers, m, and a depth.
-BOXES = {
-    "norfjords160_roms_native_24h": (Site(5.673, 59.031), 350.0, 30.0),
-    "norkyst_v3_800m_5h": (Site(5.99, 55.947), 2000.0, 6.0),
-    "cmems_glo12_uo_vo_northsea": (Site(4.2, 53.5), 40e3, 6.0),
-    "rtofs_water_u_v_washington_64x3h": (Site(-125.6, 47.9), 30e3, 0.0),
-}
-
-
-@pytest.mark.parametrize("name", BOXES)
-def test_nodes_of_the_local_grid_are_the_samplers_values(shared, name):
-    site, half, depth = BOXES[name]
-    path, box = shared / "data" / "currents" / f"{name}.nc", ((-half, -half, 0), (half, half, depth))
-    found = read_current(path, site, lower=box[0], upper=box[1])
-    field = found.field
-    nodes = [found.origin[k] + found.spacing[k] * np.arange(field.u.shape[2 + k]) for k in range(2)]
-    longitude, latitude = site.to_geographic(*np.meshgrid(*nodes, indexing="ij"))
-    bearing = site.true_north(longitude, latitude)
-    for frame in (0, len(field.times) - 1):
-        for k, depth in enumerate(np.asarray(field.depths)):
-            moment = found.source.times[frame]
-            e, n, up = found.source.at(longitude, latitude, found_depth(found, depth), moment)
-            wet = np.asarray(field.water)[k]
-            parts = [n * np.cos(bearing) - e * np.sin(bearing), n * np.sin(bearing) + e * np.cos(bearing)]
-            assert (field.w is None) == (up is None)
-            for values, expected in zip((field.u, field.v), parts, strict=True):
-                np.testing.assert_allclose(np.asarray(values)[frame, k][wet], expected[wet], atol=1e-6)
-            if up is not None:
-                np.testing.assert_allclose(np.asarray(field.w)[frame, k][wet], -up[wet], atol=1e-7)
-    found.source.close()
-
-
-def found_depth(found, depth):
-    """The depth in double precision: the field's is single."""
-    levels = found.source.levels
-    return depth if levels is None else levels[np.abs(levels - depth).argmin()]
