@@ -13,6 +13,7 @@ from auvplan.ocean.chart import ChartError
 from auvplan.ocean.whitsunday import classes
 from auvplan.scenario.file import load_scenario, validate_scenario
 from tests.io.geo.files import write_geotiff
+from tests.io.refusals import refusal
 from tests.ocean.chart_pictures import STYLES, paint, satellite, shares_right
 
 INVERTED = STYLES["inverted"]
@@ -33,8 +34,7 @@ def picture(tmp_path):
 
 def test_told_colours_of_an_image(picture):
     plain = scenario(source="image", image="map.png")
-    with pytest.raises(ChartError, match=r"map\.png: .*chart\.colours"):
-        load_area(plain, picture)
+    refusal(ChartError, r"map\.png: .*chart\.colours", load_area, plain, picture)
     stated = scenario(source="image", image="map.png", colours=INVERTED.named)
     chart = load_area(stated, picture).chart
     assert min(shares_right(np.asarray(chart.passability)[::-1], classes(300)).values()) > 0.98
@@ -45,10 +45,9 @@ def test_told_colours_of_an_image(picture):
 
 
 def test_one_colour_or_several_in_any_notation():
-    one = scenario(source="image", image="map.png", colours={"water": "WHITE", "land": "tan"})
-    several = scenario(
-        source="image", image="map.png", colours={"water": ["#fff"], "land": ["tan", "#D2B48C"]}
-    )
+    image = {"source": "image", "image": "map.png"}
+    one = scenario(**image, colours={"water": "WHITE", "land": "tan"})
+    several = scenario(**image, colours={"water": ["#fff"], "land": ["tan", "#D2B48C"]})
     assert one.chart.colours.given == several.chart.colours.given
     assert validate_scenario(one.model_dump(mode="json"), "again").chart == one.chart
 
@@ -63,8 +62,7 @@ def test_told_colours_of_a_raster(tmp_path):
         epsg=32755,
     )
     settings = {"source": "raster", "file": path.name, "pixel_size": 30}
-    with pytest.raises(ChartError, match=r"map\.tif: .*chart\.colours"):
-        load_area(scenario(SITE, **settings), tmp_path)
+    refusal(ChartError, r"map\.tif: .*chart\.colours", load_area, scenario(SITE, **settings), tmp_path)
     area = load_area(scenario(SITE, **settings, colours=INVERTED.named), tmp_path)
     shares = area.chart.shares()
     assert shares["water"] > 0.3

@@ -22,7 +22,7 @@ from auvplan.io.example import (
 from auvplan.runtime.files import OutputError
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.waypoints import make_graph
+from tests.io.refusals import refusal
 from tests.tool import load_tool
 
 
@@ -36,13 +36,12 @@ def folder(tmp_path_factory):
 def test_it_has_jobs_in_deep_water_clear_of_land(folder):
     scenario = load_scenario(folder / SCENARIO)
     area = load_area(scenario, folder)
-    graph, names = make_graph(scenario, area, np.random.default_rng(0))
     assert area.jobs is not None
     assert area.chart is not None
     assert area.seabed is not None
     assert area.notes == ()
-    assert (6 <= len(area.jobs.points) <= 10, 1 <= len(area.jobs.lines) <= 2) == (True, True)
-    assert len(names) == graph.size == 2 + len(area.jobs.places)
+    assert 6 <= len(area.jobs.points) <= 10
+    assert 1 <= len(area.jobs.lines) <= 2
     assert sum(job.priority for job in (*area.jobs.points, *area.jobs.lines)) > 20.0
     north, east, depth = np.array([place for _, place in area.jobs.places]).T
     assert np.asarray(area.chart.distance(north, east)).min() > 200.0
@@ -98,18 +97,15 @@ def test_files_follow_cf_and_say_that_they_are_made_up(folder):
 def test_nothing_is_overwritten_unless_it_is_asked_for(tmp_path):
     (tmp_path / "jobs.geojson").write_text("mine")
     for write in (write_example, lambda folder: write_example_at(folder, *PLACES["Oban"])):
-        with pytest.raises(OutputError, match=r"jobs\.geojson.*--force"):
-            write(tmp_path)
+        refusal(OutputError, r"jobs\.geojson.*--force", write, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["jobs.geojson"], "all or nothing"
     assert (tmp_path / "jobs.geojson").read_text() == "mine"
     write_example(tmp_path, force=True)
     assert json.loads((tmp_path / "jobs.geojson").read_text())["features"]
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OutputError, match="file"):
-        write_example(tmp_path / "file" / "example")
+    refusal(OutputError, "file", write_example, tmp_path / "file" / "example")
     (tmp_path / "taken" / "current.nc").mkdir(parents=True)
-    with pytest.raises(OutputError, match=r"current\.nc"):
-        write_example(tmp_path / "taken", force=True)
+    refusal(OutputError, r"current\.nc", write_example, tmp_path / "taken", force=True)
 
 
 #: Latitude and longitude of coasts, of islands on the antimeridian, and of the open sea.
@@ -117,7 +113,6 @@ PLACES = {
     "Oban": (56.4, -5.5),
     "Auckland": (-36.85, 174.85),
     "Taveuni": (-16.65, 180.0),
-    "Bering Strait": (65.7, -168.9),
     "Atlantic": (0.0, 0.0),
 }
 
@@ -180,9 +175,7 @@ def test_land_of_the_world():
     ],
 )
 def test_refusals_are_one_line_and_leave_nothing(tmp_path, place, words):
-    with pytest.raises(ScenarioError, match=words) as stated:
-        write_example_at(tmp_path / "none", *place)
-    assert "\n" not in str(stated.value)
+    refusal(ScenarioError, words, write_example_at, tmp_path / "none", *place)
     assert not (tmp_path / "none").exists()
 
 

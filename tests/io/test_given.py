@@ -9,6 +9,8 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.ocean.chart import ChartError
+from tests.io.geo.files import feature, write_geojson
+from tests.io.refusals import refusal
 from tests.io.small_site import SmallSite
 
 
@@ -26,24 +28,13 @@ class Frame:
         return {k: frozen(v) if k == "coordinates" else v for k, v in part.items()}
 
 
-def point(place, properties):
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": "Point", "coordinates": place},
-    }
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     site = SmallSite(tmp_path_factory.mktemp("given") / "site")
     places = [[148.955, -20.350], [148.967, -20.350]]
-    jobs = [point(place, {"name": name, "depth": 5}) for name, place in zip("ab", places, strict=True)]
-    site.write("jobs.geojson", json.dumps({"type": "FeatureCollection", "features": jobs}))
-    site.write(
-        "buoys.geojson",
-        json.dumps({"type": "FeatureCollection", "features": [point(places[0], {"radius": 20})]}),
-    )
+    jobs = [feature("Point", at, name=name, depth=5) for name, at in zip("ab", places, strict=True)]
+    write_geojson(site.folder / "jobs.geojson", *jobs)
+    write_geojson(site.folder / "buoys.geojson", feature("Point", places[0], radius=20))
     site.set(mission={"jobs": "jobs.geojson"}, obstacles={"file": "buoys.geojson"})
     return site
 
@@ -81,11 +72,10 @@ def test_an_area_of_objects_is_that_of_the_files(site):
 
 def test_what_is_wrong_with_an_object_names_it(site):
     scenario = ap.load_scenario(site.folder / "scenario.yaml")
-    with pytest.raises(ChartError, match="the given dict: 'Box' is no type of GeoJSON") as caught:
-        ap.load_area(scenario, given={"chart.file": {"type": "Box"}})
-    assert caught.value.field == "chart.file"
-    with pytest.raises(ValueError, match=r"given: 'chart\.image' cannot be given: current\.files, "):
-        ap.load_area(scenario, given={"chart.image": 0})
+    words, box = "the given dict: 'Box' is no type of GeoJSON", {"chart.file": {"type": "Box"}}
+    assert refusal(ChartError, words, ap.load_area, scenario, given=box).field == "chart.file"
+    words = r"given: 'chart\.image' cannot be given: current\.files, "
+    refusal(ValueError, words, ap.load_area, scenario, given={"chart.image": 0})
 
 
 def test_what_is_given_is_not_confused_with_what_was_given_before(site):

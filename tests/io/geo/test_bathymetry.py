@@ -6,7 +6,6 @@ import rasterio
 import rasterio.shutil
 import xarray as xr
 from pyproj import Transformer
-from scipy.interpolate import RegularGridInterpolator
 
 from auvplan.io.geo import GeoError, read_raster
 from auvplan.site import Site
@@ -115,23 +114,6 @@ def test_two_dimensional_coordinates_of_a_turned_grid():
     refusal(GeoError, words, floor_of, dataset, upper=(15_000.0, 3000.0))
     dataset["lat_rho"] = (rho, np.minimum(places[..., 1], places[::-1, ::-1, 1]))
     refusal(GeoError, "contradict each other, the grid folds", floor_of, dataset)
-
-
-def test_oban_at_asymmetric_places(shared):
-    path = shared / "data" / "bathymetry" / "oban_gebco2020.tif"
-    found = floor_of(path, 130.0)
-    with rasterio.open(path) as file:
-        values = file.read(1).astype(float)
-    step = 1.0 / 240.0
-    longitude = -5.7875 + step * (np.arange(54) + 0.5)
-    latitude = 56.5 + 8.0 / 240.0 - step * (np.arange(46) + 0.5)
-    twin = RegularGridInterpolator((latitude[::-1], longitude), values[::-1])
-    x, y = expected(found)
-    assert found.depth.shape == (39, 35)
-    np.testing.assert_allclose(found.depth, -twin((y, x)), atol=0.01)
-    assert found.depth.min() < -100.0 < 50.0 < found.depth.max()
-    assert found.notes == ()
-    assert floor_of(path).pixel_size == pytest.approx(step * 111_350 * 0.5535 / 2, rel=0.01)
 
 
 def test_missing_values_stay_missing():

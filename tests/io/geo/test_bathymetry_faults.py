@@ -5,7 +5,6 @@ import pytest
 import xarray as xr
 
 from auvplan.io.geo import GeoError
-from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
 from tests.io.geo.sea_floors import LATITUDE, LONGITUDE, expected, floor_of, grid, sea_floor
 from tests.io.refusals import refusal
@@ -70,17 +69,6 @@ def test_what_is_assumed_is_noted(name, values, attributes, depth, notes):
     found = floor_of(grid(name, values=values, attributes=attributes))
     assert (found.depth == depth).all()
     assert found.notes == notes
-
-
-def test_etopo_is_heights_at_sea_and_on_land(shared):
-    """Off Hawaii, in Chile, and at the Cape, where its longitudes go on beyond 360."""
-    with xr.open_dataset(shared / "data/elsewhere/etopo60_rose.nc") as dataset:
-        for longitude, latitude in ((-157.5, 20.5), (-71.5, -33.5), (18.5, -34.5)):
-            x = longitude % 360.0 + 360.0 * (longitude % 360.0 < 20.5)
-            height = float(dataset["ROSE"].interp({"ETOPO60X": x, "ETOPO60Y": latitude}))
-            half = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0), "pixel_size": 100.0}
-            found = floor_of(dataset, site=Site(longitude, latitude), **half)
-            np.testing.assert_allclose(found.depth[0, 0], -height, atol=1.0)
 
 
 def test_the_argument_overrides_a_name():

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from shapely.geometry import Point, Polygon, box, shape
+from shapely.geometry import Point, Polygon, box
 
 from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
 from auvplan.io.geo.grid import Extent, local_grid, touched
@@ -16,31 +16,10 @@ from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, geographic, ring, write_geojson, written
-from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
+from tests.io.geo.test_charts import kinds
 from tests.io.refusals import refusal
 
 AREA = {"lower": (-1000.0, -800.0), "upper": (1000.0, 1203.0)}
-
-
-def test_the_whitsunday_land_of_polygons(shared):
-    site = in_the_middle()
-    maps = shared / "data" / "maps"
-    reefs = maps / "whitsunday_reefs_eatlas.geojson"
-    chart = chart_from_polygons(maps / "whitsunday_land_osm.geojson", site, Extent(**HOOK), uncertain=reefs)
-    known = truth(shared, chart, site)
-    assert not ((known == 0) & (kinds(chart) != 0)).any()
-    assert (kinds(chart) == known).mean() > 0.99
-    # At random points, by the polygons themselves: land is never water.
-    rng = np.random.default_rng(0)
-    north, east = rng.uniform(HOOK["lower"], HOOK["upper"], (4000, 2)).T
-    places = geographic(north, east, site)
-    data = json.loads((maps / "whitsunday_land_osm.geojson").read_text())["features"]
-    land = shapely.union_all([shape(f["geometry"]) for f in data])
-    ashore = shapely.contains_xy(land, *places.T)
-    assert 0.2 < ashore.mean() < 0.6
-    assert not chart.is_water(north[ashore], east[ashore]).any()
-    degrees = shapely.distance(land, shapely.points(places))
-    assert chart.is_water(north, east)[degrees > 20.0 / 100_000].all()
 
 
 def test_land_with_a_hole_a_fringe_and_reefs(tmp_path):
