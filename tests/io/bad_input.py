@@ -5,36 +5,54 @@ than a hurried operator meant.
 """
 
 import io
+from collections.abc import Callable
+from functools import partial
+from operator import methodcaller
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from tests.io.small_site import (
-    JOBS,
-    X,
-    Y,
-    bed,
-    change,
-    changed,
-    coast,
-    cut,
-    everywhere,
-    folder,
-    gone,
-    huge,
-    jobs,
-    moved,
-    obstacles,
-    put,
-    raster,
-    ring_of,
-    scenario,
-    sections,
-    square,
-    stated,
-    text,
-    tide,
-)
+from tests.io.small_site import JOBS, SmallSite, X, Y, ring_of, square
+
+# Changes of a site, and of its data sets
+
+gone, folder, cut = (partial(methodcaller, name) for name in ("missing", "folder_instead", "cut"))
+sections, put, text = (partial(methodcaller, name) for name in ("set", "put", "text"))
+file, raster, huge = (partial(methodcaller, name) for name in ("write", "raster", "huge"))
+tide, bed, obstacles = (partial(methodcaller, name) for name in ("tide", "bed", "obstacles"))
+scenario, jobs = partial(file, "scenario.yaml"), partial(file, "jobs.csv")
+coast = partial(methodcaller, "polygons", "coast.geojson")
+
+
+def change(*spoils: Callable[[SmallSite], None]) -> Callable[[SmallSite], None]:
+    """Several changes, one after the other."""
+
+    def spoil(site: SmallSite) -> None:
+        for one in spoils:
+            one(site)
+
+    return spoil
+
+
+def stated(name: str, **attributes: Any) -> Callable:
+    return lambda data: data.assign({name: data[name].assign_attrs(attributes)})
+
+
+def moved(name: str, by: Callable) -> Callable:
+    return lambda data: data.assign_coords({name: (name, by(data[name].values), data[name].attrs)})
+
+
+def changed(by: Callable, *names: str) -> Callable:
+    """A change of variables' values."""
+    return lambda data: data.assign(
+        {name: (data[name].dims, by(data[name].values.copy()), data[name].attrs) for name in names}
+    )
+
+
+def everywhere(name: str, value: float) -> Callable:
+    return changed(lambda values: np.full_like(values, value), name)
+
 
 NAN = float("nan")
 #: Half the side of the area and of the files' grids, degrees.

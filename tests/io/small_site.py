@@ -5,8 +5,6 @@ import shutil
 import struct
 import zlib
 from collections.abc import Callable
-from functools import partial
-from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -175,42 +173,3 @@ def png_head(width: int, height: int, pixels: bytes = zlib.compress(bytes(100)))
         for kind, body in ((b"IHDR", size), (b"IDAT", pixels))
     )
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
-
-
-# Changes of a site, and of its data sets
-
-gone, folder, cut = (partial(methodcaller, name) for name in ("missing", "folder_instead", "cut"))
-sections, put, text = (partial(methodcaller, name) for name in ("set", "put", "text"))
-file, raster, huge = (partial(methodcaller, name) for name in ("write", "raster", "huge"))
-tide, bed, obstacles = (partial(methodcaller, name) for name in ("tide", "bed", "obstacles"))
-scenario, jobs = partial(file, "scenario.yaml"), partial(file, "jobs.csv")
-coast = partial(methodcaller, "polygons", "coast.geojson")
-
-
-def change(*spoils: Callable[[SmallSite], None]) -> Callable[[SmallSite], None]:
-    """Several changes, one after the other."""
-
-    def spoil(site: SmallSite) -> None:
-        for one in spoils:
-            one(site)
-
-    return spoil
-
-
-def stated(name: str, **attributes: Any) -> Callable:
-    return lambda data: data.assign({name: data[name].assign_attrs(attributes)})
-
-
-def moved(name: str, by: Callable) -> Callable:
-    return lambda data: data.assign_coords({name: (name, by(data[name].values), data[name].attrs)})
-
-
-def changed(by: Callable, *names: str) -> Callable:
-    """A change of variables' values."""
-    return lambda data: data.assign(
-        {name: (data[name].dims, by(data[name].values.copy()), data[name].attrs) for name in names}
-    )
-
-
-def everywhere(name: str, value: float) -> Callable:
-    return changed(lambda values: np.full_like(values, value), name)

@@ -12,8 +12,9 @@ from auvplan.io.geo import GeoError, read_jobs
 from auvplan.mission.graph import MissionGraph
 from auvplan.scenario.file import scenario_schema, validate_scenario
 from auvplan.scenario.waypoints import slope_warnings
+from tests.io.bad_input import everywhere
 from tests.io.refusals import refusal
-from tests.io.small_site import SmallSite, everywhere, square
+from tests.io.small_site import SmallSite, square
 
 
 def _plain(value):

@@ -73,7 +73,7 @@ def test_the_current_is_the_models_and_what_is_written_is_the_same(tmp_path, nam
         assert max(farthest(again, iter(places)) for places in at) < 2e-6
 
 
-_LOCAL = [name for name in MADE if name.split(":")[0] in ("MOM6", "SCHISM", "POP")]
+_LOCAL = [name for name in MADE if name.split(":")[0] in ("MOM6", "SCHISM", "POP", "FVCOM")]
 
 
 @pytest.mark.parametrize("name", [*_LOCAL, *(case.name for case in REAL[:2])])

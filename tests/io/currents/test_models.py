@@ -72,31 +72,6 @@ def test_the_summary_and_the_command(tmp_path, call):
         assert again.times[0] == START
 
 
-def on_grid(found, site):
-    """Longitude, latitude and bearing of true north at the nodes of a local grid."""
-    axes = [found.origin[k] + found.spacing[k] * np.arange(found.field.u.shape[2 + k]) for k in range(2)]
-    places = site.to_geographic(*np.meshgrid(*axes, indexing="ij"))
-    return *places, site.true_north(*places)
-
-
-@pytest.mark.filterwarnings("ignore:.*reaches 9.5 m/s:auvplan.errors.ScenarioWarning")
-def test_vectors_are_turned_into_the_local_frame():
-    path = regular(LON + 0.5 * np.arange(10), LAT + 0.5 * np.arange(8))
-    site = Site(LON + 0.4, LAT + 1.5)
-    found = read_current(path, site, lower=(-20e3, 0, 0), upper=(20e3, 150e3, 10), spacing=10e3)
-    lon, lat, bearing = on_grid(found, site)
-    assert np.abs(bearing).max() > 0.03
-    e, n = flow(lon, lat, 10.0, 3.0)
-    expected = n * np.cos(bearing) - e * np.sin(bearing), n * np.sin(bearing) + e * np.cos(bearing)
-    np.testing.assert_allclose(found.field.u[-1, 1], expected[0], atol=2e-6)
-    np.testing.assert_allclose(found.field.v[-1, 1], expected[1], atol=2e-6)
-    # A velocity keeps its size and, going by where it leads, its direction.
-    x, y = site.to_local(lon + 1e-5 * e / np.cos(np.deg2rad(lat)), lat + 1e-5 * n)
-    here = site.to_local(lon, lat)
-    way = np.arctan2(y - here[1], x - here[0])
-    np.testing.assert_allclose(np.cos(way - np.arctan2(expected[1], expected[0])), 1.0, atol=3e-5)
-
-
 # Components on the edges of cells.
 
 
@@ -332,11 +307,6 @@ def test_fvcom_in_its_cells_and_on_the_local_grid():
     found = read_current(data, site, lower=(-2500, -1200, 0), upper=(2500, 1200, 30))
     np.testing.assert_allclose(found.field.w, -2e-3, rtol=1e-6)
     np.testing.assert_allclose(found.sea_floor, 50.0)
-    lon, lat, bearing = on_grid(found, site)
-    e, n = flow(lon, lat, 20.0, 1.0)
-    k = int(np.flatnonzero(np.asarray(found.field.depths) == 20.0)[0])
-    inner, u = np.s_[2:-2, 2:-2], n * np.cos(bearing) - e * np.sin(bearing)
-    np.testing.assert_allclose(np.asarray(found.field.u)[1, k][inner], u[inner], atol=1e-4)
 
 
 def test_holes_of_a_mesh_are_land():

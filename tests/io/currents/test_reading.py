@@ -43,8 +43,7 @@ def test_files_split_over_time(tmp_path):
     np.testing.assert_array_equal(whole.field.times, 3600.0 * np.array([1.0, 3.0, 4.0, 6.0]))
 
 
-@pytest.mark.parametrize("make", [regular, roms])
-@pytest.mark.parametrize("decode", [True, False])
+@pytest.mark.parametrize(("make", "decode"), [(regular, True), (roms, False)])
 def test_a_dataset_goes_in_where_a_file_does(make, decode, tmp_path):
     path = tmp_path / "a.nc"
     make().to_netcdf(path)
@@ -163,24 +162,6 @@ def test_half_of_the_weight_must_be_water():
         e, _, _ = ocean.at(LON + np.array([0.0300, 0.0349, 0.0351, 0.0400]), LAT + 0.02, 0.0, START)
         assert np.isfinite(e).tolist() == [True, True, False, False]
         assert e[1] == pytest.approx(e[0])
-
-
-def test_only_what_is_needed_is_read(tmp_path, monkeypatch):
-    path = write(regular(), tmp_path / "a.nc")
-    sizes = []
-    plain = xr.Variable.isel
-
-    def watched(self, *args, **kwargs):
-        part = plain(self, *args, **kwargs)
-        if self.ndim == 4:
-            sizes.append(part.shape)
-        return part
-
-    monkeypatch.setattr(xr.Variable, "isel", watched)
-    with open_ocean(path) as ocean:
-        assert not sizes
-        ocean.at(*PLACE, 3.0, START)
-    assert set(sizes) == {(1, 3, 2, 2)}
 
 
 @given(

@@ -133,11 +133,7 @@ def test_jobs_that_are_refused(tmp_path, content, words):
     ("heading", "words"),
     [
         ("dwell", r"'dwell' is ignored: did you mean 'duration' \(s\)"),
-        ("time", "'time' is ignored: did you mean 'duration'"),
-        ("weight", "'weight' is ignored: did you mean 'priority'"),
-        ("z", "'z' is ignored: did you mean 'depth'"),
         ("altitude", r"'altitude' is ignored: did you mean 'depth' \(m, positive down\)"),
-        ("id", "'id' is ignored: did you mean 'name'"),
         ("transect", "'transect' is ignored: did you mean 'line'"),
         ("deadline", "'deadline' is ignored: did you mean 'to'"),
         ("radius", "'radius' is ignored: jobs have a place, priority, duration, name and time windows alone"),
