@@ -16,7 +16,7 @@ def draw(seed: int, *shape: int) -> jax.Array:
     return jax.random.uniform(jax.random.key(seed), shape)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=20).filter(lambda w: sum(w) > 0.01))
 def test_alias_table_holds_the_exact_distribution(weights: list[float]) -> None:
     size = len(weights)

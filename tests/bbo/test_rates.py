@@ -30,7 +30,7 @@ def test_stationary_law_of_constant_rates_is_geometric(size: int, up: float, dow
     np.testing.assert_allclose(law if up < down else law[::-1], expected, rtol=1e-9, atol=1e-300)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(2, 30), st.integers(0, 2**32 - 1))
 def test_stationary_law_balances_any_rates(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -66,7 +66,7 @@ def test_eq4_integrates_to_the_stationary_law() -> None:
     np.testing.assert_allclose(solved.y[:, -1], rates.stationary_law(up, down), atol=1e-7)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(1, 30), st.floats(0.0, 0.5), st.integers(0, 2**32 - 1))
 def test_eq3_is_a_step_of_eq4_that_keeps_probabilities(count: int, dt: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -93,7 +93,7 @@ def test_eq3_refuses_steps_that_would_leave_negative_probabilities(dt: float) ->
         rates.species_step(np.full(3, 1 / 3), np.full(3, 0.3), np.full(3, 0.3), dt)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.sampled_from(["linear", "constant"]), st.integers(2, 300), st.floats(0.0, 1.0), st.floats(1e-6, 1.0),
     st.floats(0.0, 1.0),

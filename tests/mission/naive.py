@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from auvplan.mission import MissionGraph
+from auvplan.mission import MissionConfig, MissionGraph
 from auvplan.mission.problem import Edges, Problem, prepare
 
 #: Task graphs of 40 waypoints and their proven optima.
@@ -19,6 +19,18 @@ needs_graphs = pytest.mark.skipif(
     not GRAPHS.exists(), reason=f"no task graphs with proven optima at {GRAPHS}"
 )
 prepare_now = jax.jit(prepare)
+
+#: Settings of a small search: tests that plan with the same ones, on graphs of up to 16 waypoints, share
+#: compiled programs. And those of a search that leaves what is known as it is.
+QUICK = MissionConfig(
+    bbo=MissionConfig().bbo.replace(population=20, iterations=10),
+    seeds=4,
+    beam_width=16,
+    local_width=5,
+    local_period=5,
+)
+PLAIN = MissionConfig.plain().replace(bbo=QUICK.bbo)
+BLIND = PLAIN.replace(bbo=QUICK.bbo.replace(iterations=0))
 
 
 def proven(name: str) -> tuple[dict, MissionGraph]:

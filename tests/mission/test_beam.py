@@ -16,7 +16,7 @@ search_now = jax.jit(beam_search, static_argnames=("width", "places", "count"))
 seeds_now = jax.jit(seed_routes, static_argnames=("width", "places", "count"))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     density=st.sampled_from([0.3, 0.6, 1.0]),
@@ -33,7 +33,7 @@ def test_routes_keep_all_rules(seed: int, density: float, directed: bool, budget
             assert check.valid, check.reasons
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.3, 0.6, 1.0]), directed=st.booleans())
 def test_without_a_time_limit_a_wide_beam_is_exact(seed: int, density: float, directed: bool) -> None:
     """With room for every partial route nothing goes but the poorer of two that have visited the same."""

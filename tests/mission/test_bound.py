@@ -18,8 +18,8 @@ def with_priority(graph: MissionGraph, priority: np.ndarray) -> MissionGraph:
     return MissionGraph(graph.positions, graph.adjacency, priority, graph.duration)
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.5, 0.1, np.pi, None])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("scale", [0.1, np.pi, None])
+@pytest.mark.parametrize("seed", range(4))
 def test_never_below_the_optimum(seed: int, scale: float | None) -> None:
     graph = grid_graph(seed, 6 + seed % 3, 0.6, directed=seed % 2 == 0)
     noise = np.random.default_rng(seed).uniform(0.0, 1.0, graph.priority.shape)
@@ -35,7 +35,7 @@ def test_never_below_the_optimum(seed: int, scale: float | None) -> None:
         assert bound <= upper_bound(legs, graph.priority, 0, goal, budget, rounds=1)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     density=st.sampled_from([0.2, 0.5, 0.9]),
@@ -182,7 +182,7 @@ def with_waypoint_tasks(seed: int, size: int = 6, density: float = 0.5) -> Missi
     return task_graph(bare.positions, edges, edge_tasks, waypoint_tasks)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), budget=st.sampled_from([300.0, 600.0, 900.0, 1500.0]))
 def test_never_below_the_best_trail(seed: int, budget: float) -> None:
     graph = with_waypoint_tasks(seed)
@@ -203,7 +203,7 @@ def test_a_trail_may_beat_every_route_that_visits_once() -> None:
     assert trail_bound(times, graph.priority, 0, 3, 39.0) < 8.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     visits=st.sampled_from(["once", "edges"]),

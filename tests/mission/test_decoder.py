@@ -40,7 +40,7 @@ def check_figures(routes: Decoded, p: int, graph: MissionGraph, route: list[int]
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     density=st.sampled_from([0.25, 0.5, 1.0]),
@@ -75,7 +75,7 @@ def test_against_the_naive_decoder(
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.2, 0.4, 1.0]), directed=st.booleans())
 def test_the_shortest_route_is_the_shortest_way(
     decoder: str, seed: int, density: float, directed: bool
@@ -106,7 +106,7 @@ def test_legs_that_take_no_time_make_no_cycle() -> None:
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.25, 0.5, 1.0]), directed=st.booleans())
 def test_a_route_survives_encoding(decoder: str, seed: int, density: float, directed: bool) -> None:
     graph = grid_graph(seed, N, density, directed)

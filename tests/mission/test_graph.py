@@ -78,7 +78,7 @@ def test_a_graph_passes_through_compiled_functions() -> None:
     np.testing.assert_allclose(stacked.leg_times(np.array([2.5, 5.0]))[1, 0], [np.inf, 37.0, 40.0])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.1, 0.3, 0.8]), st.booleans(), st.integers(0, 11))
 def test_time_to_go_against_dijkstra(seed: int, density: float, directed: bool, goal: int) -> None:
     legs = grid_graph(seed, 12, density, directed).leg_times(2.0)

@@ -21,25 +21,15 @@ from auvplan.mission import (
     replan_mission,
 )
 from auvplan.runtime.compiled import compilations
-from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
+from tests.mission.naive import BLIND, PLAIN, QUICK, best_priority, grid_graph, needs_graphs, proven
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
 SPEED = 2.0
-QUICK = MissionConfig(
-    bbo=MissionConfig().bbo.replace(population=20, iterations=10),
-    seeds=4,
-    beam_width=16,
-    local_width=5,
-    local_period=5,
-)
+PAPER = MissionConfig.paper().replace(bbo=MissionConfig.paper().bbo.replace(population=20, iterations=10))
 CONFIGS = {
     "default": QUICK,
-    "paper": MissionConfig.paper().replace(
-        bbo=MissionConfig.paper().bbo.replace(population=20, iterations=10)
-    ),
-    "plain": MissionConfig.plain().replace(bbo=QUICK.bbo),
-    "timely decoder": QUICK.replace(decoder="timely"),
-    "generational": QUICK.replace(bbo=QUICK.bbo.replace(replacement="generational", elites=1)),
+    "paper": PAPER,
+    "plain": PLAIN,
 }
 
 
@@ -73,8 +63,8 @@ def test_a_route_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
     assert route.history.best[-1] == np.float32(route.cost)
 
 
-@pytest.mark.parametrize("config", [CONFIGS["default"], CONFIGS["plain"], CONFIGS["generational"]])
-@settings(max_examples=25, deadline=None)
+@pytest.mark.parametrize("config", [QUICK, PLAIN], ids=["default", "plain"])
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     density=st.sampled_from([0.15, 0.3, 0.6]),
@@ -99,7 +89,7 @@ def test_feasible_whenever_a_feasible_mission_exists(
         assert route.time == route.priority == route.tasks == 0
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_optimum_of_small_graphs_is_found(seed: int) -> None:
     graph = grid_graph(seed, 7, 0.7)
     budget = 1500.0 + 200.0 * seed
@@ -179,16 +169,6 @@ def test_planning_again_compiles_nothing() -> None:
     assert 0 not in route.nodes
     plan(graph, population=first.population[:5])
     assert compilations() == compiled
-
-
-def test_a_given_population_is_used() -> None:
-    graph = medium_graph(2)
-    unseeded = QUICK.replace(seeds=0)
-    first = plan(graph, config=unseeded)
-    fresh = plan(graph, seed=5, config=unseeded)
-    again = plan(graph, seed=5, population=first.population, config=unseeded)
-    assert again.history.best[0] == np.float32(first.cost) < fresh.history.best[0]
-    assert again.cost <= first.cost
 
 
 def test_edges_without_tasks_are_passed_but_not_counted() -> None:
@@ -277,15 +257,14 @@ def test_the_bound_is_above_the_route(seed: int) -> None:
 def test_the_exact_method_proves_the_optimum() -> None:
     pytest.importorskip("ortools")
     graph = medium_graph(1)
-    poor = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
-    route = plan(graph, budget=2200.0, config=poor, method="exact")
+    route = plan(graph, budget=2200.0, config=BLIND, method="exact")
     assert route.priority == route.bound == best_priority(graph, 0, 14, 2200.0, SPEED)
     assert route.gap == 0.0
     assert check_route(graph, route.nodes, 0, 14, 2200.0, SPEED)
     assert route.time == pytest.approx(route.leg_times.sum())
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 1000), passed=st.integers(1, 4), delay=st.floats(0.0, 200.0))
 def test_a_new_plan_is_no_worse_than_the_rest_of_the_old(seed: int, passed: int, delay: float) -> None:
     graph = medium_graph(seed)
@@ -297,9 +276,8 @@ def test_a_new_plan_is_no_worse_than_the_rest_of_the_old(seed: int, passed: int,
     needs = float(old.leg_times[passed:].sum())
     worth = sum(graph.priority[leg] for leg in pairwise(rest))
     again = graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
-    blind = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
     route = plan_mission(
-        again, int(rest[0]), 14, max(left, 1.0), speed=SPEED, key=jax.random.key(seed), config=blind,
+        again, int(rest[0]), 14, max(left, 1.0), speed=SPEED, key=jax.random.key(seed), config=BLIND,
         known_route=rest,
     )  # fmt: skip
     if needs < left * (1.0 - 1e-5):
@@ -312,7 +290,7 @@ def test_a_known_route_must_fit(known: list) -> None:
         plan(medium_graph(), known_route=known)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_bound_holds_with_a_return_margin(seed: int) -> None:
     graphs = MissionGraph.stack([medium_graph(seed)] * 2)
     keys = jax.random.split(jax.random.key(seed), 2)
@@ -325,8 +303,7 @@ def test_the_bound_holds_with_a_return_margin(seed: int) -> None:
 
 def test_given_populations_are_what_the_search_starts_from():
     """With nothing planted and no generation the answer is the best of the habitats given."""
-    paper = MissionConfig.paper()
-    config = paper.replace(bbo=paper.bbo.replace(population=20, iterations=0))
+    config = PAPER.replace(bbo=PAPER.bbo.replace(iterations=0))
     graph = medium_graph()
     good = plan(graph, seed=3)
     habitats = np.random.default_rng(0).integers(-200, 0, (20, 15))

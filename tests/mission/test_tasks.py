@@ -4,13 +4,11 @@ import jax
 import numpy as np
 import pytest
 
-from auvplan.mission import MissionConfig, plan_mission, task_graph
+from auvplan.mission import plan_mission, task_graph
+from tests.mission.naive import QUICK
 
 LINE = np.array([[0.0, 0, 0], [100, 0, 0], [200, 0, 0], [300, 0, 0]])
 EDGES = [(0, 1), (1, 2), (2, 3), (0, 2)]
-QUICK = MissionConfig(
-    bbo=MissionConfig().bbo.replace(population=20, iterations=5), seeds=4, beam_width=16, local_width=5
-)
 
 
 def test_tasks_on_an_edge_add_up_both_ways() -> None:

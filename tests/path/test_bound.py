@@ -10,6 +10,8 @@ from auvplan.ocean.currents import SumCurrent
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path.bound import lower_bound
+from auvplan.path.follow import straight_plan
+from auvplan.path.sensitivity import Conditions
 
 VEHICLE = ap.Vehicle(2.5, surge_max=100.0, sway_max=100.0, turn_rate_max=100.0)
 COARSE = {"fineness": 0.4}
@@ -93,7 +95,7 @@ def field(rows):
     return ap.LambVortices(np.c_[x, y][None], strength[None] * 2.0, radius[None])
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(vortices, st.integers(0, 10_000))
 def test_no_path_beats_it(rows, seed):
     """Crooked paths near the straight line, and the straight line itself, in any field of vortices."""
@@ -154,16 +156,6 @@ def test_a_dive_into_a_quick_layer():
     assert 0.93 * known < found.travel_time <= known
 
 
-@pytest.mark.slow
-def test_a_limit_on_ground_speed_counts_in_depth():
-    current = lambda x, y, z, t: (0.6 + 0.4 * jnp.tanh((z - 30.0) / 10.0), 0.0 * z, 0.0 * z)  # noqa: E731
-    env = ap.Environment(current, lower=(-300, -300, 0), upper=(4300, 300, 60))
-    slow = ap.Vehicle(2.0, surge_max=2.1)
-    known = 1.05 * 4000.0 / 2.1
-    found = bound(env, (4000.0, 0.0, 10.0), known, start=(0.0, 0.0, 10.0), vehicle=slow, fineness=0.5)
-    assert 0.95 * 4000.0 / 2.121 < found.travel_time <= 4000.0 / 2.1
-
-
 def test_depth_does_not_matter_where_the_current_is_the_same():
     box = {"lower": (-500, -900, 0), "upper": (3500, 900, 80)}
     env = ap.Environment(ap.UniformCurrent(0.5, 0.0), **box)
@@ -174,8 +166,8 @@ def test_depth_does_not_matter_where_the_current_is_the_same():
 
 def test_of_a_plan():
     env = ap.Environment(ap.UniformCurrent(0.5, 0.0), lower=(-500, -500, 0), upper=(3500, 500, 0))
-    config = ap.PathConfig.quick()
-    plan = ap.plan_path((0, 0, 0), (3000, 0, 0), env, VEHICLE, key=jax.random.key(0), config=config)
+    conditions = Conditions(env, VEHICLE, ap.PathConfig())
+    plan = straight_plan(np.zeros(3), np.array([3000.0, 0.0, 0.0]), 0.0, conditions)
     assert plan.lower_bound == plan.bound.travel_time <= plan.travel_time
     assert plan.gap == pytest.approx(plan.travel_time / plan.lower_bound - 1.0)
     assert 0.0 <= plan.gap < 0.01
@@ -202,7 +194,7 @@ def told(current, centre, edges):
     return float(deviation(current, [np.array([c]) for c in np.asarray(centre, float)], edges)[0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.integers(0, 10_000),
     st.floats(10.0, 600.0),
@@ -224,7 +216,7 @@ def test_vortices_tell_how_far_they_depart_from_means(seed, dx, dy, dz, x, y, z)
     assert departs(current, *box, rng) <= told(current, *box) + 1e-6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.integers(0, 10_000),
     st.floats(5.0, 250.0),
@@ -244,7 +236,7 @@ def test_grids_tell_how_far_they_depart_from_means(seed, dx, dy, dz, dt, x, y):
     assert departs(current, *box, rng) <= told(current, *box) + 1e-5
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.0, 40.0), st.floats(0.0, 6000.0))
 def test_tides_tell_how_far_they_depart_from_means(seed, dz, dt):
     rng = np.random.default_rng(seed)

@@ -18,7 +18,7 @@ from tests.path.worlds import CONFIG, chart_with_island
 metres = st.floats(0.0, 200.0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(1.0, 80.0), st.integers(1, 40))
 @pytest.mark.usefixtures("x64")
 def test_no_land_is_nearer_than_certified(seed, gap, count):
@@ -114,7 +114,7 @@ def beside(spheres):
     return jax.value_and_grad(clear, argnums=(0, 1))(jnp.float64(20.0), jnp.float64(30.0))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 @pytest.mark.usefixtures("x64")
 def test_spheres_are_passed_at_their_nearest(seed):
@@ -245,7 +245,7 @@ def _slope(fun, at, step=1e-5):
     return (fun(at + step) - fun(at - step)) / (2 * step)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.floats(-60.0, 90.0), st.floats(-60.0, 90.0), st.floats(1.0, 80.0))
 @pytest.mark.usefixtures("x64")
 def test_slopes_between_two_circles_match_finite_differences(first, last, gap):

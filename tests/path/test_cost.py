@@ -18,8 +18,17 @@ from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.path.kinematics import angle_between
 from auvplan.path.motion import Motion
 from tests.path import kernels
-from tests.path.kernels import curves, evaluate, judged_within, score, soft_objective, through, violations
-from tests.path.worlds import GOAL, LOWER, START, UPPER, world
+from tests.path.kernels import (
+    Jet,
+    curves,
+    evaluate,
+    judged_within,
+    score,
+    soft_objective,
+    through,
+    violations,
+)
+from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(control_points=16, samples=48)
 
@@ -111,7 +120,6 @@ def naive_flight(habitat, env, vehicle, depart, config):
     ("chart", "obstacles", "vertical"),
     [
         (True, True, {"pitch_max": 0.03, "climb_rate_max": 0.01, "dive_rate_max": 0.1}),
-        pytest.param(False, False, {"pitch_max": None}, marks=pytest.mark.slow),
         (False, False, {"pitch_max": None, "dive_rate_max": 0.1}),
     ],
 )
@@ -141,7 +149,7 @@ SLOPE = st.floats(-80.0, 80.0)
     SLOPE, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(5.0, 90.0),
     st.sampled_from(["track", "eq8", "eq11"]),
 )  # fmt: skip
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 def test_pitch_is_that_of_the_hull(slope, along, sinking, most, reading):
     """A straight dive or climb in a current: the limit is on what `Motion` says of the hull."""
     way = np.array([np.cos(np.radians(slope)), 0.0, np.sin(np.radians(slope))])
@@ -154,24 +162,6 @@ def test_pitch_is_that_of_the_hull(slope, along, sinking, most, reading):
     expected = np.maximum(np.abs(np.sin(hull.pitch)) / np.sin(np.radians(most)) - 1.0, 0.0)
     found = np.asarray(trajectory.excess[VIOLATIONS.index("pitch")])[:, 0]
     np.testing.assert_allclose(found, expected, atol=2e-5)
-
-
-@pytest.mark.parametrize("degrees", [10.0, 29.99, 30.0, 30.01, 50.0, 90.0])
-def test_a_straight_dive_is_too_steep_beyond_the_limit_alone(degrees):
-    """In still water the pitch is the slope, and vertical speeds are the sine's share of the speed."""
-    angle = np.radians(degrees)
-    down = np.linspace(0.0, 900.0, 10)[:, None] * np.array([np.cos(angle), 0.0, np.sin(angle)])
-    env = ap.Environment(None, None, None, (-1, -1, -1), (2000, 2000, 2000))
-    rates = {"climb_rate_max": 0.8, "dive_rate_max": 1.0}
-    for places, limit, most in ((down, "dive", 1.0), (down[::-1], "climb", 0.8)):
-        track = through(*(axis[:, None] for axis in places.T))
-        trajectory = evaluate(track, 0.0, env, ap.Vehicle(**rates), CONFIG)
-        broken = dict(zip(VIOLATIONS, np.asarray(violations(trajectory))[:, 0], strict=True))
-        assert broken.pop("pitch") == pytest.approx(max(np.sin(angle) / 0.5 - 1.0, 0.0), abs=1e-5)
-        assert broken.pop(limit) == pytest.approx(max(2.5 * np.sin(angle) / most - 1.0, 0.0), abs=1e-5)
-        assert not any(broken.values())
-        free = evaluate(track, 0.0, env, ap.Vehicle(pitch_max=None), CONFIG)
-        assert not violations(free).any()
 
 
 def test_limits_that_a_vehicle_does_not_have_cost_nothing():
@@ -232,13 +222,13 @@ def test_arrival_times_settle_in_a_changing_current():
     line = habitats.straight_line(start, goal, CONFIG)[None]
     exact = (-2.5 + np.sqrt(2.5**2 + 2 * 1e-3 * 2000.0)) / 1e-3
     errors = []
-    for samples in (33, 65, 129):
+    for samples in (33, 129):
         config = CONFIG.replace(samples=samples)
         cost, _ = score(line, start, goal, 0.0, env, ap.Vehicle(), config)
         errors.append(abs(float(cost[0]) / exact - 1))
     assert errors[0] < 1e-4
     # Middles of segments: the error falls with the square of their length.
-    assert errors[2] < 0.3 * errors[1] < 0.09 * errors[0]
+    assert errors[1] < 0.09 * errors[0]
 
 
 def _difference(fun, x, step):
@@ -296,16 +286,6 @@ def test_gradients_are_finite_at_awkward_places(quadrature):
     slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, vehicle, config)[0][0]))
     for habitat in (jnp.zeros(3 * CONFIG.control_points), habitats.straight_line(start, goal, CONFIG)):
         assert np.isfinite(slope(habitat)).all()
-
-
-def test_batched_equals_looped():
-    env = resolved(world())
-    many = population(6, env)
-    together = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
-    for p in range(6):
-        alone = score(many[p : p + 1], START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
-        np.testing.assert_allclose(alone[0][0], together[0][p], rtol=1e-5)
-        np.testing.assert_allclose(alone[1][0], together[1][p], rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.slow
@@ -368,26 +348,10 @@ def test_coast_is_forbidden_and_shoals_are_priced():
     assert float(over.price[0]) > 0.0 == float(free.price[0])
 
 
-@pytest.mark.parametrize(
-    ("degrees", "sharp"), [(0, False), (20, False), (60, True), (120, True), (180, True)]
-)
-def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
-    angle = np.radians(degrees)
-    legs = np.concatenate(
-        [np.tile([40.0, 0.0], (20, 1)), np.tile(40.0 * np.array([np.cos(angle), np.sin(angle)]), (20, 1))]
-    )
-    xy = np.concatenate([[[0.0, 0.0]], np.cumsum(legs, axis=0)])
-    x, y = xy[:, :1], xy[:, 1:]
-    env = ap.Environment(None, None, None, (-3000, -3000, 0), (3000, 3000, 0))
-    vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
-    trajectory = evaluate(through(x, y, 0.0 * x), 0.0, env, vehicle, CONFIG)
-    assert bool(trajectory.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
-
-
 _SIDE = st.floats(-100.0, 100.0)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(_SIDE, _SIDE, _SIDE, _SIDE)
 def test_turns_are_the_angle_between_segments(ax, ay, bx, by):
     short, long = sorted([np.hypot(ax, ay), np.hypot(bx, by)])
@@ -446,18 +410,6 @@ def _as_real(leaf, real):
     return leaf.astype(real) if np.issubdtype(leaf.dtype, np.floating) else leaf
 
 
-def test_obstacle_counts_at_the_time_of_arrival():
-    # It lies across the track at departure and is gone when the vehicle comes; the other one comes in time.
-    start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
-    line = habitats.straight_line(start, goal, CONFIG)[None]
-    gone = ap.Obstacles.self_motivated([[1000.0, 0.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
-    comes = ap.Obstacles.self_motivated([[1000.0, -400.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
-    for obstacles, hit in ((gone, False), (comes, True)):
-        env = resolved(ap.Environment(None, None, obstacles, LOWER, UPPER))
-        trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
-        assert bool(trajectory.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit
-
-
 @pytest.mark.parametrize(
     ("limit", "jet", "excess"),
     [
@@ -469,12 +421,7 @@ def test_obstacle_counts_at_the_time_of_arrival():
 )
 def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet, excess):
     """Four segments of 100 m, and a jet 20 m wide across a quarter of the second one."""
-
-    def current(x, y, z, t):
-        inside = abs(x - 125.0) < 10.0
-        return tuple(jnp.where(inside, speed, 0.0) for speed in jet)
-
-    env = ap.Environment(current, None, None, (-500, -500, 0), (500, 500, 100))
+    env = ap.Environment(Jet(jet, 125.0, 10.0), None, None, (-500, -500, 0), (500, 500, 100))
     vehicle, config = ap.Vehicle(surge_max=4.0, sway_max=1.5), ap.PathConfig()
     x = np.arange(5.0)[:, None] * 100.0
     trajectory = evaluate(through(x, 0.0 * x, 0.0 * x), 0.0, env, vehicle, config)
@@ -486,7 +433,7 @@ def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet,
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize(("changing", "reading"), [(False, "track"), (True, "track"), (False, "eq8")])
+@pytest.mark.parametrize(("changing", "reading"), [(True, "track"), (False, "eq8")])
 def test_current_met_at_several_places_is_that_of_shorter_segments(changing, reading):
     """Quarters of straight segments, each met in its middle, one after the other."""
 

@@ -1,8 +1,7 @@
 """Paths of least energy and their speeds against closed forms, a plain twin and the quickest paths."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ import auvplan as ap
 from auvplan.energy import PowerLaw, PowerModel, best_speed, cubic_best_speed, energy_of_plan
 from auvplan.path import plan_least_energy, speeds_along
 from tests.path import kernels
-from tests.path.kernels import curves, evaluate, score
+from tests.path.kernels import Layers, curves, evaluate, score
 
 WAY, LIMITS = 2000.0, (0.3, 2.5)
 ENDS = (0.0, 0.0, 5.0), (WAY, 0.0, 5.0)
@@ -21,23 +20,8 @@ LIGHT = ap.PathConfig.quick().replace(finer=1, refine_steps=0)
 DEAR, CHEAP = (PowerModel(PowerLaw(0.0, 20.0), hotel=40.0, dive=dive, climb=200.0) for dive in (600.0, 20.0))
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Layers:
-    """A current along the way, m/s, and by how much stronger it is below 30 m."""
-
-    above: Any
-    more: Any
-
-    steady = True
-
-    def __call__(self, x, y, z, t):
-        return self.above + self.more * 0.5 * (1.0 + jnp.tanh((z - 30.0) / 5.0)) + 0.0 * x, 0.0 * y, 0.0 * z
-
-
 def sea(above=0.0, more=0.0):
-    current = Layers(jnp.float32(above), jnp.float32(more))
-    return ap.Environment(current, lower=(-500, -800, 0), upper=(WAY + 500, 800, 60))
+    return ap.Environment(Layers.of(above, more), lower=(-500, -800, 0), upper=(WAY + 500, 800, 60))
 
 
 @cache
@@ -49,7 +33,9 @@ def least(power, above=0.0, more=0.0, price=0.0):
 
 @cache
 def quickest(speed, above, more):
-    return ap.plan_path(*ENDS, sea(above, more), ap.Vehicle(speed), key=jax.random.key(0), config=LIGHT)
+    """A plan by the same programs: a toll of nothing leaves the cost as it is."""
+    vehicle = ap.Vehicle(speed, depth_toll=0.0)
+    return ap.plan_path(*ENDS, sea(above, more), vehicle, key=jax.random.key(0), config=LIGHT)
 
 
 def speed_of(plan):
@@ -86,7 +72,7 @@ def test_tolls_are_seconds_that_a_metre_takes_at_the_power_of_the_speed():
         ap.Vehicle(depth_toll=-1.0)
 
 
-@pytest.mark.parametrize(("current", "price"), [(0.0, 0.0), (0.0, 30.0), (-0.4, 0.0), (0.5, 10.0)])
+@pytest.mark.parametrize(("current", "price"), [(0.0, 0.0), (-0.4, 30.0)])
 def test_the_speed_in_a_uniform_current_is_that_of_the_closed_form(current, price):
     plan = least(DEAR, current, price=price)
     assert plan.feasible

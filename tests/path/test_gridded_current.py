@@ -10,7 +10,6 @@ import pytest
 import auvplan as ap
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.ocean import FunctionCurrent, GriddedCurrent
-from auvplan.runtime.compiled import compilations
 from auvplan.site import Site
 
 START, GOAL = np.array([400.0, 500.0, 10.0]), np.array([3500.0, 3200.0, 30.0])
@@ -94,16 +93,6 @@ def test_pacing_the_search_loses_next_to_nothing(tide):
     paced = [plan(tide, seed, depart).travel_time for seed, depart in enumerate(departs)]
     scanned = [plan(exact, seed, depart).travel_time for seed, depart in enumerate(departs)]
     assert (np.array(paced) < 1.002 * np.array(scanned)).all()
-
-
-@pytest.mark.slow
-def test_the_plan_of_another_hour_and_field_compiles_nothing(tide):
-    lightest = SMALL.replace(refine_steps=0)
-    plan(tide, config=lightest)
-    compiled = compilations()
-    turned = plan(sampled(-np.cos(2.0 * np.pi * HOURS / 12.42)), seed=1, depart=3600.0, config=lightest)
-    assert compilations() == compiled
-    assert turned.feasible
 
 
 @pytest.mark.slow

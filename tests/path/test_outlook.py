@@ -1,6 +1,5 @@
 """How a followed plan fares in another current, against closed forms and the planner's own times."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,9 +17,9 @@ VEHICLE = ap.Vehicle(speed=2.5)
 
 @pytest.fixture(scope="module")
 def plan():
-    """A plan in still water, which is all but straight."""
+    """A straight plan in still water."""
     env = ap.Environment(None, lower=(-500, -500, 0), upper=(2500, 500, 50))
-    return ap.plan_path(START, GOAL, env, VEHICLE, key=jax.random.key(0), config=LIGHT, depart=100.0)
+    return straight_plan(START, GOAL, 100.0, Conditions(env, VEHICLE, LIGHT))
 
 
 def rest_of(plan, sample, current, late=0.0):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.runtime.compiled import compilations
 from tests.path.kernels import score
 
 LIGHT = ap.PathConfig.quick().replace(finer=1, passages=0)
@@ -65,20 +64,6 @@ def test_the_price_has_gradients():
         step = 2.0 * np.eye(12)[k]
         by_difference = (cost(rows + step) - cost(rows - step)) / 4.0
         assert slope[k] == pytest.approx(float(by_difference), rel=0.02, abs=2e-3)
-
-
-@pytest.mark.slow
-def test_legs_of_one_price_share_their_programs():
-    env = ap.Environment(None, price=lane, **BOX)
-    keys = jax.random.split(jax.random.key(1), 2)
-    starts, goals = np.array([START, (0.0, 200.0, 0.0)]), np.array([GOAL, (2000.0, -200.0, 0.0)])
-    together = ap.plan_paths(starts, goals, env, key=keys, config=LIGHT)
-    counts = []
-    for b in (0, 1):
-        alone = ap.plan_paths(starts[b : b + 1], goals[b : b + 1], env, key=keys[b : b + 1], config=LIGHT)
-        counts.append(compilations())
-        np.testing.assert_allclose(alone.cost[0], together.cost[b], rtol=1e-5)
-    assert counts[0] == counts[1]
 
 
 @pytest.mark.parametrize(

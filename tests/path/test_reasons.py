@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.bbo import History
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, PathPlan
 from auvplan.path.sensitivity import Conditions
-from tests.path.kernels import evaluate, through, violations
+from tests.path.kernels import Jet, fields_of, through
 
 BOX = (-500.0, -500.0, 0.0), (4500.0, 2500.0, 200.0)
 CONFIG = ap.PathConfig()
@@ -21,113 +20,119 @@ CONFIG = ap.PathConfig()
 BEND = np.array([[0.0, 0.0, 30.0], [4000.0, 0.0, 30.0], [4000.0, 100.0, 30.0]])
 
 
-def along(corners, count=41):
-    """[S, 3] m, evenly along straight lines between corners, the same number on each."""
-    share = np.linspace(0.0, len(corners) - 1, (len(corners) - 1) * (count - 1) + 1)
-    return np.stack(
-        [np.interp(share, np.arange(len(corners)), np.asarray(corners)[:, k]) for k in range(3)], 1
-    )
+def along(corners, segments=84):
+    """[S, 3] m, evenly along straight lines between corners, the same number on each: one program for all."""
+    share = np.linspace(0.0, len(corners) - 1, segments + 1)
+    return np.stack([np.interp(share, np.arange(len(corners)), axis) for axis in np.transpose(corners)], 1)
 
 
-def followed(positions, depart=0.0, vehicle=None, leg=None, **world) -> PathPlan:
+def followed(positions, depart=0.0, vehicle=None, leg=None, current=None, **world) -> PathPlan:
     """A plan along given positions, as it fares."""
     vehicle = vehicle or ap.Vehicle(turn_rate_max=100.0)
-    current = world.pop("current", None)
-    env = ap.Environment(current, **{"lower": BOX[0], "upper": BOX[1]} | world)  # type: ignore[arg-type]
+    env = ap.Environment(current or jet(0.0), **{"lower": BOX[0], "upper": BOX[1]} | world)
     track = through(*(positions[:, k, None] for k in range(3)))
-    trajectory = jax.device_get(evaluate(track, depart, env, vehicle, CONFIG))
-    none = np.zeros(0)
-    return PathPlan(
-        float(trajectory.travel_time[0]), float(trajectory.length[0]), np.asarray(positions),
-        np.asarray(trajectory.times[:, 0]), positions, np.asarray(violations(trajectory)[:, 0]),
-        float(trajectory.clearance.min()), float(trajectory.altitude.min()), 0.0, jnp.zeros((0, 0)),
-        History(*[none] * 6), np.stack(trajectory.excess)[:, :, 0],
-        np.stack(trajectory.water, axis=-1)[:, 0], Conditions(env, vehicle, CONFIG, leg),
-    )  # fmt: skip
+    fields = jax.device_get(fields_of(track, depart, env, vehicle, CONFIG))
+    conditions = Conditions(env, vehicle, CONFIG, leg)
+    return PathPlan.unsearched(conditions, fields.pop("excess"), **fields, cost=0.0, control_points=positions)
 
 
-LINE = along([[0.0, 0.0, 30.0], [4100.0, 0.0, 30.0]], 83)
+LINE = along([[0.0, 0.0, 30.0], [4200.0, 0.0, 30.0]])
+DIVE = along([[0.0, 0.0, 30.0], [2000.0, 0.0, 30.0], [2100.0, 0.0, 130.0], [4100.0, 0.0, 130.0]])
 
 
 def jet(strength, east=0.0):
     """A current that is strong in the segment around 2.3 km north alone."""
+    return Jet((strength, east, 0.0), 2325.0, 25.0)
 
-    def current(x, y, z, t):
-        inside = jnp.abs(x - 2325.0) < 25.0
-        return jnp.where(inside, strength, 0.0), jnp.where(inside, east, 0.0), 0.0 * x
 
-    return current
+def vehicle(**limits):
+    return ap.Vehicle(**{"turn_rate_max": 100.0} | limits)
+
+
+def sphere(east):
+    return ap.Obstacles.static([[3000.0, east, 30.0]], [40.0])
+
+
+#: deg/s, 90 degrees between segments of 95 m and 2.4 m.
+TURN = 90.0 / (0.5 * 4100.0 / 42.0 / 2.5)
+SLOW = {"vehicle": vehicle(sway_max=9.0)}
+STEEP = {"vehicle": vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.0)}
+
+
+@pytest.mark.parametrize(
+    ("path", "world", "broken", "words"),
+    [
+        (LINE, {"current": jet(2.8)}, "surge", "ground speed 5.3 m/s over 5.0 at km 2.3 of 4.2, at "),
+        (
+            LINE,
+            {"current": jet(-3.0)} | SLOW,
+            "current",
+            "current 3.0 m/s against the track beats the vehicle's 2.5 m/s at km 2.3 of 4.2, at ",
+        ),
+        (
+            LINE,
+            {"current": jet(-2.0, 1.6)} | SLOW,
+            "current",
+            "current 2.0 m/s against and 1.6 m/s across the track beats the vehicle's 2.5 m/s at km 2.3 of 4.2",
+        ),
+        (LINE, {"current": jet(0.0, 1.52)}, "sway", "cross-current 1.52 m/s over 1.50 at "),
+        (
+            along(BEND),
+            {"vehicle": vehicle(turn_rate_max=np.radians(4.0))},
+            "turn_rate",
+            f"turn rate {TURN:.1f} deg/s over 4.0 at km 4.0 of 4.1, at ",
+        ),
+        (DIVE, {}, "pitch", "dives at 45.0 deg, limit 30.0 at km 2."),
+        (DIVE[::-1], {}, "pitch", "climbs at 45.0 deg, limit 30.0 at km 2."),
+        (
+            DIVE,
+            {"vehicle": vehicle(pitch_max=np.radians(44.96))},
+            "pitch",
+            "dives at 45.00 deg, limit 44.96 at ",
+        ),
+        (DIVE, STEEP, "dive", f"dives at {2.5 * np.sqrt(0.5):.1f} m/s, limit 1.0 at km 2."),
+        (DIVE[::-1], STEEP, "climb", "climbs at 1.8 m/s, limit 0.5 at "),
+        (
+            LINE,
+            {"obstacles": sphere(42.0)},
+            "obstacle",
+            "clearance of the obstacles' boundaries 2.0 m under 5.0 at km 3.0 of 4.2",
+        ),
+        (
+            LINE,
+            {"obstacles": sphere(0.0)},
+            "obstacle",
+            "clearance of the obstacles' boundaries -40.0 m under",
+        ),
+    ],
+)
+def test_the_limit_that_is_broken_is_named_with_its_value_and_place(path, world, broken, words):
+    plan = followed(path, **world)
+    assert plan.broken() == (broken,)
+    assert plan.status is ap.PathStatus[broken.upper()]
+    assert plan.reason.startswith(words)
+    assert plan.reason.endswith(plan.status.value)
 
 
 def test_sway_names_value_limit_place_and_time():
     plan = followed(LINE, current=jet(0.0, 1.9))
-    assert plan.broken() == ("sway",)
     # 2325 m at 2.5 m/s, of which the last 25 m are slower.
     middle = 2300.0 / 2.5 + 25.0 / np.sqrt(2.5**2 - 1.9**2)
+    assert plan.reason == plan.explain("sway")
     assert plan.reason == (
-        f"cross-current 1.9 m/s over 1.5 at km 2.3 of 4.1, at {middle:,.0f} s: {ap.PathStatus.SWAY.value}"
+        f"cross-current 1.9 m/s over 1.5 at km 2.3 of 4.2, at {middle:,.0f} s: {ap.PathStatus.SWAY.value}"
     )
-    assert plan.explain("sway") == plan.reason
-
-
-def test_surge():
-    plan = followed(LINE, current=jet(2.8))
-    assert plan.status is ap.PathStatus.SURGE
-    assert plan.reason.startswith("ground speed 5.3 m/s over 5.0 at km 2.3 of 4.1, at ")
-
-
-@pytest.mark.parametrize(
-    ("north", "east", "words"),
-    [
-        (-3.0, 0.0, "current 3.0 m/s against the track beats the vehicle's 2.5 m/s"),
-        (-2.0, 1.6, "current 2.0 m/s against and 1.6 m/s across the track beats the vehicle's 2.5 m/s"),
-        (0.5, -2.9, "current 0.5 m/s along and 2.9 m/s across the track beats the vehicle's 2.5 m/s"),
-    ],
-)
-def test_current(north, east, words):
-    plan = followed(LINE, vehicle=ap.Vehicle(sway_max=9.0), current=jet(north, east))
-    assert plan.broken() == ("current",)
-    assert plan.reason.startswith(f"{words} at km 2.3 of 4.1, at ")
 
 
 def test_current_of_one_leg_of_a_batch():
     currents = [ap.UniformCurrent(*(jnp.asarray(c) for c in (u, 0.0, 0.0))) for u in (1.0, -3.0)]
-    plan = followed(LINE, vehicle=ap.Vehicle(sway_max=9.0), current=currents[1])
+    plan = followed(LINE, **SLOW, current=currents[1])
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *currents)
     none = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), ap.Obstacles.none())
     env = ap.Environment(both, None, none, *BOX)  # type: ignore[arg-type]
     batched = replace(plan, conditions=replace(plan.conditions, env=env, leg=1))
     assert batched.reason == plan.reason
     assert plan.reason.startswith("current 3.0 m/s against the track")
-
-
-def test_turn_rate():
-    # 90 degrees between segments of 100 m and 2.5 m, so 41 s / 2 apart.
-    plan = followed(along(BEND), vehicle=ap.Vehicle(turn_rate_max=np.radians(4.0)))
-    rate = 90.0 / (0.5 * (100.0 + 2.5) / 2.5)
-    assert plan.status is ap.PathStatus.TURN_RATE
-    assert plan.reason.startswith(f"turn rate {rate:.1f} deg/s over 4.0 at km 4.0 of 4.1, at ")
-
-
-DIVE = along([[0.0, 0.0, 30.0], [2000.0, 0.0, 30.0], [2100.0, 0.0, 130.0], [4100.0, 0.0, 130.0]], 21)
-
-
-def test_pitch():
-    plan = followed(DIVE)
-    assert plan.status is ap.PathStatus.PITCH
-    assert plan.reason.startswith("dives at 45.0 deg, limit 30.0 at km 2.0 of 4.1, at 80")
-    assert plan.reason.endswith(ap.PathStatus.PITCH.value)
-    assert followed(DIVE[::-1]).reason.startswith("climbs at 45.0 deg, limit 30.0 at km 2.0 of 4.1, at ")
-    close = ap.Vehicle(turn_rate_max=100.0, pitch_max=np.radians(44.96))
-    assert followed(DIVE, vehicle=close).reason.startswith("dives at 45.00 deg, limit 44.96 at ")
-
-
-def test_vertical_speeds():
-    plan = followed(DIVE, vehicle=ap.Vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.0))
-    assert plan.broken() == ("dive",)
-    assert plan.reason.startswith(f"dives at {2.5 * np.sqrt(0.5):.1f} m/s, limit 1.0 at km 2.0 of 4.1, at ")
-    up = followed(DIVE[::-1], vehicle=ap.Vehicle(pitch_max=None, climb_rate_max=0.5))
-    assert up.reason.startswith("climbs at 1.8 m/s, limit 0.5 at ")
 
 
 def test_coast():
@@ -137,14 +142,6 @@ def test_coast():
     least = plan.clearance
     assert 0.0 < least < 10.0
     assert plan.reason.startswith(f"clearance of the coast {least:.1f} m under 10.0 at km 1.")
-
-
-def test_obstacle():
-    rock = ap.Obstacles.static([[3000.0, 42.0, 30.0]], [40.0])
-    plan = followed(LINE, obstacles=rock)
-    assert plan.reason.startswith("clearance of the obstacles' boundaries 2.0 m under 5.0 at km 3.0 of 4.1")
-    inside = followed(LINE, obstacles=ap.Obstacles.static([[3000.0, 0.0, 30.0]], [40.0]))
-    assert "boundaries -40.0 m under 5.0" in inside.reason
 
 
 def test_seabed():
@@ -158,15 +155,10 @@ def test_seabed():
     assert plan.reason.endswith(ap.PathStatus.SEABED.value)
 
 
-def test_close_values_are_told_apart():
-    plan = followed(LINE, current=jet(0.0, 1.52))
-    assert plan.reason.startswith("cross-current 1.52 m/s over 1.50 at ")
-
-
 def test_times_of_day():
     plan = followed(LINE, depart=3.0 * 3600.0, current=jet(0.0, 1.9))  # there after 15 min 36 s
     epoch = datetime(2024, 5, 1)
-    assert "km 2.3 of 4.1, 03:15 UTC: the current" in plan.explain("sway", epoch)
+    assert "km 2.3 of 4.2, 03:15 UTC: the current" in plan.explain("sway", epoch)
     assert "03:15 UTC" in plan.explain("sway", epoch.replace(tzinfo=UTC))
     east = datetime(2024, 5, 1, 2, 0, tzinfo=timezone(timedelta(hours=2)))
     assert ", 03:15 UTC: " in plan.explain("sway", east)

@@ -34,6 +34,15 @@ def plan(world):
     return ap.plan_path((200, 200, 20), (2300, 2200, 30), world, key=jax.random.key(0), config=CONFIG)
 
 
+def test_the_paper_preset_is_the_plain_search(plan):
+    paper = ap.PathConfig.paper()
+    assert (paper.bbo.population, paper.bbo.iterations, paper.bbo.mutation_max) == (100, 100, 0.1)
+    assert paper.refine_steps == 0
+    assert plan.history.best.shape == (CONFIG.bbo.iterations + 1,)
+    assert (np.diff(plan.history.best) <= 1e-3).all()
+    assert plan.violation_history[-1] < plan.violation_history[0]
+
+
 def time_left(plan, share: float) -> tuple[np.ndarray, float, float]:
     sample = int(share * (len(plan.times) - 1))
     return plan.positions[sample], float(plan.times[sample]), float(plan.times[-1] - plan.times[sample])
@@ -146,12 +155,9 @@ def test_a_population_that_is_redrawn_whole_is_forgotten(plan, world):
     np.testing.assert_array_equal(kept.positions, lost.positions)
 
 
-def test_a_current_that_ends_on_the_way_is_refused(plan, world):
-    def ends(x, y, z, t):
-        return jnp.where(t > 900.0, jnp.nan, 0.0 * x), 0.0 * y, 0.0 * z
-
+def test_a_current_that_is_no_number_is_refused(plan, world):
     place, now, _ = time_left(plan, 1.0 / 3.0)
-    sea = ap.Environment(ends, lower=world.lower, upper=world.upper)
+    sea = replace(world, current=replace(world.current, strength=np.nan * world.current.strength))
     with pytest.raises(CurrentError, match=r"not a number \(NaN\).*on the way of leg 0"):
         replan_path(plan, place, now, sea, key=jax.random.key(1), config=CONFIG)
 

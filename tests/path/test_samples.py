@@ -46,7 +46,7 @@ def test_a_path_found_in_samples_is_as_quick_and_timed_in_the_current():
 
 
 def test_another_function_compiles_none_of_the_costly_programs():
-    ap.plan_path(START, GOAL, sea(700.0), key=KEY, config=CONFIG)
+    planned()
     costly = [program._ready for program in (stages._trace, stages._begin, stages._descend, stages._evolve)]
     before = [len(ready) for ready in costly]
     plan = ap.plan_path(START, GOAL, sea(800.0), key=KEY, config=CONFIG)

@@ -12,7 +12,6 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path.clearance import bed_altitude
 from auvplan.path.cost import ALTITUDE_SCALE
-from auvplan.runtime.compiled import compilations
 from tests.path.kernels import curves, evaluate, leg, population, score, through
 
 CONFIG = ap.PathConfig(
@@ -112,21 +111,6 @@ def test_a_seamount_is_rounded():
     assert 250.0 * np.sqrt(np.log(150.0 / 114.0)) < away < 450.0
     straight = np.linalg.norm(np.subtract(GOAL, START)) / 2.5
     assert found.travel_time < 1.1 * straight
-
-
-def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
-    env = over(SEAMOUNT)
-    starts, goals = np.array([START, (300.0, 500.0, 40.0)]), np.array([GOAL, (2500.0, 1500.0, 60.0)])
-    keys = jax.random.split(jax.random.key(3), 2)
-    together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG)
-    worlds, own_keys = (env, over(RIDGE)), [keys[b : b + 1] for b in range(2)]
-    compiled = compilations()
-    for b, (world, key) in enumerate(zip(worlds, own_keys, strict=True)):
-        alone = ap.plan_paths(starts[b : b + 1], goals[b : b + 1], world, key=key, config=CONFIG)[0]
-        if not b:
-            assert alone.travel_time == pytest.approx(together[b].travel_time, rel=1e-5)
-            assert alone.altitude == pytest.approx(together[b].altitude, abs=1e-2)
-    assert compilations() == compiled
 
 
 def test_a_vehicle_under_way_is_planned_anew_over_the_bank(climbed):
