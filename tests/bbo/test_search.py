@@ -14,17 +14,19 @@ from auvplan.bbo.search import evaluate, run, uniform_population
 
 LOWER, UPPER = np.full(6, -5.0, np.float32), np.full(6, 5.0, np.float32)
 SMALL = BBOConfig(population=20, iterations=15)
+#: Each of the ways to migrate, to mutate and to replace is in one of these.
 VARIANTS = [
     SMALL,
-    SMALL.replace(migration="fig6"),
-    SMALL.replace(replacement="generational"),
-    SMALL.replace(mutation="uniform"),
-    SMALL.replace(rates="constant", immigration=0.8, emigration=0.2, mutation_max=0.5, elites=1),
-    SMALL.replace(mutation_genes=1.0, mutation_law="constant"),
-]
+    SMALL.replace(
+        migration="fig6", replacement="generational", rates="constant", immigration=0.8, emigration=0.2,
+        mutation_max=0.5, elites=1,
+    ),
+    SMALL.replace(mutation="uniform", mutation_genes=1.0, mutation_law="constant"),
+]  # fmt: skip
 
 
 init, tell = jax.jit(bbo.init), jax.jit(bbo.tell, static_argnums=4)
+run_now = jax.jit(run, static_argnames=("fun", "config", "improve", "period"))
 
 
 def minimize(*args, **settings) -> bbo.Result:
@@ -48,6 +50,12 @@ def rastrigin(x: jax.Array) -> jax.Array:
 
 def partly(x: jax.Array, bad: float) -> jax.Array:
     return jnp.where(x[:, 0] < 0.0, bad, sphere(x))
+
+
+def penalised(x: jax.Array, weight: float) -> tuple[jax.Array, jax.Array]:
+    """The first SIV should be at least 1."""
+    violation = jnp.maximum(0.0, 1.0 - x[:, 0])
+    return sphere(x) + weight * violation, violation
 
 
 def integer_cost(x: jax.Array) -> jax.Array:
@@ -119,7 +127,7 @@ def test_same_key_same_result() -> None:
     assert (first.x != other.x).any()
 
 
-@pytest.mark.parametrize("config", VARIANTS[1:3])
+@pytest.mark.parametrize("config", VARIANTS[:2])
 def test_ask_and_tell_by_hand_equal_minimize(config: BBOConfig) -> None:
     key = jax.random.key(6)
     low, high = jnp.asarray(LOWER), jnp.asarray(UPPER)
@@ -149,11 +157,8 @@ def test_history_holds_the_initial_population_and_every_iteration() -> None:
 
 
 def test_violations_are_reported_beside_the_cost() -> None:
-    def fun(x: jax.Array) -> tuple[jax.Array, jax.Array]:
-        violation = jnp.maximum(0.0, 1.0 - x[:, 0])
-        return sphere(x) + 100.0 * violation, violation
-
-    result = minimize(fun, LOWER, UPPER, key=jax.random.key(0), config=SMALL.replace(iterations=60))
+    config = SMALL.replace(iterations=60)
+    result = minimize(penalised, LOWER, UPPER, key=jax.random.key(0), config=config, args=(100.0,))
     assert result.history.violation_best[-1] == result.violation
     assert result.history.violation_mean[-1] < result.history.violation_mean[0]
     assert result.violation == pytest.approx(max(0.0, 1.0 - float(result.x[0])), abs=1e-6)
@@ -178,6 +183,7 @@ def test_the_default_is_what_plans_paths() -> None:
     for config in (None, planners):
         found = minimize(sphere, LOWER, UPPER, key=jax.random.key(0), config=config)
         assert found.history.best.shape == (101,)
+        assert found.cost < 0.05, "uniform samples, as many, reach about 2"
         np.testing.assert_array_equal(
             found.x, minimize(sphere, LOWER, UPPER, key=jax.random.key(0), config=BBOConfig()).x
         )
@@ -198,11 +204,7 @@ def test_a_search_stops_at_a_cost_that_is_good_enough(stop: float) -> None:
 
 
 def test_a_violation_does_not_stop_a_search() -> None:
-    def fun(x: jax.Array) -> tuple[jax.Array, jax.Array]:
-        violation = jnp.maximum(0.0, 1.0 - x[:, 0])
-        return (x**2).sum(axis=1) + 10.0 * violation, violation
-
-    result = minimize(fun, LOWER[:2], UPPER[:2], key=jax.random.key(0), stop=1.1)
+    result = minimize(penalised, LOWER[:2], UPPER[:2], key=jax.random.key(0), stop=1.1, args=(10.0,))
     assert float(result.violation) == 0.0
     assert float(result.cost) <= 1.1
 
@@ -223,13 +225,6 @@ def test_problem_data_in_args_compiles_once() -> None:
     assert counted > 0
     assert traces == counted
     assert float(jnp.abs(first.x - second.x).sum()) > 1.0
-
-
-@pytest.mark.parametrize(("fun", "bound"), [(sphere, 0.05), (rastrigin, 4.0)])
-def test_converges(fun, bound: float) -> None:
-    # Loose bounds: uniform sampling of as many points reaches about 2 and 23 here.
-    config = BBOConfig(population=100, iterations=150)
-    assert minimize(fun, LOWER, UPPER, key=jax.random.key(0), config=config).cost < bound
 
 
 BAD = [
@@ -259,52 +254,35 @@ def test_bad_arguments_are_refused() -> None:
         minimize(integer_cost, np.zeros(3, int), np.ones(3, int), key=key, config=gaussian)
 
 
-@pytest.mark.parametrize("period", [1, 15])
-def test_a_memetic_step_lowers_the_cost_and_keeps_the_history_whole(period: int) -> None:
-    """Halving the distance to the optimum is a local search that always succeeds."""
+def test_a_memetic_step_lowers_the_cost_and_keeps_the_history_whole() -> None:
+    """Halving the distance to the optimum always succeeds; a step that finds nothing changes nothing."""
     lower, upper = jnp.asarray(LOWER), jnp.asarray(UPPER)
-    population = uniform_population(jax.random.key(0), 20, lower, upper)
-
-    def halved(population: jax.Array) -> jax.Array:
-        return population[:5] / 2.0
-
+    population = begun(jax.random.key(0), 20).population
     arguments = (jax.random.key(1), sphere, population, lower, upper, SMALL)
-    plain, memetic = run(*arguments), run(*arguments, improve=halved, period=period)
+    plain, memetic, idle = (
+        jax.device_get(run_now(*arguments, improve=improve, period=4))
+        for improve in (None, lambda population: population[:5] / 2.0, lambda population: population[-3:])
+    )
     assert memetic.history.best.shape == plain.history.best.shape == (SMALL.iterations + 1,)
     assert memetic.cost < plain.cost
     assert memetic.history.best[1] <= memetic.history.best[0] / 4.0 * (1.0 + 1e-5)
     assert (np.diff(memetic.history.best) <= 0.0).all()
-
-
-def test_a_memetic_step_that_finds_nothing_changes_nothing() -> None:
-    lower, upper = jnp.asarray(LOWER), jnp.asarray(UPPER)
-    population = uniform_population(jax.random.key(0), 20, lower, upper)
-    arguments = (jax.random.key(1), sphere, population, lower, upper, SMALL)
-    plain = run(*arguments)
-    idle = run(*arguments, improve=lambda population: population[-3:], period=5)
     np.testing.assert_array_equal(plain.state.population, idle.state.population)
 
 
 def test_the_answer_violates_nothing_where_any_habitat_did_not():
     """The least cost lies where the violation is large: the search goes there, the answer stays."""
-
-    def fun(x):
-        return (x**2).sum(axis=1), jnp.maximum(1.0 - x[:, 0], 0.0)
-
-    config = BBOConfig(population=24, iterations=10)
-    result = minimize(fun, [-2.0, -2.0], [2.0, 2.0], key=jax.random.key(3), config=config)
+    config = SMALL.replace(iterations=60)
+    result = minimize(penalised, LOWER, UPPER, key=jax.random.key(3), config=config, args=(0.0,))
     assert float(result.state.violation[0]) > 0.0, "the habitat of least cost is another"
     assert float(result.violation) == 0.0
-    assert 1.0 <= float(result.x[0]) <= 2.0
+    assert float(result.x[0]) >= 1.0
     np.testing.assert_allclose(float(result.cost), float((result.x**2).sum()), rtol=1e-6)
 
 
 def test_without_a_feasible_habitat_the_answer_is_of_least_cost():
-    config = BBOConfig(population=24, iterations=10)
-
-    def fun(x):
-        return (x**2).sum(axis=1), 1.0 + x[:, 0] ** 2
-
-    result = minimize(fun, [-2.0], [2.0], key=jax.random.key(3), config=config)
-    assert float(result.violation) >= 1.0
+    config = SMALL.replace(iterations=60)
+    below = np.array([0.5, *UPPER[1:]], np.float32)
+    result = minimize(penalised, LOWER, below, key=jax.random.key(3), config=config, args=(0.0,))
+    assert float(result.violation) >= 0.5
     assert float(result.cost) == float(result.state.cost[0])

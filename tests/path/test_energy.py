@@ -34,7 +34,7 @@ def least(power, above=0.0, more=0.0, price=0.0):
 @cache
 def quickest(speed, above, more):
     """A plan by the same programs: a toll of nothing leaves the cost as it is."""
-    vehicle = ap.Vehicle(speed, depth_toll=0.0)
+    vehicle = ap.Vehicle(speed, depth_toll=np.float64(0.0))
     return ap.plan_path(*ENDS, sea(above, more), vehicle, key=jax.random.key(0), config=LIGHT)
 
 

@@ -18,7 +18,9 @@ from auvplan.path.stages import Batch, Legs, split
 from tests.path.kernels import Layers, leg
 
 WAY, SPEED = 4000.0, 1.5
-UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=0.5 * np.pi, depth_toll=0.0)
+UNLIMITED = ap.Vehicle(
+    SPEED, surge_max=50.0, sway_max=50.0, pitch_max=0.5 * np.pi, depth_toll=np.float64(0.0)
+)
 #: Of what is planned here, plans with the same settings share compiled programs.
 LIGHT = ap.PathConfig.quick().replace(finer=1, refine_steps=0)
 #: Half the vehicle's speed against it above 40 m, with it below.
