@@ -30,12 +30,11 @@ def limited(capacity, **changes):
     return powered(**battery).with_(changes) if changes else powered(**battery)
 
 
-@pytest.mark.parametrize("execute", [plan_scenario, ap.run_mission], ids=["plan", "simulation"])
-def test_a_mission_is_the_same_with_power_and_no_battery(execute):
-    plain = execute(PLAIN, seed=2)
+def test_a_mission_is_the_same_with_power_and_no_battery():
+    plain = ap.run_mission(PLAIN, seed=2)
     assert plain.success, plain.reason
     before = compilations()
-    same = execute(powered(), seed=2)
+    same = ap.run_mission(powered(), seed=2)
     assert compilations() == before, "programs know nothing of power"
     assert same.success
     assert same.reason == plain.reason
@@ -46,9 +45,8 @@ def test_a_mission_is_the_same_with_power_and_no_battery(execute):
         assert one.speed is None
 
 
-@pytest.mark.parametrize("execute", [plan_scenario, ap.run_mission], ids=["plan", "simulation"])
-def test_tasks_are_chosen_within_the_energy_and_a_mission_without_enough_fails(execute, tmp_path):
-    enough = execute(limited(2000), seed=2)
+def test_tasks_are_chosen_within_the_energy_and_a_mission_without_enough_fails(tmp_path):
+    enough = plan_scenario(limited(2000), seed=2)
     assert enough.success, enough.reason
     energy = enough.energy
     assert energy.times[-1] - energy.times[0] == pytest.approx(enough.t_mission, rel=1e-6)
@@ -58,12 +56,12 @@ def test_tasks_are_chosen_within_the_energy_and_a_mission_without_enough_fails(e
     assert energy.totals["tasks"] == pytest.approx(sum(leg.t_task for leg in enough.earning) * 15.0 / 3600.0)
     assert check_run(save_run(enough, tmp_path / "enough")).ok
 
-    fewer = execute(limited(1.2 * energy.total), seed=2)
+    fewer = plan_scenario(limited(1.2 * energy.total), seed=2)
     assert fewer.success, fewer.reason
     assert fewer.energy.margin >= 0.0
     assert fewer.total_priority < enough.total_priority
 
-    none = execute(limited(0.2 * energy.total), seed=2)
+    none = plan_scenario(limited(0.2 * energy.total), seed=2)
     assert not none.arrived
     assert "cannot be reached in time with the energy available" in none.reason
     assert "the way of least energy takes" in none.reason

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import jax
 import numpy as np
 import pytest
 
@@ -19,7 +18,6 @@ from auvplan.export.tables import csv_text, trajectories
 from auvplan.io import load_run, save_run
 from auvplan.io.examine import examine_scenario
 from auvplan.plot import plot_energy
-from auvplan.runtime.compiled import compilations
 from auvplan.scenario.provenance import file_names, source_digests
 from auvplan.scenario.vehicles import power_model
 from auvplan.simulation.world import make_vehicle
@@ -124,17 +122,6 @@ def test_programs_do_not_know_of_power():
     plain, powered = ap.Scenario().with_({"vehicle.speed": 1.5}), with_power(INLINE)
     assert plain.fingerprint == powered.fingerprint
     assert make_context(powered).vehicle == make_context(plain).vehicle
-    env = ap.Environment(ap.UniformCurrent(0.2, 0.1), lower=(-500, -500, 0), upper=(2500, 1500, 0))
-    config = ap.PathConfig.quick().replace(finer=1, passages=0, refine_steps=0)
-    given = {"key": jax.random.key(0), "config": config}
-    vehicle = ap.Vehicle(1.5)
-    first = ap.plan_path((0, 0, 0), (2000, 0, 0), env, vehicle, **given)
-    before = compilations()
-    power = make_vehicle(powered).power
-    second = ap.plan_path((0, 0, 0), (2000, 0, 0), env, replace(vehicle, power=power), **given)
-    assert compilations() == before
-    np.testing.assert_array_equal(first.positions, second.positions)
-    assert float(ap.travel_time(first.positions, env, replace(vehicle, power=power))) > 0.0
 
 
 def sample():

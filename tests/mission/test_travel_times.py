@@ -60,12 +60,6 @@ def test_times_along_against_and_across_a_uniform_current() -> None:
     assert np.isnan(np.diag(times)).all()
 
 
-def test_still_water_gives_equation_13() -> None:
-    graph = compass()
-    known = graph.with_travel_times(northward(0.0), VEHICLE)
-    np.testing.assert_allclose(known.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
-
-
 def test_only_edges_are_timed() -> None:
     graph = compass().without_edges([(0, 1)], both_ways=False)
     known = graph.with_travel_times(northward(0.5))

@@ -87,31 +87,8 @@ def test_padding_with_vortices_of_no_strength_changes_nothing():
         field.padded(count - 1)
 
 
-def test_positive_strength_turns_from_north_to_east():
-    field = ap.LambVortices([[[0.0, 0.0]]], [[1000.0]], [[100.0]])
-    u, v, _ = field(jnp.array(50.0), jnp.array(0.0), jnp.array(0.0), jnp.array(0.0))
-    assert float(v) > 0
-    assert abs(float(u)) < 1e-6
-    u, v, _ = field(jnp.array(0.0), jnp.array(50.0), jnp.array(0.0), jnp.array(0.0))
-    assert float(u) < 0
-    assert abs(float(v)) < 1e-6
-
-
-@pytest.mark.usefixtures("x64")
-def test_horizontal_field_is_free_of_divergence():
-    field = field_of(1)
-
-    def divergence(x, y):
-        jac = jax.jacobian(lambda p: jnp.stack(field(p[0], p[1], jnp.array(0.0), jnp.array(0.0))))
-        return jnp.trace(jac(jnp.stack([x, y]))[:2])
-
-    rng = np.random.default_rng(1)
-    for x, y in rng.uniform(0, 3000, (10, 2)):
-        assert abs(float(divergence(jnp.asarray(x), jnp.asarray(y)))) < 1e-12
-
-
 @given(speed=st.floats(0.1, 3.0), radius=st.floats(50.0, 2000.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_peak_speed_of_a_vortex(speed, radius):
     field = ap.LambVortices([[[0.0, 0.0]]], [[float(strength_for_peak_speed(speed, radius))]], [[radius]])
     r = np.linspace(0.02, 4.0, 800) * radius

@@ -40,7 +40,7 @@ def test_equals_the_twin_in_double_precision():
     share=st.tuples(*[st.floats(0.0, 1.0)] * 4),
     axes=st.sampled_from(["even", "uneven", "two", "many uneven"]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_linear_fields_are_exact(slopes, share, axes):
     nodes = axes_of(grid(axes))
     extent = [axis[-1] - axis[0] for axis in nodes]

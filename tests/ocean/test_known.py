@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.ocean.known import KnownObstacle, spheres
 
 
+@settings(max_examples=40, deadline=None)
 @given(
     radius=st.floats(0.5, 300.0),
     top=st.floats(0.0, 80.0),
@@ -41,6 +42,7 @@ def test_what_lies_far_below_is_left_out():
     assert len(spheres([], (0.0, 50.0), 0.0).radius) == 0
 
 
+@settings(max_examples=40, deadline=None)
 @given(
     st.tuples(*[st.floats(-200.0, 200.0)] * 2),
     st.tuples(*[st.floats(-2.0, 2.0)] * 2),

@@ -22,7 +22,7 @@ violations = jax.jit(cost.violations)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Jet:
-    """A current (u, v, w) m/s nowhere but within so many metres of a place on the way north: one program for all."""
+    """A current (u, v, w) m/s within so many metres of a place on the way north, and none elsewhere."""
 
     speeds: Any
     north: Any

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.ocean.currents import SumCurrent
-from auvplan.ocean.deviation import deviation
+from auvplan.ocean.deviation import deviation, interpolation_deviation
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path.bound import lower_bound
 from auvplan.path.follow import straight_plan
@@ -258,3 +258,11 @@ def test_tides_tell_how_far_they_depart_from_means(seed, dz, dt):
 def test_functions_do_not_tell():
     env = ap.Environment(lambda x, y, z, t: (0.1 * x, 0.0, 0.0))
     assert deviation(env.current, [np.zeros(1)] * 4, (1.0,) * 4) is None
+
+
+def test_a_departure_is_as_great_as_the_kink_of_a_box_and_nothing_beside_it():
+    """A quarter of jump times edge where the kink is in the middle; a box that ends at it has none."""
+    line, values = np.arange(5.0), np.array([0.0, 0.0, 0.0, 3.0, 6.0])
+    places, edges = [np.array([2.0, 1.5, 2.3, 0.2])], [np.array([1.0, 1.0, 0.8, 0.3])]
+    found = interpolation_deviation([values], [line], places, edges)
+    assert found == pytest.approx([0.75, 0.0, 0.6, 0.0])

@@ -65,17 +65,6 @@ def executed(current, positions, depart, speed=2.5, parts=1):
 
 
 @pytest.mark.slow
-def test_a_finely_sampled_field_gives_the_plan_of_the_field_itself():
-    steady = sampled(np.ones(1))
-    analytic, found = plan(VORTICES), plan(steady)
-    assert found.feasible
-    assert found.travel_time == pytest.approx(analytic.travel_time, rel=2e-3)
-    # What it promises is what the vortices give.
-    assert found.travel_time == pytest.approx(executed(VORTICES, found.positions, 0.0)[-1], rel=1e-3)
-    assert plan(steady, depart=50_000.0).travel_time == pytest.approx(found.travel_time, rel=2e-4)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("depart", [0.0, 7000.0, 17_500.0])
 def test_times_in_a_tide_are_those_of_stepping_through_it(tide, depart):
     found = plan(tide, depart=depart)

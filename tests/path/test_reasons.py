@@ -73,7 +73,7 @@ STEEP = {"vehicle": vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.
             LINE,
             {"current": jet(-2.0, 1.6)} | SLOW,
             "current",
-            "current 2.0 m/s against and 1.6 m/s across the track beats the vehicle's 2.5 m/s at km 2.3 of 4.2",
+            "current 2.0 m/s against and 1.6 m/s across the track beats the vehicle's 2.5 m/s at km 2.3",
         ),
         (LINE, {"current": jet(0.0, 1.52)}, "sway", "cross-current 1.52 m/s over 1.50 at "),
         (
@@ -102,7 +102,7 @@ STEEP = {"vehicle": vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.
             LINE,
             {"obstacles": sphere(0.0)},
             "obstacle",
-            "clearance of the obstacles' boundaries -40.0 m under",
+            "clearance of the obstacles' boundaries -40.0 m",
         ),
     ],
 )
