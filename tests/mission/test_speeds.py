@@ -20,6 +20,7 @@ from auvplan.mission.exact import solve_exact
 from auvplan.mission.speeds import SpeedOptions, fastest
 from benchmarks.speeds import SPEEDS as CHOICES
 from benchmarks.speeds import exhaustive, posed, tables
+from tests.mission import naive
 
 SPEEDS, POWER = CHOICES[3], 40.0 + 20.0 * CHOICES[3] ** 3
 QUICK = MissionConfig.quick()
@@ -41,7 +42,7 @@ def test_orders_and_speeds_are_those_of_exhaustive_search(few) -> None:
     limits = [np.array([one[k] for one in few]) for k in (1, 2)]
     keys = jax.random.split(jax.random.key(0), len(few))
     routes = plan_missions(
-        graphs, [0] * 12, [7] * 12, limits[0], speed=1.0, key=keys, energy_available=limits[1]
+        graphs, [0] * 12, [7] * 12, limits[0], speed=1.0, key=keys, energy_available=limits[1], config=QUICK
     )
     missed = 0
     for (graph, time, energy), route in zip(few, routes, strict=True):
@@ -78,12 +79,12 @@ def test_more_time_or_more_energy_never_costs_priority() -> None:
 
 def test_without_a_limit_on_energy_all_legs_are_as_fast_as_can_be() -> None:
     graph, time, _ = case(4)
-    given = {"key": jax.random.key(2), "config": QUICK, "speed": 1.0}
-    free = plan_mission(graph, 0, 7, time, **given)
+    given = {"key": jax.random.key(2), "speed": 1.0}
+    free = plan_mission(graph, 0, 7, time, config=QUICK, **given)
     assert graph.options is not None
     fast = replace(graph, options=None, travel_time=graph.options.travel_time.min(axis=0))
     assert (free.speeds.legs == SPEEDS[-1]).all()
-    assert free.priority == plan_mission(fast, 0, 7, time, **given).priority
+    assert free.priority == plan_mission(fast, 0, 7, time, config=naive.QUICK, **given).priority
 
 
 def test_energy_is_saved_where_that_decides_between_routes_of_equal_priority() -> None:

@@ -1,8 +1,13 @@
 """Random gridded currents and their NumPy twin, which several tests share."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from auvplan.ocean import GriddedCurrent
+
+#: u, v, w [3, ...] of a current at x, y, z, t.
+look_up = jax.jit(lambda current, *at: jnp.stack(current(*at)))
 
 ORIGIN, SPACING = (-40.0, 75.0), (20.0, 35.0)
 

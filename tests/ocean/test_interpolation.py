@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.ocean import GriddedCurrent, interpolation
-from tests.ocean.grids import AXES, ORIGIN, SPACING, axes_of, edges, grid, places, twin
+from tests.ocean.grids import AXES, ORIGIN, SPACING, axes_of, edges, grid, look_up, places, twin
 
 #: u, v, w of a current at x, y, z, t.
 each_row = jax.vmap(lambda field, *at: jnp.stack(field(*at)), in_axes=(0, None, None, None, None))
@@ -21,7 +21,7 @@ each_row = jax.vmap(lambda field, *at: jnp.stack(field(*at)), in_axes=(0, None, 
 def test_equals_the_sum_over_sixteen_corners(axes, vertical):
     field = grid(axes, vertical)
     points = places(field)
-    found = jnp.stack(field(*points))
+    found = look_up(field, *points)
     assert found.dtype == jnp.float32
     np.testing.assert_allclose(found, twin(field, points), atol=2e-5)
 
@@ -30,7 +30,7 @@ def test_equals_the_sum_over_sixteen_corners(axes, vertical):
 def test_equals_the_twin_in_double_precision():
     field = grid("uneven")
     points = places(field)
-    found = jnp.stack(field(*points))
+    found = look_up(field, *points)
     assert found.dtype == jnp.float64
     np.testing.assert_allclose(found, twin(field, points), atol=1e-12)
 
@@ -52,7 +52,7 @@ def test_linear_fields_are_exact(slopes, share, axes):
         values, -values, origin=ORIGIN, spacing=SPACING, depths=nodes[2], times=nodes[3]
     )
     place = [axis[0] + part * length for axis, part, length in zip(nodes, share, extent, strict=True)]
-    u, v, w = field(*place)
+    u, v, w = look_up(field, *place)
     assert float(u) == pytest.approx(np.dot(slopes, share), abs=5e-6)
     assert float(v) == -float(u)
     assert float(w) == 0.0
@@ -64,12 +64,12 @@ def test_slopes_equal_finite_differences(axes):
     field = grid(axes)
     points = places(field, count=30, beyond=0.0)
     mode = jax.jacrev if axes == "uneven" else jax.jacfwd
-    slopes = jax.jit(jax.vmap(mode(lambda p: jnp.stack(field(*p)))))(jnp.asarray(points.T))
+    slopes = jax.jit(jax.vmap(mode(lambda p: look_up(field, *p))))(jnp.asarray(points.T))
     # The interpolant is linear along each axis, so a difference within one cell is its slope.
     for k in range(4):
         step = np.zeros((4, 1))
         step[k] = 1e-5
-        ahead, behind = (np.stack(field(*(points + sign * step))) for sign in (1, -1))
+        ahead, behind = (look_up(field, *(points + sign * step)) for sign in (1, -1))
         np.testing.assert_allclose(slopes[:, :, k].T, (ahead - behind) / 2e-5, atol=1e-8)
 
 
@@ -78,12 +78,12 @@ def test_beyond_the_edges_the_nearest_holds_and_slopes_are_zero(axes):
     field = grid(axes)
     low, high = (np.asarray(edge) for edge in edges(field))
     inside = 0.6 * low + 0.4 * high
-    slopes = jax.jit(jax.jacfwd(lambda p: jnp.stack(field(*p))))
+    slopes = jax.jit(jax.jacfwd(lambda p: look_up(field, *p)))
     for k in range(4):
         for edge, beyond in ((low[k], low[k] - 77.0), (high[k], high[k] + 77.0)):
             at, off = inside.copy(), inside.copy()
             at[k], off[k] = edge, beyond
-            np.testing.assert_allclose(jnp.stack(field(*off)), jnp.stack(field(*at)), atol=1e-6)
+            np.testing.assert_allclose(look_up(field, *off), look_up(field, *at), atol=1e-6)
             slope = slopes(jnp.asarray(off))
             np.testing.assert_array_equal(slope[:, k], 0.0)
             assert (np.abs(np.delete(slope, k, axis=1)).max(axis=0) > 0.0).all()
@@ -114,7 +114,7 @@ def test_second_derivatives_mix_axes():
 def test_batches_equal_single_places_and_shapes_broadcast():
     field = grid("uneven")
     points = places(field, count=24)
-    together = jnp.stack(field(*points))
+    together = look_up(field, *points)
     alone = np.array([[float(c) for c in field(*point)] for point in points.T]).T
     np.testing.assert_allclose(together, alone, atol=2e-6)
     plane = field(*points.reshape(4, 4, 6))
@@ -132,7 +132,7 @@ def test_batches_of_currents():
     points = places(fields[0])
     found = jax.jit(each_row)(both, *points)
     for field, row in zip(fields, found, strict=True):
-        np.testing.assert_allclose(row, jnp.stack(field(*points)), atol=2e-6)
+        np.testing.assert_allclose(row, look_up(field, *points), atol=2e-6)
     slope = jax.jit(jax.grad(lambda field: each_row(field, *points)[0].sum(), allow_int=True))(both)
     assert float(jnp.abs(slope.u[0]).sum()) > 0.0
     np.testing.assert_array_equal(slope.u[1], 0.0)

@@ -15,7 +15,10 @@ from auvplan.ocean.closures import Closure
 from auvplan.path import clearance
 from tests.path.worlds import CONFIG, chart_with_island
 
-metres = st.floats(0.0, 200.0)
+between = jax.jit(clearance.between_circles)
+between_slopes = jax.jit(jax.grad(clearance.between_circles, argnums=(0, 1, 2)))
+passed = jax.jit(clearance.obstacle_clearance)
+land_within = jax.jit(clearance.distance_to_land)
 
 
 @settings(max_examples=60, deadline=None)
@@ -27,7 +30,7 @@ def test_no_land_is_nearer_than_certified(seed, gap, count):
     first, last = (np.linalg.norm(land - end, axis=1).min() for end in ends)
     along = np.linspace(0.0, 1.0, 201)[:, None] * ends[1]
     true = np.linalg.norm(along[:, None] - land, axis=2).min()
-    certified = float(clearance.between_circles(*(jnp.asarray([[v]]) for v in (first, last, gap)))[0, 0])
+    certified = float(between(first, last, gap))
     assert certified <= true + 1e-3
     # It is worth having: never below half of what is missing between the two circles.
     assert certified >= 0.5 * (first + last - gap) - 1e-3
@@ -60,7 +63,7 @@ def test_two_circles_that_meet_certify_all_that_they_cover():
     usual = (first + last > gap) & (last > 0.0) & (np.abs(first - last) < gap)
     assert usual.sum() > 100
     first, last, gap = first[usual], last[usual], gap[usual]
-    certified = np.asarray(clearance.between_circles(*map(jnp.asarray, (first, last, gap))))
+    certified = np.asarray(between(first, last, gap))
     expected = [least_beside(*row) for row in zip(first, last, gap, strict=True)]
     np.testing.assert_allclose(certified, expected, atol=0.02)
 
@@ -70,7 +73,7 @@ def test_circles_that_only_touch_certify_next_to_nothing():
     rng = np.random.default_rng(3)
     first, last = rng.uniform(1.0, 100.0, (2, 20_000)).astype(np.float32)
     for gap in (first + last, np.nextafter(first + last, np.float32(0.0))):
-        certified = np.asarray(clearance.between_circles(*map(jnp.asarray, (first, last, gap))))
+        certified = np.asarray(between(first, last, gap))
         assert (certified < 0.5).all()
 
 
@@ -131,10 +134,10 @@ def test_spheres_are_passed_at_their_nearest(seed):
     start, step, begin, lasts = rng.uniform(-200, 200, 3), rng.uniform(-60, 60, 3), 20.0, rng.uniform(1, 30)
 
     def planes(values):
-        return tuple(jnp.asarray([[value]]) for value in values)
+        return tuple(np.array([[value]]) for value in values)
 
-    segments = planes(start), planes(step), jnp.asarray([[begin]]), jnp.asarray([[lasts]])
-    found = clearance.obstacle_clearance(segments, env)
+    segments = planes(start), planes(step), np.array([[begin]]), np.array([[lasts]])
+    found = passed(segments, env)
     share = np.linspace(0.0, 1.0, 401)[:, None]
     times = begin + share * lasts
     centres = np.asarray(spheres.position) + np.asarray(spheres.velocity) * (times - observed)[..., None]
@@ -152,7 +155,7 @@ def test_no_pixel_of_land_is_nearer_than_certified():
     places = rng.uniform(0.0, 160.0, (4000, 2))
     beside = np.abs(places[:, None] - 4.0 * (np.argwhere(land) + 0.5)) - 2.0
     true = np.linalg.norm(np.maximum(beside, 0.0), axis=2).min(axis=1)
-    certified = np.asarray(clearance.distance_to_land(chart, *map(jnp.asarray, places.T)))
+    certified = np.asarray(land_within(chart, *places.T))
     assert (certified <= true + 1e-4).all()
     assert np.median((true - certified)[true > 4.0]) < 2.0
 
@@ -235,10 +238,6 @@ def test_altitude_of_a_segment_is_that_of_its_halves_over_their_ends():
         for k in range(9):
             longest = np.maximum(gap[max(k - 1, 0)], gap[min(k, 7)])
             np.testing.assert_allclose(bed.asked[k], np.maximum(longest, usual))
-
-
-between = jax.jit(clearance.between_circles)
-between_slopes = jax.jit(jax.grad(clearance.between_circles, argnums=(0, 1, 2)))
 
 
 def _slope(fun, at, step=1e-5):
