@@ -194,52 +194,24 @@ def told(current, centre, edges):
     return float(deviation(current, [np.array([c]) for c in np.asarray(centre, float)], edges)[0])
 
 
-@settings(max_examples=12, deadline=None)
-@given(
-    st.integers(0, 10_000),
-    st.floats(10.0, 600.0),
-    st.floats(10.0, 600.0),
-    st.floats(0.0, 60.0),
-    st.floats(0.0, 900.0),
-    st.floats(0.0, 600.0),
-    st.floats(0.0, 30.0),
-)
-def test_vortices_tell_how_far_they_depart_from_means(seed, dx, dy, dz, x, y, z):
-    rng = np.random.default_rng(seed)
-    centers, strength, radius = (
-        rng.uniform(0, 900, (3, 3, 2)),
-        rng.normal(0, 800, (3, 3)),
-        rng.uniform(80, 300, (3, 3)),
+def vortices_and_box(rng):
+    centers, radius = rng.uniform(0, 900, (3, 3, 2)), rng.uniform(80, 300, (3, 3))
+    current = ap.LambVortices(
+        centers, rng.normal(0, 800, (3, 3)), radius, [0.0, 20.0, 30.0], vertical_scale=5.0
     )
-    current = ap.LambVortices(centers, strength, radius, [0.0, 20.0, 30.0], vertical_scale=5.0)
-    box = (x, y, z, 0.0), (dx, dy, dz, 10.0)
-    assert departs(current, *box, rng) <= told(current, *box) + 1e-6
+    return current, rng.uniform(0.0, (900, 600, 30, 0)), rng.uniform((10, 10, 0, 10), (600, 600, 60, 10))
 
 
-@settings(max_examples=12, deadline=None)
-@given(
-    st.integers(0, 10_000),
-    st.floats(5.0, 250.0),
-    st.floats(5.0, 250.0),
-    st.floats(0.0, 40.0),
-    st.floats(0.0, 900.0),
-    st.floats(-100.0, 800.0),
-    st.floats(-100.0, 800.0),
-)
-def test_grids_tell_how_far_they_depart_from_means(seed, dx, dy, dz, dt, x, y):
-    rng = np.random.default_rng(seed)
+def grid_and_box(rng):
     u, v = rng.normal(0, 1, (2, 4, 3, 7, 6))
     current = ap.GriddedCurrent.from_arrays(
         u, v, spacing=(100.0, 130.0), depths=(0.0, 10.0, 40.0), times=(0.0, 300.0, 900.0, 1500.0)
     )
-    box = (x, y, rng.uniform(-5, 45), rng.uniform(-100, 1600)), (dx, dy, dz, dt)
-    assert departs(current, *box, rng) <= told(current, *box) + 1e-5
+    edges = rng.uniform((5, 5, 0, 0), (250, 250, 40, 900)) * (rng.random(4) < 0.8)
+    return current, rng.uniform((-100, -100, -5, -100), (800, 800, 45, 1600)), edges
 
 
-@settings(max_examples=12, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.0, 40.0), st.floats(0.0, 6000.0))
-def test_tides_tell_how_far_they_depart_from_means(seed, dz, dt):
-    rng = np.random.default_rng(seed)
+def tide_and_box(rng):
     tide = HarmonicCurrent(
         places=np.zeros((1, 2)),
         rate=rng.uniform(1e-4, 1e-3, 3),
@@ -249,10 +221,19 @@ def test_tides_tell_how_far_they_depart_from_means(seed, dz, dt):
         depths=np.array([0.0, 10.0, 50.0]),
         shares=np.array([1.0, 0.7, 0.2]),
     )
-    box = (0.0, 0.0, rng.uniform(0, 50), rng.uniform(0, 1e5)), (100.0, 100.0, dz, dt)
-    both = SumCurrent(tide, ap.UniformCurrent(0.3, 0.1))
-    assert departs(tide, *box, rng) <= told(tide, *box) + 1e-6
-    assert told(both, *box) == pytest.approx(told(tide, *box))
+    return tide, rng.uniform(0.0, (0, 0, 50, 1e5)), rng.uniform((100, 100, 0, 0), (100, 100, 40, 6000))
+
+
+@pytest.mark.parametrize("drawn", [vortices_and_box, grid_and_box, tide_and_box])
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_currents_tell_how_far_they_depart_from_means(drawn, seed):
+    rng = np.random.default_rng(seed)
+    current, centre, edges = drawn(rng)
+    assert departs(current, centre, edges, rng) <= told(current, centre, edges) + 1e-5
+    if drawn is tide_and_box:
+        both = SumCurrent(current, ap.UniformCurrent(0.3, 0.1))
+        assert told(both, centre, edges) == pytest.approx(told(current, centre, edges))
 
 
 def test_functions_do_not_tell():
