@@ -108,8 +108,7 @@ def time_faults(run: Saved) -> Iterator[str]:
 
 def speed_faults(run: Saved) -> Iterator[str]:
     """Yield legs and routes at speeds through the water that the scenario does not let the vehicle choose."""
-    own = run.number("vehicle_speed")
-    least, most = run.section("vehicle").get("speed_range") or (own, own)
+    least, most = run.speed_range
     stated = [(str(leg), leg.speed) for leg in run.legs]
     for number, speeds in enumerate(run.get("route_speed", ())):
         stated += [(f"route {number}", speed) for speed in speeds[~np.isnan(speeds)]]

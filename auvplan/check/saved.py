@@ -196,6 +196,13 @@ class Saved:
         return self["adjacency"].astype(bool)
 
     @property
+    def speed_range(self) -> tuple[float, float]:
+        """Least and greatest speed through the water, m/s, that the scenario lets a leg be gone at."""
+        own = self.number("vehicle_speed")
+        least, most = self.section("vehicle").get("speed_range") or (own, own)
+        return float(least), float(most)
+
+    @property
     def simulated(self) -> bool:
         """Whether it was executed, and not only planned."""
         return bool(self.data.attrs.get("simulated", 1))

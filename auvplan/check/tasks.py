@@ -23,7 +23,7 @@ _PRIORITY_TOLERANCE = 1e-6
 _LINE_TOLERANCE = 1e-3
 
 #: A path over waypoints not yet visited counts as open if it takes less than this share of the time left, at
-#: the vehicle's speed in still water: a contrary current may double the time of a path.
+#: the least speed that may be chosen, in still water: a contrary current may double the time of a path.
 _SURELY_IN_TIME = 0.5
 
 
@@ -155,7 +155,7 @@ def _path_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, 
     distance = np.linalg.norm(run.places[:, None] - run.places, axis=2)
     open_legs = csr_array(np.where(open_, np.maximum(distance, 1e-3), 0.0))
     metres = float(dijkstra(open_legs, indices=leg.start)[int(run.number("goal"))])
-    seconds, left = metres / run.number("vehicle_speed"), run.number("t_available") - float(leg.times[0])
+    seconds, left = metres / run.speed_range[0], run.number("t_available") - float(leg.times[0])
     if not seconds < _SURELY_IN_TIME * left:
         return ""
     return f"a path of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"

@@ -9,6 +9,7 @@ import pytest
 from auvplan.check.run import check_dataset
 from auvplan.energy import Battery, PowerModel, PowerTable
 from auvplan.io.results import to_dataset
+from tests.check.test_check import round_trip
 from tests.io.sample_run import at_speeds, make_run
 
 SPEEDS = (2.0, None, 3.0)
@@ -92,3 +93,12 @@ def test_a_track_is_too_fast_by_the_speed_of_its_leg():
         gap = float(np.linalg.norm(leg.positions[11] - leg.positions[10]))
         leg.times[11] = leg.times[10] + gap / 7.3
     assert [fault.startswith("leg 0 ") for fault in faults(run) if "is too fast" in fault] == [True]
+
+
+@pytest.mark.parametrize(("span", "found"), [(None, True), ((2.0, 3.0), True), ((1.5, 3.0), False)])
+def test_a_path_over_others_is_open_where_the_least_speed_does(span, found):
+    """It is 848 m long, and 900 s are left: half of them do at 2 m/s, and not at 1.5."""
+    run = paced((None,) * 3, span)
+    back = round_trip()
+    run.legs, run.t_available = back.legs, float(back.legs[2].times[0]) + 900.0
+    assert any("waypoint 1 is visited twice" in fault for fault in faults(run)) is found
