@@ -33,6 +33,10 @@ class ScenarioError(AuvplanError):
     """A scenario that cannot be built; the message is one line."""
 
 
+class StudyError(AuvplanError):
+    """A study that cannot be run or continued; the message is one line."""
+
+
 class RuleError(ScenarioError):
     """Fields of a scenario, each of them sound, that do not go together.
 

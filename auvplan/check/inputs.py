@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from pyproj import Transformer
 
 from auvplan.check.saved import TIME_TOLERANCE, Array, Saved, near
 from auvplan.runtime.files import digest, folder_size
@@ -193,6 +192,8 @@ def _window_faults(run: Saved, job: Job, node: int) -> Iterator[str]:
 
 def places_of(run: Saved) -> Callable[[Array, Array], tuple[Array, Array]]:
     """Return the conversion from m north and east of a run with a site to longitude and latitude, degrees."""
+    from pyproj import Transformer  # few runs are looked at in degrees, and it takes long to load
+
     longitude, latitude = run.number("site_longitude"), run.number("site_latitude")
     frame = f"+proj=aeqd +lon_0={longitude!r} +lat_0={latitude!r} +datum=WGS84 +units=m"
     back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)

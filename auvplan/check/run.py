@@ -33,7 +33,6 @@ from auvplan.check.legs import (
     time_faults,
 )
 from auvplan.check.saved import Leg, Saved, read_legs, require
-from auvplan.check.sources import read_sources
 from auvplan.check.tasks import task_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, SampledTrack, events
 from auvplan.check.windows import window_faults
@@ -143,7 +142,11 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     ):  # fmt: skip
         report.faults += faults(run)
     known, closed = read_obstacles(run), read_closed_areas(run)
-    files = read_sources(run) if sources else ()
+    files = ()
+    if sources:
+        from auvplan.check.sources import read_sources
+
+        files = read_sources(run)
     places = places_of(run) if files else None
     coast = Coast.of(dataset) if "passability" in run else None
     shore = None if coast is None else Coast.beyond(dataset)

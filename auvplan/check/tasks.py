@@ -9,8 +9,6 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from auvplan.check.inputs import Job, job_faults, read_jobs
 from auvplan.check.lines import line_faults, share_of_line
@@ -146,6 +144,9 @@ def _under_way(run: Saved) -> bool:
 
 def _path_left(run: Saved, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
     """The path over other waypoints that was left when a leg led back to a visited one; empty if none."""
+    from scipy.sparse import csr_array  # few runs come here, and it takes long to load
+    from scipy.sparse.csgraph import dijkstra
+
     open_ = run.adjacency.copy()
     for i, j in refused:
         open_[i, j] = False

@@ -16,7 +16,6 @@ from auvplan.cli import shared
 from auvplan.errors import AuvplanError, ScenarioError
 from auvplan.runtime.files import EXECUTION, OutputError, output_folder
 from auvplan.runtime.formatting import counted, figure
-from auvplan.site import at_time
 
 if TYPE_CHECKING:
     from auvplan.link import ExecutionRecord, Limits
@@ -116,6 +115,8 @@ def execute(
         shared.say_notes(area.notes)
         epoch = None if link == SIMULATOR or scale is not None else plan.site.epoch
         if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
+            from auvplan.site import at_time
+
             departs = at_time(0.0, epoch)
             shared.say(f"note: the plan is for a departure at {departs}, and the vehicle leaves now")
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from auvplan.cli.shared import QuietOption, list_files, name_page, progress_bar, say
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, StudyError
 
 
 def plot(
@@ -29,8 +29,7 @@ def plot(
     """Draw the figures of a run, or of a study (Figs 12 to 15, and of a sweep), into its folder."""
     from auvplan import plot
     from auvplan.io.restore import restore_run
-    from auvplan.study import StudyError, load_study
-    from auvplan.study.store import is_study
+    from auvplan.study.store import is_study, load_study
 
     study = is_study(folder) or not (folder / "mission.nc").is_file()
     if study and leg is not None:

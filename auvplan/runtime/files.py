@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import secrets
 import shutil
@@ -12,8 +13,6 @@ from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from auvplan.errors import AuvplanError
 
@@ -249,7 +248,9 @@ def _read_hdf5(path: Path) -> tuple[dict[str, "xr.Variable"], dict[str, Any], di
 
     def attributes(part: Any) -> dict[str, Any]:
         found = {name: part.attrs[name] for name in part.attrs if name not in _OF_NETCDF}
-        return {name: value[0] if np.shape(value) == (1,) else value for name, value in found.items()}
+        return {
+            name: value[0] if getattr(value, "shape", ()) == (1,) else value for name, value in found.items()
+        }
 
     variables = {}
     with h5py.File(path, track_order=True) as file:
@@ -350,10 +351,10 @@ def _encoding(variable: "xr.Variable") -> dict[str, Any]:
     """Compression, and a fill value only where something is missing."""
     if variable.dtype.kind == "O":
         return {}
-    missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
+    missing = variable.dtype.kind == "f" and bool(variable.isnull().any())
     encoding: dict[str, Any] = {}
     if "_FillValue" not in variable.attrs:  # values as another program packed them
-        encoding["_FillValue"] = np.nan if missing else None
+        encoding["_FillValue"] = math.nan if missing else None
     if variable.ndim and variable.size:
         encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
     return encoding

@@ -4,9 +4,10 @@ import math
 import re
 from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: What XML 1.0 does not know as characters.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -96,13 +97,15 @@ class ReprMixin:
         return f"<table><thead><tr><th colspan=2>{type(self).__name__}</th></tr></thead>{rows}</table>"
 
 
-def between(values: ArrayLike, digits: int = 0) -> str:
+def between(values: "ArrayLike", digits: int = 0) -> str:
     """Return the least and the greatest of the finite values, to `digits` decimal places.
 
     Example:
         >>> between([812.4, 1530.0, float("inf")]), between([12.0]), between([])
         ('812 to 1,530', '12', 'no')
     """
+    import numpy as np  # the commands load this room before they know whether they need it
+
     found = np.asarray(values, float)
     found = found[np.isfinite(found)]
     if not found.size:

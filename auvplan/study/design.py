@@ -9,13 +9,9 @@ from typing import Any
 
 import yaml
 
-from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.errors import ScenarioError, StudyError
 from auvplan.scenario.file import validate_scenario
 from auvplan.scenario.scenario import Scenario, change_scenario
-
-
-class StudyError(AuvplanError):
-    """A study that cannot be run or continued; the message is one line."""
 
 
 @dataclass(frozen=True)
