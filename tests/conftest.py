@@ -27,7 +27,7 @@ import pytest
 from auvplan import cli
 from auvplan.executive import context, loop
 from auvplan.link import rolling
-from auvplan.plot import painter
+from auvplan.plot import painter, style
 from auvplan.runtime.compiled import drop_programs
 from tests.executive.small import LIGHT
 
@@ -92,6 +92,12 @@ def light_search():
             patch.setattr(context, name, light)
         patch.setattr(rolling, "_PLACES", 16)
         yield
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Pictures of few pixels, where it is enough that they come about."""
+    monkeypatch.setattr(style, "DPI", 50)
 
 
 @pytest.fixture

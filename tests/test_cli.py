@@ -16,7 +16,7 @@ from auvplan.study import cluster
 from tests.io.geo.files import write_geotiff
 from tests.ocean.chart_pictures import STYLES, paint
 
-pytestmark = pytest.mark.usefixtures("light_search")
+pytestmark = pytest.mark.usefixtures("light_search", "coarse")
 
 LEG = {
     "name": "leg",

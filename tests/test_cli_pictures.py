@@ -6,6 +6,8 @@ from auvplan.io import save_run
 from auvplan.scenario.scenario import Scenario
 from tests.io.sample_run import make_run
 
+pytestmark = pytest.mark.usefixtures("coarse")
+
 FIGURES = ["convergence.png", "currents.png", "mission.png", "obstacles.png", "timeline.png"]
 
 

@@ -19,16 +19,6 @@ def test_schema_is_printed_or_written(call, refused, tmp_path):
     assert "schema.json" in refused("schema", "--out", tmp_path / "no" / "schema.json")
 
 
-def test_init_then_validate(call, refused, tmp_path):
-    scenario = tmp_path / "first" / "scenario.yaml"
-    code, out, err = call("init", scenario.parent)
-    assert (code, err) == (0, "")
-    assert f"auvplan plan {scenario}" in out
-    assert call("validate", scenario) == (0, f"{scenario}: valid\n", "")
-    assert all(word in refused("init", scenario.parent) for word in ("scenario.yaml", "--force"))
-    assert call("init", scenario.parent, "--force")[0] == 0
-
-
 def test_validate_lists_every_fault_with_its_place(call, tmp_path):
     path = tmp_path / "my.yaml"
     path.write_text(

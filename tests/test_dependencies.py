@@ -9,9 +9,6 @@ from pathlib import Path
 import pytest
 from xarray.namedarray.utils import module_available
 
-from auvplan.io.examine import examine_scenario
-from auvplan.io.example import write_example, write_example_of_times
-
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PAGE = (ROOT / "docs" / "dependencies.md").read_text()
@@ -50,9 +47,14 @@ def without_extras():
             module_available.cache_clear()
 
 
-def test_shipped_examples_need_no_extra(tmp_path):
-    for name in ("example", "times"):
-        with without_extras():
-            written = (write_example if name == "example" else write_example_of_times)(tmp_path / name)
-            found = examine_scenario(next(path for path in written if path.suffix == ".yaml"))
-        assert found.lines == []
+@pytest.mark.parametrize("options", [(), ("--times",)])
+def test_an_example_is_written_once_is_valid_and_needs_no_extra(call, refused, tmp_path, options):
+    scenario = tmp_path / "first" / "scenario.yaml"
+    with without_extras():
+        code, out, err = call("init", scenario.parent, *options)
+        valid, lines, _ = call("validate", scenario)
+    assert (code, valid, err) == (0, 0, "")
+    assert lines.startswith(f"{scenario}: valid\n")
+    assert f"auvplan plan {scenario}" in out
+    assert all(word in refused("init", scenario.parent) for word in ("scenario.yaml", "--force"))
+    assert call("init", scenario.parent, *options, "--force")[0] == 0

@@ -28,6 +28,7 @@ ELSEWHERE = {"docs/first-plan.md", "docs/bbo.md"}
 SLOW = {
     "README.md",
     "docs/clock.md",
+    "docs/energy.md",
     "docs/index.md",
     "docs/how-to/cluster.md",
     "docs/how-to/departure.md",

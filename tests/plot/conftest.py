@@ -4,8 +4,6 @@ import sys
 
 import pytest
 
-from auvplan.plot import style
-
 
 @pytest.fixture(autouse=True)
 def closed_figures():
@@ -13,9 +11,3 @@ def closed_figures():
     yield
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         pyplot.close("all")
-
-
-@pytest.fixture
-def coarse(monkeypatch):
-    """Pictures of few pixels, where it is enough that they come about."""
-    monkeypatch.setattr(style, "DPI", 50)

@@ -12,6 +12,9 @@ from auvplan.runtime.files import OutputError
 from tests.io.sample_run import make_run
 
 RUN = make_run((0, 1), chart=False)
+#: Of a mission that never began there is one picture.
+BARE = make_run((0, 1), chart=False)
+BARE.legs = []
 
 
 @pytest.fixture
@@ -19,15 +22,19 @@ def two_cores(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
 
 
-@pytest.fixture(scope="module")
-def expected(tmp_path_factory):
-    """Pixels by the name of the picture."""
-    return {path.name: pixels(path) for path in draw_run(RUN, tmp_path_factory.mktemp("here"))}
-
-
 def pixels(path):
     with Image.open(path) as picture:
         return np.asarray(picture.convert("RGB"))
+
+
+def drawn(run, folder):
+    """Pixels by the name of the picture."""
+    return {path.name: pixels(path) for path in draw_run(run, folder)}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    return drawn(BARE, tmp_path_factory.mktemp("here"))
 
 
 def assert_drawn(paths, expected):
@@ -36,22 +43,22 @@ def assert_drawn(paths, expected):
         np.testing.assert_array_equal(pixels(path), expected[path.name])
 
 
-def test_they_are_those_drawn_here(tmp_path, two_cores, expected):
+def test_they_are_those_drawn_here(tmp_path, two_cores):
     with Painter() as painter:
-        painter.begin(RUN, tmp_path)
+        painter.begin(RUN, tmp_path / "there")
         found = painter.finish()
-    assert_drawn(found, expected)
+    assert_drawn(found, drawn(RUN, tmp_path / "here"))
 
 
 @pytest.mark.parametrize("begun", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_all_are_drawn_where_the_process_has_ended(tmp_path, two_cores, expected, begun):
     with Painter() as painter:
         if begun:
-            painter.begin(RUN, tmp_path)
+            painter.begin(BARE, tmp_path)
         painter.process.kill()
         painter.process.join()
         if not begun:
-            painter.begin(RUN, tmp_path)
+            painter.begin(BARE, tmp_path)
         assert_drawn(painter.finish(), expected)
 
 
@@ -60,7 +67,7 @@ def test_on_one_core_there_is_no_process(tmp_path, monkeypatch, expected, choice
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
     with Painter(choice) as painter:
         assert painter.process is None
-        painter.begin(RUN, tmp_path)
+        painter.begin(BARE, tmp_path)
         assert_drawn(painter.finish(), {name: expected[name] for name in names})
     assert [path.name for path in tmp_path.iterdir()] == names
 
@@ -70,6 +77,6 @@ def test_what_is_wrong_there_is_told_here(tmp_path, two_cores, monkeypatch):
     folder.touch()
     with Painter() as painter:
         monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: painter.server.join() or [])
-        painter.begin(RUN, folder)
+        painter.begin(BARE, folder)
         with pytest.raises(OutputError, match="taken"):
             painter.finish()

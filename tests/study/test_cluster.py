@@ -33,6 +33,15 @@ def workers(tmp_path_factory):
             yield found
 
 
+@pytest.fixture(scope="module")
+def thread():
+    """A cluster of a thread of this process."""
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as found:
+        yield found
+
+
 @pytest.fixture(autouse=True)
 def light_job(monkeypatch):
     """Workers search lightly."""
@@ -61,10 +70,10 @@ def test_a_study_whose_worker_is_killed_ends_like_a_local_one(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["missions.nc", "study.json", "summary.json"]
 
 
-def test_an_error_in_a_worker_reaches_the_caller(workers, tmp_path, monkeypatch):
+def test_an_error_in_a_worker_reaches_the_caller(thread, tmp_path, monkeypatch):
     """The scheduler is found through its file."""
     monkeypatch.setattr(cluster, "run_whole_job", light.run_and_fail)
-    (tmp_path / "scheduler.json").write_text(json.dumps({"address": workers.scheduler_address}))
+    (tmp_path / "scheduler.json").write_text(json.dumps({"address": thread.scheduler_address}))
     with pytest.raises(ScenarioError, match="lies on land"):
         run_study(calm(2), tmp_path / "out", dask=str(tmp_path / "scheduler.json"))
 
@@ -77,9 +86,9 @@ def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypat
         run_study(calm(1), tmp_path, dask=workers.scheduler_address)
 
 
-def test_a_worker_writes_datasets(workers, tmp_path):
+def test_a_worker_writes_datasets(thread, tmp_path):
     dataset = xr.Dataset({"depth": ("obs", [1.0, 2.0])})
-    with distributed.Client(workers.scheduler_address, set_as_default=False) as client:
+    with distributed.Client(thread.scheduler_address, set_as_default=False) as client:
         client.submit(write_dataset, dataset, tmp_path / "some.nc").result()
     xr.testing.assert_identical(read_dataset(tmp_path, "some.nc"), dataset)
 

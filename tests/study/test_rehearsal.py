@@ -15,6 +15,7 @@ from auvplan.study import Design
 from auvplan.study.rehearsal import rehearsal_of, require_one_sea
 from auvplan.study.table import row_of, table
 from tests.executive.tide import CHANNEL, channel, tidal_area
+from tests.io.sample_run import make_run
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -22,9 +23,15 @@ pytestmark = pytest.mark.usefixtures("light_search")
 SHORT = channel(mission=CHANNEL["mission"] | {"time_available": 620})
 
 
-@pytest.fixture(scope="module")
-def rehearsed(light_search):
-    """A plan with a stream, one mission in that stream and one against it, and what is given of them."""
+def rehearsal(plan, runs):
+    """What is given of a plan and its missions, and the dataset of these."""
+    executed = table(Design(SHORT, len(runs)), [row_of(run) for run in runs], None)
+    return rehearsal_of(plan, executed), executed
+
+
+@pytest.mark.slow
+def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it():
+    """One mission is in the stream of the plan, and one against it."""
     jobs = Jobs(
         (JobPoint("near", (300.0, 20.0, 5.0), 1.0, 90.0), JobPoint("far", (700.0, 20.0, 5.0), 2.0, 90.0))
     )
@@ -32,13 +39,7 @@ def rehearsed(light_search):
     against = replace(area, truth=tidal_area(-0.6, 0.0).truth)
     plan = plan_scenario(SHORT, area=area)
     runs = [ap.run_mission(SHORT, seed=k, area=sea) for k, sea in enumerate((area, against))]
-    executed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
-    return plan, runs, rehearsal_of(plan, executed)
-
-
-@pytest.mark.slow
-def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it(rehearsed):
-    plan, runs, found = rehearsed
+    found, _ = rehearsal(plan, runs)
     assert plan.tasks == found["plan"]["tasks"] == 2
     assert (runs[0].success, runs[1].success) == (True, False)
     assert runs[1].tasks == 2  # done, and then late
@@ -46,21 +47,30 @@ def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it(rehearsed)
     assert found["missions"] == 2
 
 
-def test_shares_and_margins_are_those_of_the_missions(rehearsed):
-    _, runs, found = rehearsed
-    assert found["on_time"] == sum(run.success for run in runs)
+def two_tasks():
+    """The made run as one of two jobs on the way."""
+    run = make_run((0, 1, 2, 3))
+    run.names = ["start", "gauge", "wreck", "goal"]
+    for leg, priority in zip(run.legs, (3.0, 3.0, 0.0), strict=True):
+        leg.priority = priority
+    return run
+
+
+def test_shares_and_margins_are_those_of_the_missions(tmp_path):
+    plan, *runs = (two_tasks() for _ in range(4))
+    runs[1].t_available, runs[1].reason = runs[1].t_mission - 1.0, "destination reached too late, by a second"
+    runs[2].legs[1].priority = 0.0
+    found, executed = rehearsal(plan, runs)
+    assert found["plan"] == {"tasks": 2, "total_priority": 6.0, "time_s": plan.t_mission}
+    assert (found["missions"], found["on_time"], found["all_planned_tasks"]) == (3, 2, 1)
     share = found["on_time_percent"]
-    assert 0.0 <= share["low"] <= share["share"] == 50.0 * found["on_time"] <= share["high"] <= 100.0
-    assert found["figures"]["t_residual_s"]["least"] == min(run.t_residual for run in runs)
-    done = {job["name"]: job["done"] for job in found["jobs"]}
+    assert share["share"] == pytest.approx(200.0 / 3.0)
+    assert 0.0 <= share["low"] <= share["share"] <= share["high"] <= 100.0
+    assert found["figures"]["t_residual_s"]["least"] == min(run.t_residual for run in runs) == -1.0
+    done = {job["name"]: job["done"] for job in found["jobs"] if job["planned"]}
+    assert done == {"gauge": 3, "wreck": 2}
     assert sum(done.values()) == sum(run.tasks for run in runs)
-    assert all(job["planned"] for job in found["jobs"])
-
-
-def test_reasons_are_whole_in_a_file(rehearsed, tmp_path):
-    runs = sorted(rehearsed[1], key=lambda run: len(run.reason))
-    assert len(runs[0].reason) < len(runs[1].reason)
-    executed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
+    # Reasons of several lengths are whole in a file.
     with xr.open_dataset(write_dataset(executed, tmp_path / "missions.nc"), engine="h5netcdf") as again:
         assert again["reason"].values.tolist() == [run.reason for run in runs]
 
