@@ -49,7 +49,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 SCENARIOS = Path(__file__).with_name("scenarios")
 
 #: First words of the package's commands, in processes of their own.
-AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
+AUVPLAN = [sys.executable, "-m", "auvplan"]
 
 #: Where tables and lines are printed, wide enough where that is a file.
 screen = Console()

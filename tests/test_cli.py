@@ -209,65 +209,35 @@ def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, call):
     assert "Traceback" not in err
 
 
-BAD_FIELDS = [
-    ({"mision": {}}, "mision: unknown key"),
-    ({"mission": {"waypoint": 3}}, "mission.waypoint: unknown key"),
-    ({"vehicle": {"speed": -1}}, "vehicle.speed"),
-    ({"vehicle": {"speed": "2.5 knots"}}, "vehicle.speed"),
-    ({"vehicle": {"speed": float("nan")}}, "vehicle.speed"),
-    ({"mission": LEG["mission"] | {"time_available": -5}}, "mission.time_available"),
+#: What the fields of a scenario must be, and what YAML must, is asked of the rooms that read them.
+BAD_SCENARIOS = [
     ({"mission": LEG["mission"] | {"start": [5000, 100, 10]}}, "mission.start"),
-    ({"mission": LEG["mission"] | {"start": [100, 100]}}, "mission.start"),
-    ({"area": {"lower": [0, 0, 0], "upper": [-1, 100, 0]}}, "area"),
-    ({"chart": {"source": "image"}}, "chart"),
-    (
-        {"chart": {"source": "image", "image": "x.png", "colours": {"water": "blu"}}},
-        "chart.colours.water: 'blu'",
-    ),
+    ({"chart": {"source": "image", "image": "x.png", "colours": {"water": "blu"}}},
+     "chart.colours.water: 'blu'"),
     ({"chart": {"source": "image", "image": "x.png", "colours": {"land": None}}}, "needs quotes"),
     ({"chart": {"source": "image", "image": "x.png", "colours": {"land": [3]}}}, "chart.colours.land"),
-    (
-        {"chart": {"source": "image", "image": "x.png", "colours": {"land": "tan", "water": "tan"}}},
-        "chart.colours: #d2b48c is given for water and for land",
-    ),
+    ({"chart": {"source": "image", "image": "x.png", "colours": {"land": "tan", "water": "tan"}}},
+     "chart.colours: #d2b48c is given for water and for land"),
     ({"chart": {"source": "whitsunday", "colours": {"land": "tan"}}}, "chart.colours"),
     ({"chart": {"source": "image", "image": "missing.png", "pixel_size": 10}}, "missing.png"),
-    ({"planning": {"preset": "best"}}, "planning.preset"),
     ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [99000, 99000, 10]}}, "chart"),
-    (
-        {
-            "chart": {"source": "whitsunday"},
-            "area": {"lower": [0, 0, 0], "upper": [10000, 10000, 10]},
-            "mission": LEG["mission"] | {"start": [8000, 6500, 5], "time_available": 9000},
-        },
-        "land",
-    ),
-]
+    ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [10000, 10000, 10]},
+      "mission": LEG["mission"] | {"start": [8000, 6500, 5], "time_available": 9000}}, "land"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("sections", "expected"), BAD_FIELDS, ids=[expected for _, expected in BAD_FIELDS])
+@pytest.mark.parametrize(("sections", "expected"), BAD_SCENARIOS)
 def test_bad_scenarios_are_one_line(tmp_path, refused, sections, expected):
     assert expected in refused("mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet")
-    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+    assert not list((tmp_path / "out").glob("*"))
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("[1, 2", "YAML"),
-        ("- just\n- a list", "mapping"),
-        ("name: !!python/object/apply:os.system ['true']", "YAML"),
-        ("a: &x [1]\nb: *x", "aliases"),
-        ("name: a\nname: b", "twice"),
-        ("\x00\x01", "YAML"),
-        ("[" * 5000, "YAML|deeply"),
-    ],
-)
-def test_hostile_yaml(tmp_path, refused, text, expected):
+@pytest.mark.parametrize(("text", "expected"), [("[1, 2", "YAML"), ("- just\n- a list", "mapping")])
+def test_text_that_is_no_scenario(tmp_path, refused, text, expected):
     (tmp_path / "bad.yaml").write_text(text)
     err = refused("mission", tmp_path / "bad.yaml", "--out", tmp_path / "out")
     assert "bad.yaml" in err
-    assert re.search(expected, err)
+    assert expected in err
 
 
 def test_what_is_not_there_or_in_the_way_is_named(tmp_path, refused):

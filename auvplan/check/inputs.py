@@ -79,6 +79,11 @@ class ClosedArea:
         return found
 
 
+def within(begins: float, ends: float, spans: Spans, slack: float = TIME_TOLERANCE) -> bool:
+    """Return whether a time lies whole in one of several spans."""
+    return any(opens - slack <= begins and ends <= closes + slack for opens, closes in spans)
+
+
 def _spans(stated: list[list[float | None]]) -> Spans:
     return [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in stated]
 
@@ -181,12 +186,8 @@ def _window_faults(run: Saved, job: Job, node: int) -> Iterator[str]:
     pairs = zip(*(run[f"window_{name}"][node] for name in ("opens", "closes")), strict=True)
     given = [(float(opens), float(closes)) for opens, closes in pairs if opens <= closes]
     wanted = job.windows or [(-np.inf, np.inf)]
-
-    def held(span: tuple[float, float], others: Spans) -> bool:
-        return any(a - TIME_TOLERANCE <= span[0] and span[1] <= b + TIME_TOLERANCE for a, b in others)
-
-    whole = bool(run.stated("closures")) or all(held(span, given) for span in wanted)
-    if not (whole and all(held(span, wanted) for span in given)):
+    whole = bool(run.stated("closures")) or all(within(*span, given) for span in wanted)
+    if not (whole and all(within(*span, wanted) for span in given)):
         yield f"job {job.name!r}: its windows are not those of the graph"
 
 

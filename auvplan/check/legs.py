@@ -203,10 +203,7 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             name: (power[name] * (lasts - unsure), power[name] * (lasts + unsure))
             for name in ("hotel", "payload")
         },
-        "propulsion": (
-            slow,
-            fast + watts(fastest) * max(lasts - under_way, 0.0),
-        ),
+        "propulsion": (slow, fast + watts(fastest) * max(lasts - under_way, 0.0)),
         "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()) + power.get("pump", 0.0) * descents,) * 2,
         "climb": (power["climb"] * float(np.maximum(-down, 0.0).sum()),) * 2,
         # Along survey lines a task is under way.

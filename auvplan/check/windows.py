@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from auvplan.check.inputs import Job, Spans, read_jobs
+from auvplan.check.inputs import Job, read_jobs, within
 from auvplan.check.saved import TIME_TOLERANCE, Leg, Saved
 
 #: s from the edge of a window within which an arrival may have missed it.
@@ -23,7 +23,7 @@ def window_faults(run: Saved) -> Iterator[str]:
             continue
         if (line := timed.get(_line_of(names, leg))) is not None:
             begins, ends = float(leg.times[0]), float(leg.times[-1]) + leg.t_task
-            if leg.priority > 0.0 and not _within(begins, ends, line.windows):
+            if leg.priority > 0.0 and not within(begins, ends, line.windows):
                 what = f"a part of line {line.name!r} from {begins:.0f} to {ends:.0f} s"
                 yield f"{leg}: {what} is in none of its windows"
             continue
@@ -39,15 +39,15 @@ def _point_faults(run: Saved, leg: Leg, job: Job) -> Iterator[str]:
     """Yield that a task at a point does not begin in a window of it, or is missed although it could."""
     arrival = float(leg.times[-1])
     if leg.missed:
-        open_ = _within(arrival, arrival, job.windows, -_EDGE)
+        open_ = within(arrival, arrival, job.windows, -_EDGE)
         if open_ and "window_opens" in run:  # which areas that are closed may have narrowed
             ends = (run[f"window_{name}"][leg.goal] for name in ("opens", "closes"))
-            open_ = _within(arrival, arrival, list(zip(*ends, strict=True)), -_EDGE)
+            open_ = within(arrival, arrival, list(zip(*ends, strict=True)), -_EDGE)
         if open_:
             yield f"{leg}: misses the task at {job.name!r}, in whose window it arrives"
     begins = arrival + leg.t_wait
     # Without a priority it was done before, or missed.
-    if leg.priority > 0.0 and not _within(begins, begins, job.windows):
+    if leg.priority > 0.0 and not within(begins, begins, job.windows):
         what = f"the task at {job.name!r} from {begins:.0f} to {begins + leg.t_task:.0f} s"
         yield f"{leg}: {what} is in none of its windows"
 
@@ -60,8 +60,3 @@ def _line_of(names: list[str], leg: Leg) -> str:
     if first is None or last is None or first[1] != last[1] or abs(int(first[2]) - int(last[2])) != 1:
         return ""
     return first[1]
-
-
-def _within(begins: float, ends: float, spans: Spans, slack: float = TIME_TOLERANCE) -> bool:
-    """Return whether a time lies in one of several spans."""
-    return any(opens - slack <= begins and ends <= closes + slack for opens, closes in spans)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, execute, export, mission, pictures, plan, scenario, study, tools, vehicle
+from auvplan.cli import departures, execute, mission, plan, results, scenario, study, tools, vehicle
 from auvplan.cli.shared import print_error, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -48,11 +48,11 @@ for command in (
     mission.path,
     departures.departures,
     execute.execute,
-    export.export,
+    results.export,
     study.montecarlo,
-    pictures.plot,
-    pictures.animate,
-    pictures.report,
+    results.plot,
+    results.animate,
+    results.report,
     tools.chart,
     tools.currents,
     tools.check,

@@ -88,11 +88,7 @@ def _run(
             # The leg of a saw-tooth is planned and not simulated.
             execute: Any = plan_scenario if leg and scenario.vehicle.saw_tooth else run_mission
             run = execute(
-                scenario,
-                seed=seed,
-                folder=folder,
-                area=area,
-                progress=lambda *at: advance(*at[-2:]),
+                scenario, seed=seed, folder=folder, area=area, progress=lambda *at: advance(*at[-2:])
             )
         painter.begin(run, partial)
         from auvplan.io import save_run

@@ -21,7 +21,7 @@ from PIL import Image
 from auvplan.errors import AuvplanError
 from auvplan.plot import style
 from auvplan.plot.maps import Map
-from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.records import MissionRun, PlanRecord
 from auvplan.runtime.files import OutputError, output_folder, write_atomically
 from auvplan.runtime.formatting import counted, figure, hours
 from auvplan.site import at_time
@@ -275,7 +275,7 @@ class _Film:
         for node in ahead:
             colours[node] = _AHEAD
         for leg in self._run.earning:
-            if _done_at(leg) <= time:
+            if leg.ends <= time:
                 colours[leg.goal] = _TASK_DONE
         return [colours[node] for node in self._stops]
 
@@ -286,7 +286,7 @@ class _Film:
         epoch = run.site.epoch if run.site else None
         when = f"{hours(time)} of {hours(run.t_available)}"
         clock = f"{when}, {at_time(time, epoch, since=0.0)}" if epoch else when
-        done = [leg for leg in run.earning if _done_at(leg) <= time]
+        done = [leg for leg in run.earning if leg.ends <= time]
         priority = figure(sum(leg.priority for leg in done))
         tasks = f"{counted(run.count_tasks(done), 'task')} done, priority {priority}"
         title = f"{name}, {f'seed {run.seed}' if run.simulated else 'plan'}"
@@ -325,11 +325,6 @@ def _plans(run: MissionRun, pen: Map) -> list[_Shown]:
         found += [shown(plan, plan.made_at, later.made_at) for plan, later in pairwise(plans)]
         found += [shown(last, min(last.made_at, ends), ends, True) for last in plans[-1:]]
     return sorted(found, key=lambda plan: plan.begin)
-
-
-def _done_at(leg: LegRecord) -> float:
-    """When the task of a leg is done, s."""
-    return float(leg.times[-1]) + leg.t_wait + leg.t_task
 
 
 def _write_gif(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:

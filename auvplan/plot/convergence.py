@@ -1,6 +1,6 @@
 """How a leg's plans converge (Fig. 11)."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 from auvplan.plot import style
 from auvplan.records import LegRecord, MissionRun
 from auvplan.view.scene import busiest_leg, leg_title
-
-if TYPE_CHECKING:
-    pass
 
 LABELS = ("cost [s, penalties included]", "violation [-]")
 #: Error bars drawn at most.

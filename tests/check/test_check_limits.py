@@ -231,8 +231,7 @@ def test_no_leg_and_no_stay_is_in_an_area_while_it_is_closed(opens, closes, leg,
 
 
 @pytest.mark.parametrize(
-    ("begins", "ends", "found"),
-    [(-0.05, 0.05, False), (0.05, 100.0, True), (-100.0, -0.05, True)],
+    ("begins", "ends", "found"), [(-0.05, 0.05, False), (0.05, 100.0, True), (-100.0, -0.05, True)]
 )
 def test_a_task_begins_in_its_window(begins, ends, found):
     """`begins` and `ends` are s from the arrival to where its window opens and closes."""

@@ -159,8 +159,7 @@ RARER = "not begun", "open leg"
 
 
 @pytest.mark.parametrize(
-    "change",
-    ["refused", "no legs", "plan", *(pytest.param(kind, marks=pytest.mark.slow) for kind in RARER)],
+    "change", ["refused", "no legs", "plan", *(pytest.param(kind, marks=pytest.mark.slow) for kind in RARER)]
 )
 def test_runs_of_all_kinds_have_pages(tmp_path, change):
     run = make_run((0, 1), chart=False, obstacles=False) if change == "open leg" else make_run()

@@ -77,10 +77,7 @@ def test_shares_and_margins_are_those_of_the_missions(tmp_path):
 
 @pytest.mark.parametrize(
     ("sections", "words"),
-    [
-        ({}, "current.source 'vortices'"),
-        ({"current": {"vortices": 0}}, "mission.waypoints"),
-    ],
+    [({}, "current.source 'vortices'"), ({"current": {"vortices": 0}}, "mission.waypoints")],
 )
 def test_what_differs_from_seed_to_seed_cannot_be_rehearsed(sections, words):
     with pytest.raises(ScenarioError, match=words):
