@@ -55,6 +55,7 @@ def test_an_example_is_written_once_is_valid_and_needs_no_extra(call, refused, t
         valid, lines, _ = call("validate", scenario)
     assert (code, valid, err) == (0, 0, "")
     assert lines.startswith(f"{scenario}: valid\n")
+    assert ("no coast is known" in lines) == (options == ("--times",))
     assert f"auvplan plan {scenario}" in out
     assert all(word in refused("init", scenario.parent) for word in ("scenario.yaml", "--force"))
     assert call("init", scenario.parent, *options, "--force")[0] == 0
