@@ -69,7 +69,7 @@ def test_turns_and_dives_beyond_the_vehicle():
     (note,) = track_notes([hairpin], 2.0, 0.02)
     assert "turns too sharply for 100 m at waypoint 1" in note
     assert track_notes([leg([0, 0, 5], [200, 0, 5], [400, 30, 5])], 2.0, 0.02) == []
-    dive = leg([0, 0, 5], [100, 0, 105])
+    dive = leg([0, 0, 5], [100, 0, 105], seconds=100.0 * np.sqrt(2.0))
     (note,) = track_notes([dive], 1.0, 0.1)
     assert "at 45 degrees, 0.7 m/s" in note
     assert note.endswith("common vehicles do 30")
