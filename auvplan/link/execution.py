@@ -116,7 +116,6 @@ class _Executor:
         self._tell, self._keep, run = tell, keep, plan.run
         of = run.scenario, run.folder, run.seed, link.name, run.t_available
         self._record = ExecutionRecord(*of, reason=UNDER_WAY)
-        self._route = [run.start]
         self._count = 0  # legs that are done
         self._phase = Phase.READY
         self._new: _Next | None = None
@@ -129,7 +128,6 @@ class _Executor:
         self._blocked = False  # whether an obstacle was on it
         self._aside = False  # whether it has left its plan to give way to one
         self._cost = 0.0  # s of mission time that re-planning takes
-        self._silent = self._over = False
         self._end: Report | None = None  # that the vehicle, or somebody else, has ended the mission
         self._measured = -math.inf  # s, when the rest was last re-planned for a current
         # s and [3] m, when and where the vehicle was last seen.
@@ -170,6 +168,10 @@ class _Executor:
         return self._phase is not Phase.READY
 
     @property
+    def _silent(self) -> bool:
+        return self._record.count("lost") > self._record.count("heard")
+
+    @property
     def _place(self) -> Array:
         """Where the vehicle was last seen, [3] m."""
         assert self._sight is not None
@@ -181,7 +183,6 @@ class _Executor:
         self._tell(event)
         if self._started:
             record.planned = [self._leg_name(leg) for leg in self._plan.legs]
-            record.route = [self._plan.run.called(node) for node in self._route]
             self._keep(record)
 
     def _leg_name(self, leg: LegRecord) -> str:
@@ -200,8 +201,15 @@ class _Executor:
         self._say("connected", f"connected to {self._link.name}")
         for note in notes:
             self._say("note", note)
-        level = self._check_ready(self._link.report(0.0), whole.steps[0].position)
-        away = level / whole.steps[0].speed
+        report, first = self._link.report(0.0), whole.steps[0]
+        if report.state is State.EXECUTING:
+            raise _SafeEnd("the vehicle executes a plan already: end that first")
+        if report.state is State.FAULT:
+            raise _SafeEnd(_state_in_words(report))
+        gap = np.zeros(3) if report.position is None else report.position - first.position
+        if (away := float(np.linalg.norm(gap))) > self._limits.away:
+            raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
+        away = float(np.linalg.norm(gap[:2])) / first.speed  # its way down is in the allowance
         if away > _LATE and self._plan.plan(self._link.allowance, away):
             plan = self._plan.followed
             whole = Upload(self._plan.itinerary(plan, 0))
@@ -211,22 +219,6 @@ class _Executor:
         self._new = _Next(whole, plan, 0, "start")
         self._upload()
         self._start()
-
-    def _check_ready(self, report: Report, start: Array) -> float:
-        """See that the vehicle is where the mission starts, [3] m, and does nothing else.
-
-        Returns:
-            m that it is from there, depth apart; 0 where its place is not known.
-        """
-        if report.state is State.EXECUTING:
-            raise _SafeEnd("the vehicle executes a plan already: end that first")
-        if report.state is State.FAULT:
-            raise _SafeEnd(_state_in_words(report))
-        gap = np.zeros(3) if report.position is None else report.position - start
-        away = float(np.linalg.norm(gap))
-        if away > self._limits.away:
-            raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
-        return float(np.linalg.norm(gap[:2]))
 
     def _follow(self) -> None:
         """Look at the vehicle until it is at the destination, and do what is decided at each look."""
@@ -273,13 +265,16 @@ class _Executor:
             if not idle:
                 off = progress.drift(place, now, self._limits)
                 astray = f"{off:.0f} m off its track" if off else ""
-                self._judge_times(place)
+                late = progress.late(place, now) or 0.0
+                settled = self._due or new is not None or self._settled == self._count
+                if not settled and abs(late) > max(self._limits.late, self._plan.tolerance):
+                    self._due, self._settled = "late" if late > 0.0 else "early", self._count
         end = "" if self._end is None else _state_in_words(self._end)
         taken = self._end is not None and self._end.state is State.STOPPED
         return Facts(
             self._phase,
             taken=end if taken else "",
-            given_up=self._spent if taken else end or self._spent,
+            given_up=end or self._spent,
             overdue=self._overdue(),
             heard=heard,
             idle=idle,
@@ -322,14 +317,6 @@ class _Executor:
             self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
         return self._blocked
 
-    def _judge_times(self, place: Array) -> None:
-        """See whether the vehicle, at [3] m, is so far off its plan that the rest is re-planned."""
-        late = self._progress.late(place, self._now)
-        if late is None or self._due or self._new is not None or self._settled == self._count:
-            return
-        if abs(late) > max(self._limits.late, self._plan.tolerance):
-            self._due, self._settled = "late" if late > 0.0 else "early", self._count
-
     def _book(self, report: Report) -> None:
         """Keep where the vehicle is, and the steps that it has completed and can have completed."""
         progress, track = self._progress, self._record.track
@@ -359,7 +346,7 @@ class _Executor:
     def _end_leg(self, number: int) -> None:
         """Record legs up to one of a number, from 1."""
         for leg in self._plan.legs[self._count : number]:
-            self._route.append(leg.goal)
+            self._record.route.append(self._plan.run.called(leg.goal))
             if leg.priority > 0.0:
                 self._record.tasks.append(self._leg_name(leg))
                 self._record.total_priority += leg.priority
@@ -389,7 +376,12 @@ class _Executor:
                 self._hear_current(notice)
         if reported:
             self._tries["hazard"] = self._tries["no plan"] = 0  # what is in the way now is something else
-            self._check_legs(reported)
+            names = reported[0] if len(reported) == 1 else counted(len(reported), "obstacle")
+            for leg in self._plan.legs[self._count + 1 :]:
+                if self._plan.clearance(leg.positions, leg.times) < self._plan.margin:
+                    self._due, self._new = "hazard", None
+                    self._say("hazard", f"in the way of leg {self._leg_name(leg)}: {names}")
+                    return
 
     def _hear_current(self, notice: CurrentNotice) -> None:
         """Take in a current that was measured."""
@@ -406,20 +398,10 @@ class _Executor:
         if self._now - self._measured >= _PAUSE:
             self._due, self._new, self._measured = "current", None, self._now
 
-    def _check_legs(self, reported: list[str]) -> None:
-        """See whether reported obstacles are in the way of the legs after the present one."""
-        names = reported[0] if len(reported) == 1 else counted(len(reported), "obstacle")
-        for leg in self._plan.legs[self._count + 1 :]:
-            if self._plan.clearance(leg.positions, leg.times) < self._plan.margin:
-                self._due, self._new = "hazard", None
-                self._say("hazard", f"in the way of leg {self._leg_name(leg)}: {names}")
-                return
-
     def _overdue(self) -> str:
         """Say when the time available is over; return that the vehicle is overdue some time after."""
         available = self._record.t_available
-        if self._now > available and not self._over:
-            self._over = True
+        if self._now > available and not self._record.count("over"):
             self._say("over", f"the time available, {available:.0f} s, is over, and the vehicle is under way")
         if self._now <= available + self._limits.overdue:
             return ""
@@ -430,11 +412,10 @@ class _Executor:
         heard = report.heard <= self._limits.silence
         if heard and report.position is not None:
             if self._silent:
-                self._silent, self._progress.since, self._progress.astray = False, self._now, math.inf
+                self._progress.since, self._progress.astray = self._now, math.inf
                 self._say("heard", "the link is there again")
             return True
         if not self._silent:
-            self._silent = True
             what = f"nothing heard for {report.heard:.0f} s" if not heard else "its place is not known"
             self._say("lost", f"{what}: {self._goes_on if heard else self._left_alone}")
         return False
@@ -545,8 +526,9 @@ class _Executor:
         assert new.sent is not None
         self._new = replace(new, sent=None)
         more = min(before.ahead - new.known, len(new.sent.steps) - 1)
-        if self._phase is Phase.READY:
-            self._phase = after(self._phase, Act.START)  # it may have started, whatever comes back
+        if not self._started:  # it may have started, whatever comes back
+            self._phase = after(self._phase, Act.START)
+            self._record.route.append(self._plan.run.called(self._plan.run.start))
         self._link.start(more)
         self._phase = after(self._phase, Act.START)
         self._aside, begun = False, None if self._sight is None else self._sight[1]

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -23,7 +24,7 @@ from auvplan.export.imc import plan_identifier, plan_specification, stay_specifi
 from auvplan.export.markup import Element
 from auvplan.link.limits import ALLOWANCES, OVER_GROUND, Limits
 from auvplan.link.listening import ListeningLink
-from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
+from auvplan.link.vehicle import LinkError, Lost, Refused, State, Upload
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -190,17 +191,15 @@ class ImcVehicle(ListeningLink):
         except (OSError, ValueError) as error:
             raise LinkError(f"{address}: {error}") from None
         self._announced = -math.inf  # s, when that was last done
-        self._vehicle, self._at = _ANYONE, -math.inf
-        self._speed, self._mode, self._words = math.nan, None, ""
+        self._vehicle, self._mode = _ANYONE, None
         self._control: Any = None  # PlanControlState that came last
         self._request = 0
         self._upload: Upload | None = None  # newest that was handed over
         self._plan: Upload | None = None  # that is executed, from `_offset` steps on
-        self._offset, self._done, self._holds = 0, 0, False
+        self._offset, self._holds, self._aborted = 0, False, False
         self._started_plans: set[str] = set()  # plans of ours that the vehicle was given to execute
         self._since = math.inf  # s of the vehicle's clock, when it began to execute the last of them
-        self._ended, self._faulty, self._aborted = "", False, False
-        self._start_listening()
+        self._thread.start()
 
     def _say_hello(self) -> None:
         if time.monotonic() - self._announced >= _ANNOUNCE:
@@ -230,7 +229,7 @@ class ImcVehicle(ListeningLink):
             self._vehicle = message.src
         if message.src != self._vehicle or message.dst not in (self._wire.identifier, _ANYONE):
             return
-        self._at = time.monotonic()
+        self._heard_at = time.monotonic()
         if isinstance(message, imc.EstimatedState):
             longitude, latitude = math.degrees(message.lon), math.degrees(message.lat)
             north, east = self._site.to_local(longitude, latitude)
@@ -300,10 +299,9 @@ class ImcVehicle(ListeningLink):
         elif state.op_mode == modes.ERROR and self._ended in ("", _STOPPED):  # it stopped its plan itself
             self._ended, self._faulty = "it has a fault", True
 
-    def _check_goes_on(self) -> None:
-        """See that the mission was not ended from outside."""
-        if self._ended:
-            raise Refused(f"{self.name} has left the plan: {self._words or self._ended}")
+    @property
+    def _message(self) -> str:
+        return self._words or self._ended
 
     def connect(self) -> list[str]:
         """Wait for the vehicle's position, and for its plan control to be ready or busy."""
@@ -366,14 +364,11 @@ class ImcVehicle(ListeningLink):
             ours = isinstance(answer, kind) and (answer.request_id, answer.op) == (self._request, operation)
             return ours and answer.type in (kinds.SUCCESS, kinds.FAILURE)
 
-        for _ in range(self._limits.attempts):
-            self._send(request)
-            answer = self._answer(fits, self._check_goes_on, done)
-            if answer is not None and answer.type == kinds.FAILURE:
-                raise Refused(f"{self.name} refuses {what}: {answer.info}")
-            if answer is not None or done():
-                return answer
-        raise Lost(f"{self.name}: no answer to {what}")
+        sends = partial(self._send, request)
+        answer = self._asked(sends, fits, f"no answer to {what}", self._check_goes_on, done)
+        if answer is not None and answer.type == kinds.FAILURE:
+            raise Refused(f"{self.name} refuses {what}: {answer.info}")
+        return answer
 
     def _executes(self, identifier: str) -> bool:
         control = self._control
@@ -414,24 +409,17 @@ class ImcVehicle(ListeningLink):
     def surface(self) -> None:
         """Give the plan up: the vehicle stops and floats up."""
         executing = self._imc.PlanControlState.StateEnum.EXECUTING
-        for _ in range(self._limits.attempts):
-            self._send(self._imc.Abort())
-            begin = time.monotonic()
-            if self._until(
-                lambda begin=begin: (
-                    self._at > begin and self._control is not None and self._control.state != executing
-                ),
-                self._limits.reply,
-            ):
-                self._aborted = True
-                return
-        raise Lost(f"{self.name}: goes on after an abort")
 
-    def _report(self) -> Report:
-        return Report(
-            time.monotonic() - self._at, self._here, self._speed, self._state(), self._done,
-            self._words or self._ended,
-        )  # fmt: skip
+        def abort() -> None:
+            self._control = None  # what it says from then on counts
+            self._send(self._imc.Abort())
+
+        self._asked_until(
+            abort,
+            lambda: self._control is not None and self._control.state != executing,
+            "goes on after an abort",
+        )
+        self._aborted = True
 
     def _state(self) -> State:
         control, states = self._control, self._imc.PlanControlState.StateEnum

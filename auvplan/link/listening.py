@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.link.limits import Limits
-from auvplan.link.vehicle import Report, VehicleLink
+from auvplan.link.vehicle import Lost, Refused, Report, State, VehicleLink
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -25,7 +25,10 @@ _BEAT = 1.0
 
 
 class ListeningLink(VehicleLink):
-    """A vehicle that is listened to in a thread, from `_start_listening` until `close`."""
+    """A vehicle that is listened to in a thread, which the subclass starts, until `close`.
+
+    What ended the plan holds from then on, for however short a moment the vehicle says so.
+    """
 
     def __init__(self, site: Site, limits: Limits | None, scale: float, over_ground: bool) -> None:
         """Begin before mission time does.
@@ -39,14 +42,14 @@ class ListeningLink(VehicleLink):
         self._site, self._limits, self.rate = site, limits or Limits(), scale
         self._over_ground = over_ground
         self._begin = math.nan  # s, when mission time began
+        self._heard_at = -math.inf  # s, when anything was
         self._position: Array | None = None
         self._placed = -math.inf  # s, when that was heard
+        self._speed, self._words, self._done = math.nan, "", 0  # m/s, its own last words, steps
+        self._ended, self._faulty = "", False  # how the plan was ended, and whether by a fault
         self._answers: queue.Queue[Any] = queue.Queue()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
-
-    def _start_listening(self) -> None:
-        self._thread.start()
 
     @property
     def _here(self) -> Array | None:
@@ -77,7 +80,13 @@ class ListeningLink(VehicleLink):
         """Let `seconds` of mission time pass, and return the newest report."""
         if seconds > 0.0:
             time.sleep(seconds / self.rate)
-        return self._report()
+        age = time.monotonic() - self._heard_at
+        return Report(age, self._here, self._speed, self._state(), self._done, self._message)
+
+    def _check_goes_on(self) -> None:
+        """See that nobody has ended the plan, nor the vehicle itself."""
+        if self._ended:
+            raise Refused(f"{self.name} has left the plan: {self._message}: nothing is started again")
 
     def close(self) -> None:
         """Close the connection."""
@@ -129,6 +138,34 @@ class ListeningLink(VehicleLink):
                 return message
         return None
 
+    def _asked(
+        self,
+        ask: Callable[[], None],
+        fits: Callable[[Any], bool],
+        lost: str,
+        look: Callable[[], None] = lambda: None,
+        done: Callable[[], bool] = lambda: False,
+    ) -> Any:
+        """Ask until there is a fitting answer, which is returned, or until it is done; `look` may raise."""
+        for _ in range(self._limits.attempts):
+            ask()
+            if (answer := self._answer(fits, look, done)) is not None or done():
+                return answer
+        raise Lost(f"{self.name}: {lost}")
+
+    def _asked_until(self, ask: Callable[[], None], done: Callable[[], bool], lost: str) -> None:
+        """Ask until the vehicle is seen to have done it."""
+        for _ in range(self._limits.attempts):
+            ask()
+            if self._until(done, self._limits.reply):
+                return
+        raise Lost(f"{self.name}: {lost}")
+
+    @property
+    def _message(self) -> str:
+        """What is said of its state, in words."""
+        return self._ended or self._words
+
     @abstractmethod
     def _say_hello(self) -> None:
         """Send a heartbeat."""
@@ -138,8 +175,8 @@ class ListeningLink(VehicleLink):
         """Wait for a tenth of a second for a message, and take it in."""
 
     @abstractmethod
-    def _report(self) -> Report:
-        """Return the newest that is known."""
+    def _state(self) -> State:
+        """Return what it does by what is known."""
 
     @abstractmethod
     def _disconnect(self) -> None:

@@ -21,7 +21,7 @@ from auvplan.export.qgroundcontrol import item_speeds, qgc_plan
 from auvplan.link import ardusub
 from auvplan.link.limits import ALLOWANCES, OVER_GROUND, Limits
 from auvplan.link.listening import ListeningLink
-from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
+from auvplan.link.vehicle import LinkError, Lost, Refused, State, Upload
 from auvplan.site import Site
 
 _log = logging.getLogger(__name__)
@@ -166,7 +166,6 @@ def fence_items(upload: Upload) -> list[Item]:
 class _Heard:
     """What the vehicle has said."""
 
-    at: float = -math.inf
     order: int = 0  # number of the newest message
     beat: float = -math.inf  # when the newest heartbeat came
     again: float = -math.inf  # when it was heard again after it was not for some time
@@ -175,12 +174,8 @@ class _Heard:
     mode: int = 0
     armed: bool = False
     fault: bool = False
-    gave_up: str = ""  # how the mission was ended by somebody else, or by the vehicle itself
-    failed: bool = False  # whether that was a failsafe
-    speed: float = math.nan
     current: int = -1
     progress: State = State.UNKNOWN
-    words: str = ""
     alarm: str = ""  # its last words of warning
 
     @property
@@ -236,11 +231,11 @@ class MavlinkVehicle(ListeningLink):
         self._fence: list[Item] = []
         self._lines: _Lines = [], []
         self._fresh: _Lines | None = None  # those of an upload that is not started
-        self._done, self._settled = 0, -math.inf
+        self._settled = -math.inf
         self._ours = frozenset[int]()  # modes that the vehicle may be in because it was asked to be
         self._link_loss, self._failsafes = link_loss, dict[str, float]()
         self._expected: tuple[str, ...] = ()
-        self._start_listening()
+        self._thread.start()
 
     def _say_hello(self) -> None:
         # A ground station: MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE.
@@ -275,10 +270,10 @@ class MavlinkVehicle(ListeningLink):
         if source != self._target:
             return
         # Messages overtake each other: an old heartbeat must not say that the vehicle left its mode.
-        late = now - heard.at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
-        if now - heard.at > _GAP:
+        late = now - self._heard_at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
+        if now - self._heard_at > _GAP:
             heard.again = now
-        heard.at = now
+        self._heard_at = now
         if not late:
             heard.order = message.get_seq()
             if vehicle:
@@ -288,7 +283,7 @@ class MavlinkVehicle(ListeningLink):
                 return  # which is said before the place is known
             north, east = self._site.to_local(message.lon * 1e-7, message.lat * 1e-7)
             self._put(float(north), float(east), -message.relative_alt * 1e-3)
-            heard.speed = 0.01 * math.hypot(message.vx, message.vy, message.vz)
+            self._speed = 0.01 * math.hypot(message.vx, message.vy, message.vz)
         elif kind == "MISSION_CURRENT":
             heard.current = message.seq
             heard.progress = _STATES.get(getattr(message, "mission_state", 0), State.UNKNOWN)
@@ -298,7 +293,7 @@ class MavlinkVehicle(ListeningLink):
         elif kind == "MISSION_ITEM_REACHED":
             self._advance(message.seq)
         elif kind == "STATUSTEXT":
-            heard.words = message.text
+            self._words = message.text
             if message.severity <= _WARNING:
                 heard.alarm = message.text
         elif kind in self._expected:
@@ -315,19 +310,14 @@ class MavlinkVehicle(ListeningLink):
         was_armed, heard.armed = heard.armed, bool(message.base_mode & 128)
         heard.autopilot, heard.kind, heard.mode = message.autopilot, message.type, message.custom_mode
         heard.fault = message.system_status in _FAULTS
-        if not self._ours or heard.gave_up or self._done >= len(self._lines[0]):
+        if not self._ours or self._ended or self._done >= len(self._lines[0]):
             return
         if heard.fault:
-            heard.gave_up, heard.failed = f"it reports a failsafe{heard.warned}", True
+            self._ended, self._faulty = f"it reports a failsafe{heard.warned}", True
         elif was_armed and not heard.armed:
-            heard.gave_up = f"it was disarmed{heard.warned}"
+            self._ended = f"it was disarmed{heard.warned}"
         elif self._ardupilot and heard.mode not in self._ours:
-            heard.gave_up = f"it was set to mode {ardusub.mode_name(heard.mode)}{heard.warned}"
-
-    def _check_ours(self) -> None:
-        """See that nobody has ended the mission, nor the vehicle itself."""
-        if self._heard.gave_up:
-            raise Refused(f"{self.name}: {self._heard.gave_up}: nothing is started again")
+            self._ended = f"it was set to mode {ardusub.mode_name(heard.mode)}{heard.warned}"
 
     def _advance(self, item: int) -> None:
         """Take note that an item is completed; what is said just after an upload may be of the one before.
@@ -336,7 +326,7 @@ class MavlinkVehicle(ListeningLink):
         counts once a heartbeat has said that the vehicle is still ours.
         """
         heard = self._heard
-        ours = not heard.gave_up and heard.beat >= heard.again
+        ours = not self._ended and heard.beat >= heard.again
         if ours and self._fresh is None and time.monotonic() >= self._settled:
             self._done = max(self._done, bisect_right(self._lines[0], item))
 
@@ -387,10 +377,12 @@ class MavlinkVehicle(ListeningLink):
             else:
                 mav.param_set_send(*self._target, name.encode(), value, 9)
 
-        found = self._asked_for(ask, lambda m: m.param_id == name and value in (None, m.param_value))
-        if found is not None:
-            self._failsafes[name] = float(found.param_value)
-        return found is not None
+        try:
+            found = self._tell(ask, lambda m: m.param_id == name and value in (None, m.param_value))
+        except Lost:
+            return False
+        self._failsafes[name] = float(found.param_value)
+        return True
 
     @property
     def _ardupilot(self) -> bool:
@@ -403,7 +395,7 @@ class MavlinkVehicle(ListeningLink):
     def upload(self, plan: Upload) -> list[str]:
         """Hand over items and fence, and read both back."""
         notes = []
-        self._check_ours()
+        self._check_goes_on()
         if not self._over_ground:
             plan = replace(plan, itinerary=replace(plan.itinerary, over_ground=False))
         items, fence = mission_items(plan, self._ardupilot), fence_items(plan)
@@ -427,13 +419,14 @@ class MavlinkVehicle(ListeningLink):
         problem = Lost(f"{self.name}: does not say what it holds of the {what}")
         try:
             for _ in range(self._limits.uploads):
+                broken = None
                 try:
                     self._offer(items, kind, what, fresh)
-                    broken = None
                 except Lost as error:
                     broken = error  # the answer may have been lost alone
-                held = self._download(kind)
-                if held is None:
+                try:
+                    held = self._download(kind)
+                except Lost:
                     problem = broken or problem
                     continue
                 skip = 1 if kind == MISSION and self._ardupilot else 0  # the vehicle's home is its own
@@ -487,16 +480,14 @@ class MavlinkVehicle(ListeningLink):
         asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"
         raise Lost(f"{self.name}: the {what} broke off: {asked}")
 
-    def _download(self, kind: int) -> list[Item] | None:
-        """Return the items that the vehicle holds; None where it does not say."""
+    def _download(self, kind: int) -> list[Item]:
+        """Return the items that the vehicle holds."""
         self._expect(_READ)
 
         def count(message: Any) -> bool:
             return message.get_type() == "MISSION_COUNT" and getattr(message, "mission_type", 0) == kind
 
-        found = self._asked_for(lambda mav: mav.mission_request_list_send(*self._target, kind), count)
-        if found is None:
-            return None
+        found = self._tell(lambda mav: mav.mission_request_list_send(*self._target, kind), count)
         items: list[Item] = []
         begun = 1
         while len(items) < found.count:
@@ -506,11 +497,11 @@ class MavlinkVehicle(ListeningLink):
                 is_item = message.get_type() == "MISSION_ITEM_INT" and message.seq == number
                 return count(message) or (is_item and getattr(message, "mission_type", 0) == kind)
 
-            item = self._asked_for(
+            item = self._tell(
                 lambda mav, number=number: mav.mission_request_int_send(*self._target, number, kind), wanted
             )
-            if item is None or begun > self._limits.attempts:
-                return None
+            if begun > self._limits.attempts:
+                raise Lost(f"{self.name}: begins again and again to say what it holds")
             if count(item):  # a doubled request made the vehicle begin again
                 items, begun = [], begun + 1
                 continue
@@ -519,13 +510,9 @@ class MavlinkVehicle(ListeningLink):
         self._send(lambda mav: mav.mission_ack_send(*self._target, 0, kind))
         return items
 
-    def _asked_for(self, ask: Callable[[Any], None], fits: Callable[[Any], bool]) -> Any:
-        """Ask until a fitting answer comes; None where none does."""
-        for _ in range(self._limits.attempts):
-            self._send(ask)
-            if (message := self._answer(fits)) is not None:
-                return message
-        return None
+    def _tell(self, ask: Callable[[Any], None], fits: Callable[[Any], bool]) -> Any:
+        """Send a request until it is answered."""
+        return self._asked(lambda: self._send(ask), fits, "does not answer")
 
     def _expect(self, kinds: tuple[str, ...]) -> None:
         """Keep messages of these kinds from now on, and forget what was kept before."""
@@ -537,14 +524,14 @@ class MavlinkVehicle(ListeningLink):
         """Give a command until it is acknowledged, or until the vehicle is seen to have done it."""
         values = [*params, *[0.0] * (7 - len(params))]
         self._expect(_COMMANDED)
-        self._heard.words, said = "", "no answer to"
+        self._words, said = "", "no answer to"
         for attempt in range(self._limits.attempts):
             self._send(lambda mav, n=attempt: mav.command_long_send(*self._target, command, n, *values))
             answer = self._answer(lambda m: m.get_type() == "COMMAND_ACK" and m.command == command)
             if (answer is not None and answer.result in (0, 5)) or done():
                 return
             if answer is not None:
-                words = f" ({self._heard.words})" if self._heard.words else ""
+                words = f" ({self._words})" if self._words else ""
                 if answer.result != 1:
                     result = _name(_RESULTS, answer.result)
                     raise Refused(f"{self.name} refuses command {command}: {result}{words}")
@@ -626,7 +613,7 @@ class MavlinkVehicle(ListeningLink):
 
     def start(self, step: int = 0) -> None:
         """Arm, and execute from a step on, unless somebody has ended the mission."""
-        self._check_ours()
+        self._check_goes_on()
         lines = self._fresh or self._lines
         if self._ardupilot:
             self._start_ardusub(*lines, step)
@@ -659,19 +646,21 @@ class MavlinkVehicle(ListeningLink):
     def _set_current(self, item: int) -> None:
         """Set the item that is executed next."""
         heard, passes = self._heard, not (self._ardupilot and item)
-        for _ in range(self._limits.attempts):
+
+        def ask() -> None:
             heard.current = -1
             self._send(lambda mav: mav.mission_set_current_send(*self._target, item))
-            # A vehicle that is held cannot have come further, and says what it was set to.
-            if self._until(
-                lambda: heard.current == item or (heard.current > item and passes), self._limits.reply
-            ):
-                return
-        raise Lost(f"{self.name}: no answer to item {item} as the next")
+
+        # A vehicle that is held cannot have come further, and says what it was set to.
+        self._asked_until(
+            ask,
+            lambda: heard.current == item or (heard.current > item and passes),
+            f"no answer to item {item} as the next",
+        )
 
     def hold(self) -> None:
         """Stay where it is, unless somebody has ended the mission."""
-        self._check_ours()
+        self._check_goes_on()
         if self._ardupilot:
             self._set_ardusub(ardusub.POSHOLD)
         elif self._heard.autopilot == _PX4:
@@ -687,16 +676,10 @@ class MavlinkVehicle(ListeningLink):
         else:
             self._command(_LAND)
 
-    def _report(self) -> Report:
-        heard, age = self._heard, time.monotonic() - self._heard.at
-        return Report(age, self._here, heard.speed, self._state(), self._done, heard.gave_up or heard.words)
-
     def _state(self) -> State:
         heard = self._heard
-        if heard.fault or heard.failed:
-            return State.FAULT
-        if heard.gave_up:
-            return State.STOPPED
+        if heard.fault or self._ended:
+            return State.FAULT if heard.fault or self._faulty else State.STOPPED
         if self._ardupilot and not heard.armed and heard.progress is not State.FINISHED:
             return State.IDLE
         if heard.progress is State.UNKNOWN and self._ardupilot:

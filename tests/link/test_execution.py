@@ -17,7 +17,7 @@ from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
-from tests.executive.small import scenario
+from tests.executive.small import SMALL, scenario
 from tests.link.scripted import Fails, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -25,13 +25,17 @@ pytestmark = pytest.mark.usefixtures("light_search")
 #: m/s, of the vehicle, which no current here more than doubles.
 SPEED = 2.5
 
-SITE = {"longitude": 148.96, "latitude": -20.34}
+#: Three legs.
+SETTINGS = scenario(
+    site={"longitude": 148.96, "latitude": -20.34},
+    mission=SMALL["mission"] | {"waypoints": 5, "time_available": 3000},
+)
 
 
 @cache
 def planned() -> RollingPlan:
     """A mission that is planned, for all tests."""
-    plan = RollingPlan(scenario(site=SITE), 1)
+    plan = RollingPlan(SETTINGS, 1)
     assert plan.plan()
     return plan
 
@@ -107,7 +111,7 @@ SLOW = [
     ({"speed": 3.2}, {}, {"replan": None}, "destination"),
     ({"silent": (300.0, 900.0)}, {}, {"lost": 1, "heard": 1}, "in time"),
     (
-        {"silent": (300.0, np.inf)},
+        {"silent": FOREVER},
         {"overdue": 100.0},
         {},
         "the link is lost and the vehicle is overdue; told to",
@@ -117,9 +121,9 @@ SLOW = [
     (DRIFT, {}, {"drift": None}, ""),
     ({"gives_up": 500.0}, {}, {}, "surfacing"),
     ({"speed": 2.1, "fails": Fails("upload", DENIED, 0.0, 1)}, {}, {"failed": None}, "destination"),
-    ({"rises": 0.1}, {}, {}, "in time; at the surface"),
+    ({"rises": 0.2}, {}, {}, "in time; at the surface"),
     ({"rises": 0.0}, {}, {}, "the vehicle was not seen to surface yet"),
-    ({"skip": 300.0}, {}, {"drift": None}, "in time"),
+    ({"skip": 200.0}, {}, {"drift": None}, "in time"),
 ]
 
 
@@ -134,7 +138,8 @@ def test_what_becomes_of_a_mission(script, limits, counts, words):
         assert record.count(kind) == times if times is not None else record.count(kind) > 0, kind
     assert words in f"{record.reason}; {record.safe}"
     assert record.success == (record.reason == "destination reached in time")
-    assert len(record.tasks) == len(vehicle.tasks) == record.summary()["tasks"]
+    assert len(record.tasks) == record.summary()["tasks"]
+    assert len(record.tasks) == len(vehicle.tasks) or vehicle.silent == FOREVER
     assert len(record.uploads) == record.count("upload")
     assert all(upload["time"] < vehicle.stopped for upload in record.uploads)
     assert record.count("leg") == max(len(record.route) - 1, 0)
@@ -168,7 +173,7 @@ def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current
     current = {"vortices": 0, "uniform": [0.5, -0.4, 0.0]}
     off = {}
     for told in (True, False):
-        plan = RollingPlan(scenario(site=SITE, current=current), 1)
+        plan = RollingPlan(SETTINGS.with_({"current": current}), 1)
         start = np.asarray(plan.run.graph.positions[plan.run.start], float)
         vehicle = ScriptedVehicle(start, told=told)
         record = executed(plan, vehicle, limits=Limits(late=2000.0))
@@ -194,8 +199,8 @@ def test_reported_obstacles_compile_nothing_under_way():
 
 @pytest.mark.slow
 def test_the_simulator_executes_what_is_uploaded():
-    plan = RollingPlan(scenario(site=SITE), 1)
-    record = execute(plan, SimulatedVehicle(scenario(site=SITE), 1))
+    plan = RollingPlan(SETTINGS, 1)
+    record = execute(plan, SimulatedVehicle(SETTINGS, 1))
     assert record.success
     assert record.count("leg") == len(record.planned)
     times, *places = np.asarray(record.track).T
@@ -379,9 +384,7 @@ def test_a_leg_that_ends_before_the_vehicle_holds_is_not_done_again(mute, furthe
 
 
 def test_a_mission_without_a_plan_is_not_begun():
-    plan = RollingPlan(
-        scenario(site=SITE, mission={"waypoints": 8, "neighbours": 4, "time_available": 60}), 1
-    )
+    plan = RollingPlan(SETTINGS.with_({"mission.time_available": 60}), 1)
     vehicle = ScriptedVehicle(np.zeros(3))
     record = executed(plan, vehicle)
     assert record.reason.startswith("no plan")
