@@ -28,7 +28,8 @@ def planning(**settings) -> Scenario:
 
 def light_config(settings: Scenario, ahead: bool = False) -> PathConfig:
     """Settings of a small path search: what is tested with it does not depend on the search's depth."""
-    config = path_config(settings)
+    plain = settings.planning.model_copy(update={"effort": "plain"})
+    config = path_config(settings.model_copy(update={"planning": plain}))
     bbo = config.bbo.replace(population=24, iterations=9)
     cells = {"field_cells": 28, "dense_cells": 56}
     return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6, **cells)

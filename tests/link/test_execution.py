@@ -247,7 +247,7 @@ def test_one_obstacle_after_another_is_gone_around():
         levels = depth - 15.0, depth + 15.0
         return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0, *levels))
 
-    times = 10.0 + 20.0 * np.arange(tries + 2)
+    times = 10.0 + 20.0 * np.arange(2 * tries)
     record = executed(plan, vehicle, notices=Tell(vehicle, *((time, ahead) for time in times)))
     before = [event.kind for event in record.events]
     assert before[: before.index("leg")].count("hazard") > tries
