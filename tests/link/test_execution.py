@@ -14,7 +14,6 @@ from auvplan.link import Limits, Lost, Refused, State, Upload, execute
 from auvplan.link.limits import Allowance
 from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
-from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
 from tests.executive.small import SMALL, scenario
@@ -198,17 +197,6 @@ def test_reported_obstacles_compile_nothing_under_way():
 
 
 @pytest.mark.slow
-def test_the_simulator_executes_what_is_uploaded():
-    plan = RollingPlan(SETTINGS, 1)
-    record = execute(plan, SimulatedVehicle(SETTINGS, 1))
-    assert record.success
-    assert record.count("leg") == len(record.planned)
-    times, *places = np.asarray(record.track).T
-    speeds = np.linalg.norm(np.diff(places, axis=1), axis=0) / np.maximum(np.diff(times), 1e-3)
-    assert np.percentile(speeds, 99) < 5.0, "it does not jump"
-
-
-@pytest.mark.slow
 def test_an_obstacle_between_two_samples_of_a_leg_is_in_its_way():
     plan, _ = made()
     assert plan.plan()
@@ -247,10 +235,11 @@ def test_one_obstacle_after_another_is_gone_around():
         levels = depth - 15.0, depth + 15.0
         return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0, *levels))
 
-    times = 10.0 + 20.0 * np.arange(2 * tries)
+    times = 520.0 + 20.0 * np.arange(tries + 2)
     record = executed(plan, vehicle, notices=Tell(vehicle, *((time, ahead) for time in times)))
-    before = [event.kind for event in record.events]
-    assert before[: before.index("leg")].count("hazard") > tries
+    kinds = [event.kind for event in record.events]
+    first = kinds.index("leg") + 1
+    assert kinds[first : kinds.index("leg", first)].count("hazard") > tries
     assert record.success
 
 
@@ -324,15 +313,6 @@ def test_an_obstacle_that_is_gone_is_in_the_record():
         "obstacle buoy is gone",
         "obstacle buoy is reported gone, but was never reported",
     ]
-
-
-@pytest.mark.slow
-def test_a_told_current_changes_what_is_planned():
-    plan, vehicle = made()
-    record = executed(plan, vehicle, notices=Tell(vehicle, (100.0, CurrentNotice(np.array([0.4, 0.0, 0.0])))))
-    assert record.count("reported") == 1
-    assert any(upload["cause"] == "current" for upload in record.uploads)
-    assert record.success
 
 
 class Slow(ScriptedVehicle):
@@ -463,6 +443,7 @@ def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
     told.insert(0, (5.0, CurrentNotice(np.full(3, np.nan))))
     record = executed(plan, vehicle, notices=Tell(vehicle, *told))
     assert record.count("note") == 1
+    assert "current" in [upload["cause"] for upload in record.uploads]
     assert len(record.uploads) < 12
     assert record.success
 
