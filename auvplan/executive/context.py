@@ -1,6 +1,7 @@
 """Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from auvplan.energy.power import WATT_HOUR, PowerModel
 from auvplan.errors import ScenarioError
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
 from auvplan.mission.survey import LinePart
 from auvplan.mission.travel_times import ONE_PLACE
@@ -27,6 +27,7 @@ from auvplan.path import PathConfig, PathPlan
 from auvplan.path.saw_tooth import SawTooth
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
+from auvplan.runtime.compiled import compilations, compile_seconds
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder
 from auvplan.scenario.scenario import Scenario
@@ -39,11 +40,53 @@ from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
 
+#: s without compilation from which on a planning call is not made again to be timed.
+_LONG = 2.0
+
 #: Speeds that are tried between the least and the greatest of a vehicle.
 _SPEEDS = 9
 
-#: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
+#: Seconds ahead within which a collision, believed or known of, makes the vehicle re-plan at once.
 HORIZON = 180.0
+
+
+class Clock:
+    """Times planning calls without compilation: a short call that compiled is made again, and that is timed.
+
+    Attributes:
+        compile_seconds: s of all calls that compiled something; of long ones what compilation took.
+    """
+
+    def __init__(self) -> None:
+        self.compile_seconds = 0.0
+
+    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
+        """Return the call's result and its wall-clock seconds, free of compilation."""
+        before, waited = compilations(), compile_seconds()
+        result, seconds = _timed(call)
+        if compilations() == before:
+            return result, seconds
+        compiling = min(compile_seconds() - waited, seconds)
+        if seconds - compiling > _LONG:
+            self.compile_seconds += compiling
+            return result, seconds - compiling
+        self.compile_seconds += seconds
+        return _timed(call)
+
+
+def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    begin = time.perf_counter()
+    result = call()
+    jax.block_until_ready(result)
+    return result, time.perf_counter() - begin
+
+
+class Untimed(Clock):
+    """Times nothing and makes no call twice: plans are the same to the last bit."""
+
+    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
+        """Return the call's result and no time at all."""
+        return call(), 0.0
 
 
 class Followed(NamedTuple):
@@ -166,19 +209,25 @@ class MissionContext:
         return float(self.vehicle.speed)  # type: ignore[arg-type]
 
 
+class ByDeparture(NamedTuple):
+    """Travel times [M, N, N] s of all edges by departures, [M] s since the epoch."""
+
+    departures: Array
+    travel_time: Array
+
+
 class AtSpeed(NamedTuple):
     """Travel times of edges at another speed than the vehicle's.
 
     Attributes:
         lasts: [N, N] s, or [M, N, N] by departure, as estimated last.
         beside: those at the vehicle's speed then.
-        departures, travel_time: as in `Mission`.
+        by_departure: as in `Mission`.
     """
 
     lasts: Array
     beside: Array
-    departures: Array | None
-    travel_time: Array | None
+    by_departure: ByDeparture | None
 
 
 class Stretch(NamedTuple):
@@ -301,8 +350,7 @@ class Mission:
         chosen: [N, N] places of the speeds of edges among the context's, or None.
         slow_and_fast: what is known of edges at the least and the greatest of these, by the speed.
         energy_slack: J that the route left beyond the reserve, when it was made.
-        departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where currents are
-            forecast to change; None before they are timed.
+        by_departure: times of all edges where currents are forecast to change; None before they are timed.
         sketches: paths [K, S, 3] m by which edges are timed, by the ends of each, [6] m as bytes.
         refusals: of legs in a row.
         obstruction: the last leg that was refused and why, or empty.
@@ -335,8 +383,7 @@ class Mission:
     chosen: NDArray[np.integer] | None = None
     slow_and_fast: dict[float, AtSpeed] = field(default_factory=dict)
     energy_slack: float = 0.0
-    departures: Array | None = None
-    travel_time: Array | None = None
+    by_departure: ByDeparture | None = None
     sketches: dict[bytes, Array] = field(default_factory=dict)
     refusals: int = 0
     obstruction: str = ""

@@ -1,14 +1,17 @@
 """Plans and executes the legs of B missions, re-planning paths on the way (section 3.2.2)."""
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
+from threading import Thread
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.context import Leg, Mission, Stretch
+from auvplan.executive.context import Clock, Leg, Mission, MissionContext, Stretch
 from auvplan.executive.decide import Act, Facts, Phase, decide
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
@@ -16,11 +19,18 @@ from auvplan.executive.replans import Review, detours, hazard, holds, replan, re
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
+from auvplan.runtime import cache, cores
+from auvplan.runtime.compiled import compiling_ahead
 from auvplan.simulation.faults import HeldUp, Obstacle, PlannerOut, SensorOut, absent, appear
 from auvplan.simulation.simulator import TIME_STEP, Course, Transit, over_ground, simulate
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
 
 Array = NDArray[np.floating]
+
+log = logging.getLogger(__name__)
+
+#: Scenarios, JSON, whose legs were begun to compile what they need.
+_warmed_up: set[str] = set()
 
 #: Within this distance of its goal, m, a vehicle goes on without re-planning.
 CLOSE = 40.0
@@ -253,3 +263,38 @@ def _give_way(mission: Mission) -> None:
     leg.moving = leg.escaping = track is not None
     if track is not None:
         leg.track, leg.arc = track, 0.0
+
+
+def warm_up(context: MissionContext, start_mission: Callable[[MissionContext], Mission]) -> None:
+    """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
+
+    Args:
+        context: what it shares with the missions to come. A scenario is begun so once, in one process.
+        start_mission: makes the mission, given what it shares with others.
+    """
+    if cores.count() == 1 or not cache.enabled():
+        return
+    scenario = context.scenario.fingerprint
+    if scenario in _warmed_up:
+        return
+    _warmed_up.add(scenario)
+    mark = cache.key_of(__name__, scenario, repr(context.simulated))
+    if cache.holds(__name__, mark):  # what this would compile is on disk
+        return
+    cache.store(__name__, mark, True)
+    own = replace(context, clock=Clock())
+    Thread(target=begin_a_leg, args=(partial(start_mission, own),), daemon=True).start()
+
+
+def begin_a_leg(start_mission: Callable[[], Mission]) -> None:
+    """Plan and simulate the beginning of a leg with zeros for results, which compiles what it needs."""
+    try:
+        mission = start_mission()
+        start = mission.here
+        goal = int(mission.graph.adjacency[start].argmax())
+        with compiling_ahead():
+            begin_legs([mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
+            plan_legs([mission], "window")
+            advance([mission])
+    except Exception as error:  # what is wrong shows where it matters
+        log.info("programs are not compiled side by side: %s", error)

@@ -15,11 +15,18 @@ import numpy as np
 
 from auvplan.executive.context import Mission, MissionContext, make_context
 from auvplan.executive.decide import Act, Facts, decide
-from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, plan_first_paths, unfit
+from auvplan.executive.legs import (
+    advance,
+    begin_legs,
+    finish,
+    go_as_planned,
+    plan_first_paths,
+    unfit,
+    warm_up,
+)
 from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.speeds import energy_due, hurries, hurry_home, lacking
-from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
 from auvplan.records import LegRecord, MissionRun

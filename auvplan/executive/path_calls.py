@@ -140,32 +140,25 @@ def sketched(mission: Mission, starts: Array, goals: Array, departs: Array) -> l
     return [mission.sketches[key] for key in keys]
 
 
-def _call(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> Sequence[PathPlan]:
-    """Return a plan each: along its survey line, or the planner's."""
-    lines = [mission.active_leg.record.line for mission in missions]
-    if not any(lines):
-        return _searched(missions, env, keys, cold)
-    found = {
-        row: follow(mission, line, mission.active_leg.position, rows_of(env, [row]), keys[row])
-        for row, (mission, line) in enumerate(zip(missions, lines, strict=True))
-        if line is not None
-    }
-    if free := [row for row, line in enumerate(lines) if line is None]:
-        chosen = [missions[row] for row in free], rows_of(env, free), keys[np.asarray(free)]
-        found |= dict(zip(free, _searched(*chosen, cold), strict=True))
+def _call(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> list[PathPlan]:
+    """Return a plan each: along its survey line, or the planner's, which is called for each speed."""
+    found, free = dict[int, PathPlan](), dict[float, list[int]]()
+    for row, mission in enumerate(missions):
+        if (line := mission.active_leg.record.line) is None:
+            free.setdefault(mission.speed, []).append(row)
+        else:
+            found[row] = follow(mission, line, mission.active_leg.position, rows_of(env, [row]), keys[row])
+    for rows in free.values():
+        world, own = env, keys
+        if len(rows) < len(missions):
+            world, own = rows_of(env, rows), keys[np.asarray(rows)]
+        found |= dict(zip(rows, _searched([missions[row] for row in rows], world, own, cold), strict=True))
     return [found[row] for row in range(len(missions))]
 
 
 def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> list[PathPlan]:
-    """Return the planning call of legs that are free to go any way, one for each speed."""
-    context, speeds = missions[0].context, [mission.speed for mission in missions]
-    if len(set(speeds)) > 1:
-        found = dict[int, PathPlan]()
-        for speed in dict.fromkeys(speeds):
-            rows = [row for row, own in enumerate(speeds) if own == speed]
-            chosen = [missions[row] for row in rows], rows_of(env, rows), keys[np.asarray(rows)]
-            found |= dict(zip(rows, _searched(*chosen, cold), strict=True))
-        return [found[row] for row in range(len(missions))]
+    """Return the planning call of legs that are free to go any way, all at one speed."""
+    context = missions[0].context
     vehicle = missions[0].vehicle
     legs = [mission.active_leg for mission in missions]
     now = np.asarray([mission.now for mission in missions])

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
-from auvplan.executive.clock import Untimed
-from auvplan.executive.context import Mission, MissionContext, make_context
+from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
 from auvplan.executive.loop import seed_keys, start_mission, step
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
@@ -26,9 +25,6 @@ from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
-
-#: Currents whose times count from an epoch.
-_DATED = GriddedCurrent, HarmonicCurrent
 
 #: Called with (time s, what is planned) as a plan grows.
 Progress = Callable[[float, str], None]
@@ -162,10 +158,15 @@ def _from_departure(run: MissionRun, depart: float) -> MissionRun:
         return run
     shifted: dict[int, Any] = {}
 
+    def since(part: Any) -> Any:
+        if isinstance(part, HarmonicCurrent):
+            return part.after(depart)
+        return replace(part, times=part.times - depart) if isinstance(part, GriddedCurrent) else part
+
     def later(current: Any) -> Any:
         if id(current) not in shifted:
             shifted[id(current)] = jax.tree.map(
-                lambda part: _shifted(part, depart), current, is_leaf=lambda part: isinstance(part, _DATED)
+                since, current, is_leaf=lambda part: isinstance(part, GriddedCurrent | HarmonicCurrent)
             )
         return shifted[id(current)]
 
@@ -191,13 +192,6 @@ def _from_departure(run: MissionRun, depart: float) -> MissionRun:
     run.closures = tuple(closure.after(depart) for closure in run.closures)
     run.obstacles, run.departed = tuple(obstacle.after(depart) for obstacle in run.obstacles), depart
     return run
-
-
-def _shifted(part: Any, depart: float) -> Any:
-    """Return a current by times that count from a departure, s; others as they are."""
-    if isinstance(part, HarmonicCurrent):
-        return part.after(depart)
-    return replace(part, times=part.times - depart) if isinstance(part, GriddedCurrent) else part
 
 
 def moment_name(site: Site | None, seconds: float) -> str:

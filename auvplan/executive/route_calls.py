@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from auvplan.executive.context import AtSpeed, Mission
+from auvplan.executive.context import AtSpeed, ByDeparture, Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
 from auvplan.executive.speeds import drawn, offer_speeds, travel_times, way_home, with_still_water
@@ -53,16 +53,17 @@ def _time(mission: Mission) -> None:
     context, planning = mission.context, mission.context.rules
     mission.timed, seconds = mission.graph, 0.0
     if context.by_clock:
-        if mission.travel_time is None or context.area.forecast is None:
-            seconds = _time_departures(mission)
-        assert mission.departures is not None
-        assert mission.travel_time is not None
-        mission.timed = _with_times(mission, mission.graph, mission.departures, mission.travel_time)
+        if mission.by_departure is None or context.area.forecast is None:
+            mission.by_departure, seconds = _time_departures(mission)
+        mission.timed = _with_times(mission, mission.graph, *mission.by_departure)
     elif planning.travel_times == "learnt":
         mission.timed = _as_learnt(mission)
     elif planning.travel_times == "sea":
         mission.sea.advance(mission.now)
-        timed, seconds = _timed(mission)
+        now = context.environment(mission.sea.forecast()), context.vehicle, mission.now
+        timed, seconds = context.clock.time(
+            lambda: mission.graph.with_travel_times(*now, effort(context.path_config), **_ways(mission))
+        )
         mission.timed = _along_lines(mission, timed)
         if timed.timetable is not None:
             closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
@@ -71,8 +72,11 @@ def _time(mission: Mission) -> None:
     mission.run.estimate_seconds += seconds
     if seconds and planning.charge_compute:
         mission.charge(seconds)
-    if mission.pace != 1.0:
-        mission.timed = _slower(mission.timed, mission.pace)
+    if mission.pace != 1.0 and (timetable := mission.timed.timetable) is not None:
+        timetable = replace(timetable, travel_time=timetable.travel_time / mission.pace)
+        mission.timed = replace(mission.timed, timetable=timetable)
+    elif mission.pace != 1.0 and mission.timed.travel_time is not None:
+        mission.timed = replace(mission.timed, travel_time=mission.timed.travel_time / mission.pace)
     if context.speeds is None:
         for (i, j), seconds in mission.learnt.items():
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
@@ -89,12 +93,10 @@ def _at_speeds(mission: Mission) -> dict[float, Array]:
     for speed in {context.speeds.item(0), context.speeds.item(-1)} - set(known):
         kept = mission.slow_and_fast.get(speed)
         if kept is None or mission.cause:
-            forecast = (None, None) if kept is None else (kept.departures, kept.travel_time)
             there = replace(context, vehicle=replace(context.vehicle, speed=speed))
-            other = mission.fork(context=there, departures=forecast[0], travel_time=forecast[1])
+            other = mission.fork(context=there, by_departure=None if kept is None else kept.by_departure)
             _time(other)
-            estimate = travel_times(other.timed, speed)
-            kept = AtSpeed(estimate, own, other.departures, other.travel_time)
+            kept = AtSpeed(travel_times(other.timed, speed), own, other.by_departure)
             mission.slow_and_fast[speed] = kept
         alike = np.isfinite(own) & np.isfinite(kept.beside)
         changed = np.where(alike, own, 1.0) / np.where(alike, kept.beside, 1.0)
@@ -112,14 +114,6 @@ def _as_learnt(mission: Mission) -> MissionGraph:
     return replace(graph, travel_time=np.where(np.isfinite(straight), share * straight, np.nan))
 
 
-def _slower(graph: MissionGraph, pace: float) -> MissionGraph:
-    """Return a graph with the travel times of a vehicle that makes a share of its speed."""
-    if graph.timetable is not None:
-        timetable = replace(graph.timetable, travel_time=graph.timetable.travel_time / pace)
-        return replace(graph, timetable=timetable)
-    return graph if graph.travel_time is None else replace(graph, travel_time=graph.travel_time / pace)
-
-
 def _with_times(mission: Mission, graph: MissionGraph, departures: Array, travel_time: Array) -> MissionGraph:
     """Return a graph with times by departure, s since the epoch, and the windows that its tasks have."""
     windows = graph.timetable
@@ -134,8 +128,8 @@ def _detour(mission: Mission) -> float:
     return mission.context.rules.detour * mission.context.surprises
 
 
-def _time_departures(mission: Mission) -> float:
-    """Time all edges at all departures; return the wall-clock seconds that took."""
+def _time_departures(mission: Mission) -> tuple[ByDeparture, float]:
+    """Time all edges at all departures; return the wall-clock seconds that took as well."""
     context = mission.context
     mission.sea.advance(mission.now)
     env = context.environment(mission.sea.forecast())
@@ -147,8 +141,7 @@ def _time_departures(mission: Mission) -> float:
     edges, along = line_times(mission, departures)
     for (i, j), lasts in zip(edges, along.T, strict=True):
         times[:, i, j] = lasts
-    mission.departures, mission.travel_time = departures, times + _detour(mission)
-    return seconds
+    return ByDeparture(departures, times + _detour(mission)), seconds
 
 
 def _along_lines(mission: Mission, timed: MissionGraph) -> MissionGraph:
@@ -170,15 +163,6 @@ def _ways(mission: Mission) -> dict[str, Any]:
         "around": context.around.paths if mission.run.names else None,
         "sketch": partial(sketched, mission) if context.path_config.passages else None,
     }
-
-
-def _timed(mission: Mission) -> tuple[MissionGraph, float]:
-    """Return the timed graph and the wall-clock seconds that took, free of compilation."""
-    context = mission.context
-    now = context.environment(mission.sea.forecast()), context.vehicle, mission.now
-    return context.clock.time(
-        lambda: mission.graph.with_travel_times(*now, effort(context.path_config), **_ways(mission))
-    )
 
 
 @dataclass(frozen=True)
@@ -230,8 +214,14 @@ def plan_routes(missions: list[Mission]) -> None:
         for (config, kept), group in groups.items():
             _plan_routes(group, config, kept, attempt.share)
     for mission in missions:
-        if mission.cause and not mission.ended:
-            _go_on(mission)
+        if not mission.cause or mission.ended:
+            continue
+        rest = mission.rest
+        if len(rest) > 1 and mission.graph.adjacency[rest[:-1], rest[1:]].all():
+            mission.cause = ""  # it goes on as before
+            continue
+        refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
+        mission.end(f"no route from {mission.run.place(mission.here)}: {mission.no_route}{refused}")
 
 
 def _prepare(mission: Mission, attempt: _Attempt) -> bool:
@@ -367,13 +357,3 @@ def _take(mission: Mission, route: MissionRoute, seconds: float) -> None:
     mission.slack = run.t_available - planning.reserve - (mission.now + float(route.time))
     if planning.charge_compute:
         mission.charge(seconds)
-
-
-def _go_on(mission: Mission) -> None:
-    """Follow the rest of the last route where no new one was found, or end the mission."""
-    rest = mission.rest
-    if len(rest) > 1 and mission.graph.adjacency[rest[:-1], rest[1:]].all():
-        mission.cause = ""
-        return
-    refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
-    mission.end(f"no route from {mission.run.place(mission.here)}: {mission.no_route}{refused}")

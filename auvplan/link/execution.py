@@ -329,8 +329,17 @@ class _Executor:
             if self._aside:
                 continue  # this is no step of the mission's
             self._tries.clear()
-            if step.ends_leg:
-                self._end_leg(step.leg)
+            if not step.ends_leg:
+                continue
+            for leg in self._plan.legs[self._count : step.leg]:
+                self._record.route.append(self._plan.run.called(leg.goal))
+                if leg.priority > 0.0:
+                    self._record.tasks.append(self._leg_name(leg))
+                    self._record.total_priority += leg.priority
+                task = ", task done" if leg.priority > 0.0 else ""
+                off = f"{self._now - leg.ends:+.0f} s off the plan"
+                self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
+            self._count = max(self._count, step.leg)
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)
 
@@ -342,18 +351,6 @@ class _Executor:
         before, place = self._sight or (now, report.position)
         self._progress.see(place, report.position, now - before, self._limits.corridor)
         self._sight = now, report.position
-
-    def _end_leg(self, number: int) -> None:
-        """Record legs up to one of a number, from 1."""
-        for leg in self._plan.legs[self._count : number]:
-            self._record.route.append(self._plan.run.called(leg.goal))
-            if leg.priority > 0.0:
-                self._record.tasks.append(self._leg_name(leg))
-                self._record.total_priority += leg.priority
-            task = ", task done" if leg.priority > 0.0 else ""
-            off = f"{self._now - leg.ends:+.0f} s off the plan"
-            self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
-        self._count = max(self._count, number)
 
     def _hear(self) -> None:
         """Take in what is reported from outside."""

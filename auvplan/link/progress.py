@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.executive.context import HORIZON
 from auvplan.link.limits import Limits
 from auvplan.link.vehicle import Report, State, Step, Upload
 
@@ -13,9 +14,6 @@ Array = NDArray[np.floating]
 
 #: m from the place of a task within which the vehicle is taken to be at it.
 _AT_TASK = 15.0
-
-#: s ahead within which the track is looked at for known obstacles.
-_AHEAD = 180.0
 
 #: Greatest speed over ground: factor on the greatest speed through the water, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
@@ -180,13 +178,13 @@ class Progress:
             if self.task[0] != self.ahead:
                 self.task = self.ahead, now
             left = self.task[1] + self.step.hold - now
-            return staying(self.step.position, float(np.clip(left, 0.0, _AHEAD)))
+            return staying(self.step.position, float(np.clip(left, 0.0, HORIZON)))
         places, times = [place], [0.0]
         for step in self.upload.steps[self.ahead :]:
-            if step.leg != self.step.leg or times[-1] >= _AHEAD:
+            if step.leg != self.step.leg or times[-1] >= HORIZON:
                 break
             gap = float(np.linalg.norm(step.position - places[-1]))
-            share = min(1.0, (_AHEAD - times[-1]) * step.pace / max(gap, 1e-6))
+            share = min(1.0, (HORIZON - times[-1]) * step.pace / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
             times.append(times[-1] + share * gap / step.pace)
         return np.asarray(places), np.asarray(times)

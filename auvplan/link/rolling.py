@@ -223,7 +223,7 @@ class RollingPlan:
             return None
         for state in (self._first, *self.followed.states):
             state.sea = Sea(perturbed(forecast, offset=offset) if offset.any() else forecast)
-            state.travel_time, state.sketches = None, {}
+            state.by_departure, state.sketches = None, {}
         return offset
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:

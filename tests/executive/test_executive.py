@@ -6,7 +6,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.executive import execute_missions, seed_keys
+from auvplan.executive import seed_keys
 from auvplan.io.area import load_area
 from auvplan.runtime.compiled import compilations
 from auvplan.scenario.scenario import Scenario
@@ -78,43 +78,32 @@ def test_paths_are_replanned_at_every_window(three):
                 np.testing.assert_allclose(plan.positions[0], place, atol=1.0)
 
 
-def test_a_mission_does_not_depend_on_those_beside_it(three):
-    """Alone by its seed, among three, or after others in a pool of two: the same to the last bit."""
+def test_a_mission_is_the_same_alone_and_later_ones_compile_nothing(three):
+    """To the last bit, by its seed; nor does a scenario with other numbers of things compile any."""
     alone = ap.run_mission(scenario(), seed=1)
-    assert alone.seed == 1
-    pool = dict(execute_missions(scenario(), keys=seed_keys(range(3)), together=2))
-    for other in (three[1], pool[1]):
-        assert [leg.goal for leg in alone.done] == [leg.goal for leg in other.done]
-        for mine, theirs in zip(alone.legs, other.legs, strict=True):
-            np.testing.assert_array_equal(mine.positions, theirs.positions)
-            np.testing.assert_array_equal(mine.times, theirs.times)
-
-
-def test_windows_plan_anew_always_never_or_where_the_sea_changed():
-    def windows(**settings):
-        run = ap.run_mission(planning(**settings), key=jax.random.key(1))
-        assert run.success
-        return sum(plan.cause == "window" for leg in run.legs for plan in leg.plans)
-
-    every, changed, none = windows(window_change=0.0), windows(), windows(window_change=1e6)
-    assert every > changed >= none
-
-
-def test_same_key_same_mission_and_later_ones_compile_nothing():
-    """Nor does a scenario with other numbers of things."""
-    first = ap.run_mission(scenario(), key=jax.random.key(5))
     compiled = compilations()
-    again = ap.run_mission(scenario(), key=jax.random.key(5))
     larger = scenario(
         current=SMALL["current"] | {"vortices": 4},
         simulation={"obstacles": {"static": 2, "afloat": 1, "self_motivated": 1}},
         mission=SMALL["mission"] | {"waypoints": 11},
     )
-    others = [ap.run_mission(one, key=jax.random.key(6)) for one in (scenario(), larger)]
-    assert compiled == compilations()
-    assert first.t_mission == again.t_mission
-    np.testing.assert_array_equal(first.legs[-1].positions, again.legs[-1].positions)
-    assert len({first.t_mission, *(run.t_mission for run in others)}) == 3
+    other = ap.run_mission(larger, key=jax.random.key(6))
+    assert compilations() == compiled
+    assert alone.seed == 1
+    assert [leg.goal for leg in alone.done] == [leg.goal for leg in three[1].done]
+    for mine, theirs in zip(alone.legs, three[1].legs, strict=True):
+        np.testing.assert_array_equal(mine.positions, theirs.positions)
+        np.testing.assert_array_equal(mine.times, theirs.times)
+    assert len({other.t_mission, *(run.t_mission for run in three)}) == 4
+
+
+def test_windows_plan_anew_always_never_or_where_the_sea_changed(three):
+    def windows(run):
+        assert run.success
+        return sum(plan.cause == "window" for leg in run.legs for plan in leg.plans)
+
+    every, none = (windows(ap.run_mission(planning(window_change=least), seed=1)) for least in (0.0, 1e6))
+    assert every > windows(three[1]) >= none
 
 
 def test_planning_time_is_charged_only_when_asked():

@@ -255,8 +255,8 @@ def test_two_jobs_in_one_place_are_one_visit(tmp_path):
     rows += ["sample,300,40,5,3,60", "float,700,-40,8,1,30", "photo,300,40,5,2,90"]
     (tmp_path / "jobs.csv").write_text("\n".join(rows))
     mission = CHANNEL["mission"] | {"jobs": "jobs.csv"}
-    settings = channel(mission=mission, planning={"effort": "plain", "departures": 4})
-    run = plan_scenario(settings, area=replace(tidal_area(0.4, 0.0), jobs=jobs), folder=tmp_path)
+    area = replace(tidal_area(0.4, 0.0), jobs=jobs, obstacles=(ROCK,))
+    run = plan_scenario(channel(mission=mission), area=area, folder=tmp_path)
     assert run.success
     assert run.total_priority == 6.0
     places = [run.names[leg.goal] for leg in run.done]

@@ -10,6 +10,13 @@ import numpy as np
 from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Lost, Report, State, Upload
 from auvplan.link.limits import Allowance
+from tests.executive.small import SMALL, scenario
+
+#: A mission of three legs.
+SETTINGS = scenario(
+    site={"longitude": 148.96, "latitude": -20.34},
+    mission=SMALL["mission"] | {"waypoints": 5, "time_available": 3000},
+)
 
 #: A span of mission time, s.
 Span = tuple[float, float]

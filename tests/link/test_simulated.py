@@ -25,6 +25,7 @@ from benchmarks.collisions import collisions
 from benchmarks.faults import KINDS, MIXED, OF_A_LINK, draw
 from tests.executive.small import scenario
 from tests.export.sample import make_itinerary
+from tests.link.scripted import SETTINGS
 
 STILL = {
     "current": {"vortices": 0, "uniform": [0.0, 0.0, 0.0]},
@@ -180,8 +181,7 @@ def test_what_was_seen_is_gone_with_its_leg_however_long_nobody_heard():
 def test_whatever_goes_wrong_a_mission_ends_with_a_verdict(seed):
     """Two to six faults of any kind: it is said how the mission ended, and the vehicle comes up."""
     faults = draw(MIXED, KINDS | OF_A_LINK, np.random.default_rng(seed), 2000.0)
-    settings = scenario(site={"longitude": 148.96, "latitude": -20.34})
-    plan, vehicle = RollingPlan(settings, 1), SimulatedVehicle(settings, 1, faults=faults)
+    plan, vehicle = RollingPlan(SETTINGS, 1), SimulatedVehicle(SETTINGS, 1, faults=faults)
     record = execute(plan, vehicle, notices=vehicle)
     assert record.reason
     assert record.success == (record.reason == "destination reached in time")

@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 import auvplan as ap
-from auvplan.executive.clock import Clock
+from auvplan.executive.context import Clock
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 from auvplan.runtime import cache
 from auvplan.runtime.compiled import (

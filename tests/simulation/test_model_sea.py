@@ -116,17 +116,6 @@ def test_a_mission_is_executed_in_the_truth_and_reports_both_seas():
     assert again.t_mission == run.t_mission
 
 
-@pytest.mark.usefixtures("light_search")
-@pytest.mark.slow
-def test_missions_together_are_those_executed_alone():
-    settings, known = modelled(0.1), area()
-    keys = jax.random.split(jax.random.key(5), 2)
-    both = ap.run_missions(settings, keys=keys, area=known)
-    alone = ap.run_mission(settings, key=keys[1], area=known)
-    assert both[1].t_mission == alone.t_mission
-    np.testing.assert_array_equal(both[1].done[0].positions, alone.done[0].positions)
-
-
 def bank(depth_at_bank: float) -> ap.Seabed:
     """A bed at 60 m with a bank from west to east across its middle."""
     depth = np.full((80, 80), 60.0)
