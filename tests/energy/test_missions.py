@@ -17,7 +17,10 @@ from tests.executive.small import SMALL, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
-PLAIN = scenario(mission=SMALL["mission"] | {"waypoints": 5, "neighbours": 3, "time_available": 4000})
+PLAIN = scenario(
+    mission=SMALL["mission"] | {"waypoints": 5, "neighbours": 3, "time_available": 4000},
+    planning=SMALL["planning"] | {"effort": "quick"},
+)
 
 
 def powered(**battery):
@@ -61,7 +64,7 @@ def test_tasks_are_chosen_within_the_energy_and_a_mission_without_enough_fails(t
     assert fewer.energy.margin >= 0.0
     assert fewer.total_priority < enough.total_priority
 
-    none = plan_scenario(limited(0.1 * energy.total), seed=2)
+    none = plan_scenario(limited(0.2 * energy.total), seed=2)
     assert not none.arrived
     assert "cannot be reached in time with the energy available" in none.reason
     assert "the way of least energy takes" in none.reason

@@ -27,8 +27,12 @@ def planning(**settings) -> Scenario:
 
 
 def light_config(settings: Scenario, ahead: bool = False) -> PathConfig:
-    """Settings of a small path search: what is tested with it does not depend on the search's depth."""
-    plain = settings.planning.model_copy(update={"effort": "plain"})
+    """Settings of a small path search: what is tested with it does not depend on the search's depth.
+
+    It begins without passages, which are costly to compile, unless a scenario asks for "quick".
+    """
+    effort = "quick" if settings.planning.effort == "quick" else "plain"
+    plain = settings.planning.model_copy(update={"effort": effort})
     config = path_config(settings.model_copy(update={"planning": plain}))
     bbo = config.bbo.replace(population=24, iterations=9)
     cells = {"field_cells": 28, "dense_cells": 56}

@@ -13,7 +13,7 @@ SCALE, FAST = 400.0, 1000.0
 @pytest.fixture(autouse=True)
 def _soon_alone(monkeypatch):
     """Other vehicles on a link are looked for as long as it takes to hear two heartbeats of a peer."""
-    monkeypatch.setattr(mavlink, "_OTHERS", 0.15)
+    monkeypatch.setattr(mavlink, "_OTHERS", 0.3)
 
 
 @pytest.fixture

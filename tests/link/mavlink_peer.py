@@ -40,7 +40,7 @@ class Stranger:
         while not self.closed.is_set():
             mav = self.port.mav
             try:
-                if time.monotonic() - beat > 0.05 and not self.quiet:
+                if time.monotonic() - beat > 0.1 and not self.quiet:
                     beat = time.monotonic()
                     self.beat()
                     self.often(mav)
@@ -73,7 +73,7 @@ class Stranger:
         for name, value in values.items():
             setattr(self, name, value)
         self.beat()
-        time.sleep(0.05)
+        time.sleep(0.15)
 
     def command_long(self, mav, message):
         if message.command == 400:
