@@ -98,10 +98,7 @@ CAPABILITIES: dict[str, dict[str, str]] = {
         "fault": "@budgets",
     },
     "The same seed, the same result": {
-        "tests": (
-            "executive/test_executive::test_a_mission_does_not_depend_on_those_beside_it "
-            "executive/test_executive::test_same_key_same_mission_and_later_ones_compile_nothing"
-        ),
+        "tests": "executive/test_executive::test_a_mission_is_the_same_alone_and_later_ones_compile_nothing",
         "fault": "@determinism",
     },
     "Studies": {
@@ -120,12 +117,13 @@ CAPABILITIES: dict[str, dict[str, str]] = {
     },
     "Readers of currents": {
         "tests": "io/currents/test_reading io/currents/test_formats",
-        "independent": "io/currents/test_real_files",
+        "independent": "io/currents/test_files",
         "peer": "@files",
         "fault": "io/currents/test_malformed io/currents/test_altered @fuzz",
     },
     "Charts, jobs, sea beds from files": {
         "tests": "io/geo/test_charts io/geo/test_s57 io/geo/test_jobs io/geo/test_bathymetry",
+        "independent": "io/geo/test_files",
         "peer": "@file_rasters",
         "fault": "io/geo/test_damage io/geo/test_bathymetry_faults @fuzz",
     },
