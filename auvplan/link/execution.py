@@ -314,7 +314,8 @@ class _Executor:
             until = self._cost + 2.0 * self._limits.astray
             stopped = self._phase is Phase.HELD and not self._aside
             track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
-            self._blocked = self._plan.clearance(track, now + seconds) < 0.5 * self._plan.margin
+            room = 0.5 * self._plan.margin + (0.0 if stopped else self._progress.off_task(place))
+            self._blocked = self._plan.clearance(track, now + seconds) < room
         return self._blocked
 
     def _book(self, report: Report) -> None:
@@ -339,7 +340,7 @@ class _Executor:
                 task = ", task done" if leg.priority > 0.0 else ""
                 off = f"{self._now - leg.ends:+.0f} s off the plan"
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
-            self._count = max(self._count, step.leg)
+            self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)
 

@@ -123,6 +123,10 @@ class Progress:
         """Return whether the vehicle, at [3] m, is at the place of a task that is not done."""
         return place is not None and not self.over and _is_at(self.step, place)
 
+    def off_task(self, place: Array) -> float:
+        """Return m that the vehicle, at [3] m, is off the place of its task, about which it may circle."""
+        return float(np.linalg.norm(self.step.position - place)) if self.at_task(place) else 0.0
+
     def leaves_task(self, place: Array) -> bool:
         """Return whether the vehicle, at [3] m, is still at the place of the task that it completed last.
 

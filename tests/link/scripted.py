@@ -52,6 +52,7 @@ class ScriptedVehicle:
         stopped: when somebody else ends its plan.
         forgets: when it starts anew, without a plan.
         rises: m/s, from its last step on.
+        circles: m, about the place of a task.
         skip: when it goes on to its last step but one.
         odd: makes what it reports, from the vehicle and its true report.
     """
@@ -69,6 +70,7 @@ class ScriptedVehicle:
     stopped: float = math.inf
     forgets: float = math.inf
     rises: float = math.inf
+    circles: float = 0.0
     skip: float = math.inf
     odd: Callable[["ScriptedVehicle", Report], Report] = lambda vehicle, report: report
     name: str = "a scripted vehicle"
@@ -162,6 +164,8 @@ class ScriptedVehicle:
                 seconds -= gap / self.speed
             if self.left > seconds:
                 self.left -= seconds
+                angle = self.left * self.speed / max(self.circles, 1.0)
+                self.place = step.position + self.circles * np.array([np.cos(angle), np.sin(angle), 0.0])
                 return
             seconds -= self.left
             if step.hold > 0.0:

@@ -236,24 +236,42 @@ def test_one_obstacle_after_another_is_gone_around():
     assert record.success
 
 
-def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again():
+@pytest.mark.parametrize(("circles", "beside"), [(0.0, 0.0), (10.0, 8.0)])
+def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again(circles, beside):
+    """Also where it comes beside the place, and the vehicle circles about that."""
     plan, vehicle = made()
+    vehicle.circles = circles
     place = np.asarray(plan.legs[0].positions[-1], float)
     reported, radius, moves = 195.0, 30.0, np.array([1.0, 0.0])  # it begins 12 s before, and takes 91 s
+    nearest = place[:2] + np.array([0.0, radius + beside if beside else 0.0])
 
     def near():
-        """An obstacle that is over the task's place 70 s later."""
-        assert np.linalg.norm(vehicle.place - place) < 1.0
-        north, east = (place[:2] - 70.0 * moves).tolist()
+        """An obstacle that is over the task's place, or beside it, 70 s later."""
+        assert np.linalg.norm(vehicle.place - place) < 1.0 + circles
+        north, east = (nearest - 70.0 * moves).tolist()
         return ObstacleNotice(KnownObstacle("drifter", (north, east), radius, velocity=tuple(moves)))
 
     record = executed(plan, vehicle, notices=Tell(vehicle, (reported, near)))
     assert record.success
     assert record.count("give way") >= 1
     track = np.asarray([row for row in record.track if row[0] >= reported])
-    drifter = place[:2] + (track[:, :1] - reported - 70.0) * moves
+    drifter = nearest + (track[:, :1] - reported - 70.0) * moves
     assert np.linalg.norm(track[:, 1:3] - drifter, axis=1).min() > radius
     assert place.round(1).tolist() in np.round(vehicle.tasks, 1).tolist()
+
+
+def test_a_leg_is_looked_at_from_its_beginning():
+    """An obstacle close after a task, of which nothing was planned, is not run into before the next look."""
+    reached = next(event.time for event in executed(*made()).events if event.kind == "leg")
+    plan, vehicle = made()
+    plan.from_leg = lambda *_: None  # no plan of the rest is found while it is at the task
+    radius, first, then = 20.0, *(np.asarray(plan.legs[1].positions[k], float) for k in (0, 20))
+    north, east = (first + 35.0 * (then - first) / np.linalg.norm(then - first))[:2].tolist()
+    buoy = KnownObstacle("buoy", (north, east), radius)
+    record = executed(plan, vehicle, notices=Tell(vehicle, (reached - 3.0, ObstacleNotice(buoy))))
+    assert next(event.time for event in record.events if event.kind == "leg") == reached
+    track = np.asarray([row[1:3] for row in record.track])
+    assert np.linalg.norm(track - [north, east], axis=1).min() > radius
 
 
 @pytest.mark.parametrize("failures", [0, 1])
