@@ -222,9 +222,9 @@ def test_one_obstacle_after_another_is_gone_around():
     tries = Limits().tries
 
     def ahead():
-        place, last = vehicle.place, vehicle.plan.steps[vehicle.done].position
-        share = 150.0 / np.linalg.norm(last - place)
-        north, east, depth = (place + share * (last - place)).tolist()
+        places = np.stack([vehicle.place, *(step.position for step in vehicle.plan.steps[vehicle.done :])])
+        marks = np.cumsum([0.0, *np.linalg.norm(np.diff(places, axis=0), axis=1)])
+        north, east, depth = (float(np.interp(150.0, marks, axis)) for axis in places.T)
         levels = depth - 15.0, depth + 15.0
         return ObstacleNotice(KnownObstacle(f"at {vehicle.now:.0f} s", (north, east), 15.0, *levels))
 
