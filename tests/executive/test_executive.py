@@ -6,7 +6,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.executive import seed_keys
+from auvplan.executive import execute_missions
 from auvplan.io.area import load_area
 from auvplan.runtime.compiled import compilations
 from auvplan.scenario.scenario import Scenario
@@ -19,8 +19,9 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 @pytest.fixture(scope="module")
 def three(light_search):
-    """Three missions in lockstep with a light search."""
-    return ap.run_missions(scenario(), keys=seed_keys(range(3)), seeds=range(3))
+    """Three missions with a light search, two of them in lockstep at a time."""
+    found = dict(execute_missions(scenario(), seeds=range(3), together=2))
+    return [found[number] for number in range(3)]
 
 
 def test_missions_end_at_the_destination_in_time_and_unharmed(three):
