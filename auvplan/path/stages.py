@@ -480,8 +480,10 @@ def _steepest(plans: dict[str, Any], vehicle: Vehicle, config: PathConfig) -> np
     """Return the greatest share that paths take of the limits in the vertical, [B]; zero without a limit."""
     places, water = (np.moveaxis(np.asarray(plans[name], float), -1, 0) for name in ("positions", "water"))
     way = np.diff(places, axis=-1)
-    gap = np.linalg.norm(way, axis=0)
-    ground = gap / np.diff(np.asarray(plans["times"], float), axis=-1)
+    # Samples may coincide, and are then passed at once: such a segment is level.
+    gap, lasts = np.linalg.norm(way, axis=0), np.diff(np.asarray(plans["times"], float), axis=-1)
+    ground = np.divide(gap, lasts, out=np.zeros_like(gap), where=lasts > 0.0)
+    gap = np.where(gap > 0.0, gap, 1.0)
     speeds = vertical_speeds(tuple(water), tuple(way), gap, ground, vehicle, config.speed_reading)  # type: ignore[arg-type]
     shares = [speed.max(axis=1) / np.asarray(limit) for speed, limit in speeds.values()]
     return np.max([np.zeros(len(gap)), *shares], axis=0)
