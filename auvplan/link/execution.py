@@ -307,14 +307,14 @@ class _Executor:
 
     def _is_blocked(self, place: Array) -> bool:
         """Return whether the vehicle meets an obstacle within the next minutes, seen now and then."""
-        now = self._now
+        now, circles = self._now, self._progress.off_task(place, self._now)
         if now - self._looked >= self._limits.astray:
             self._looked = now
             # By then a held vehicle has a plan, or this is looked at again.
             until = self._cost + 2.0 * self._limits.astray
             stopped = self._phase is Phase.HELD and not self._aside
             track, seconds = staying(place, until) if stopped else self._progress.track_ahead(place, now)
-            room = 0.5 * self._plan.margin + (0.0 if stopped else self._progress.off_task(place))
+            room = 0.5 * self._plan.margin + (0.0 if stopped else circles)
             self._blocked = self._plan.clearance(track, now + seconds) < room
         return self._blocked
 

@@ -123,9 +123,17 @@ class Progress:
         """Return whether the vehicle, at [3] m, is at the place of a task that is not done."""
         return place is not None and not self.over and _is_at(self.step, place)
 
-    def off_task(self, place: Array) -> float:
-        """Return m that the vehicle, at [3] m, is off the place of its task, about which it may circle."""
-        return float(np.linalg.norm(self.step.position - place)) if self.at_task(place) else 0.0
+    def off_task(self, place: Array, now: float) -> float:
+        """Return m that the vehicle, at [3] m, circles off its task's place; 0 before it can be there."""
+        if not self.at_task(place) or self._time_at_task(now) < 2.0 * _AT_TASK / self.step.pace:
+            return 0.0
+        return float(np.linalg.norm(self.step.position - place))
+
+    def _time_at_task(self, now: float) -> float:
+        """Take note that the vehicle is at its task; return s since it was first seen there."""
+        if self.task[0] != self.ahead:
+            self.task = self.ahead, now
+        return now - self.task[1]
 
     def leaves_task(self, place: Array) -> bool:
         """Return whether the vehicle, at [3] m, is still at the place of the task that it completed last.
@@ -179,9 +187,7 @@ class Progress:
         At a task it stays at the task's place, wherever about that it circles, until the task is done.
         """
         if self.at_task(place):
-            if self.task[0] != self.ahead:
-                self.task = self.ahead, now
-            left = self.task[1] + self.step.hold - now
+            left = self.step.hold - self._time_at_task(now)
             return staying(self.step.position, float(np.clip(left, 0.0, HORIZON)))
         places, times = [place], [0.0]
         for step in self.upload.steps[self.ahead :]:

@@ -260,6 +260,22 @@ def test_a_task_is_left_for_an_obstacle_that_comes_there_and_begun_again(circles
     assert place.round(1).tolist() in np.round(vehicle.tasks, 1).tolist()
 
 
+def test_a_task_beside_an_obstacle_is_done_where_the_vehicle_does_not_circle():
+    """On its way in it is not taken for one that circles as far off as it still is."""
+    plan, vehicle = made()
+    place, before = (np.asarray(plan.legs[0].positions[k], float) for k in (-1, -5))
+    track = executed(plan, vehicle).track
+    when = next(time for time, *row in track if np.linalg.norm(row - place) < 12.0)
+    plan, vehicle = made()
+    ahead = (place - before)[:2] / np.linalg.norm((place - before)[:2])
+    buoy = KnownObstacle("buoy", tuple((place[:2] + 38.0 * ahead).tolist()), 30.0)  # 8 m behind the place
+    record = executed(plan, vehicle, notices=Tell(vehicle, (when, ObstacleNotice(buoy))))
+    assert record.count("reported") == 1
+    assert record.count("give way") == record.count("hazard") == 0
+    assert place.round(1).tolist() in np.round(vehicle.tasks, 1).tolist()
+    assert record.success
+
+
 def test_a_leg_is_looked_at_from_its_beginning():
     """An obstacle close after a task, of which nothing was planned, is not run into before the next look."""
     reached = next(event.time for event in executed(*made()).events if event.kind == "leg")
