@@ -8,6 +8,7 @@ import typer
 
 from auvplan.cli.shared import QuietOption, SpeedHeld, list_files, name_page, progress_bar, say, say_notes
 from auvplan.errors import ScenarioError, StudyError
+from auvplan.runtime.files import MISSION, ResultError, is_study
 
 
 def plot(
@@ -30,14 +31,15 @@ def plot(
     """Draw the figures of a run, or of a study (Figs 12 to 15, and of a sweep), into its folder."""
     from auvplan import plot
     from auvplan.io.restore import restore_run
-    from auvplan.study.store import is_study, load_study
 
-    study = is_study(folder) or not (folder / "mission.nc").is_file()
+    study = is_study(folder) or not (folder / MISSION).is_file()
     if study and leg is not None:
         raise ScenarioError(f"--leg {leg}: {folder} holds no single run; name the folder of a run")
     if not study and seed is not None:
         raise ScenarioError(f"--seed {seed}: {folder} holds a single run; leave --seed out")
     if study:
+        from auvplan.study import load_study
+
         dataset = load_study(folder)
         if seed is not None and seed not in dataset["seed"].values:
             raise StudyError(f"{folder}: no mission of seed {seed} in the study")
@@ -124,7 +126,6 @@ def export(
     """Write a plan in the files that ground stations and maps open."""
     from auvplan.export import FORMATS, export, export_notes, itinerary_of
     from auvplan.io.restore import restore_run
-    from auvplan.runtime.files import ResultError
 
     chosen = [name.strip() for text in formats or FORMATS for name in text.split(",")]
     run = restore_run(folder)

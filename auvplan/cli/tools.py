@@ -12,6 +12,7 @@ from rich.text import Text
 
 from auvplan.cli import shared
 from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.runtime.files import is_study
 from auvplan.runtime.formatting import counted
 
 if TYPE_CHECKING:
@@ -233,20 +234,24 @@ def check(
 ) -> None:
     """Check a result independently: re-check the whole track and every time."""
     from auvplan.check.run import check_run
-    from auvplan.study.store import is_study, saved_runs
 
     study, verbose = is_study(folder), not (quiet or as_json)
     reports: dict[str, CheckReport] = {}
-    for run in saved_runs(folder) if study else [folder]:
+    runs = [folder]
+    if study:
+        from auvplan.study.store import saved_runs
+
+        runs = saved_runs(folder)
+    for run in runs:
         report = reports[run.name] = check_run(run, sources)
         if verbose:
             shared.say(f"{run.name}: {_in_a_line(report)}" if study else str(report))
     faulty = sum(not report.ok for report in reports.values())
     length, collisions = (sum(getattr(r, of) for r in reports.values()) for of in ("length", "collisions"))
     if as_json:
-        runs = {name: {"ok": r.ok, "collisions": r.collisions} | asdict(r) for name, r in reports.items()}
-        whole = {"ok": not faulty, "collisions": collisions, "length": length, "runs": runs}
-        shared.print_json(whole if study else runs[folder.name])
+        found = {name: {"ok": r.ok, "collisions": r.collisions} | asdict(r) for name, r in reports.items()}
+        whole = {"ok": not faulty, "collisions": collisions, "length": length, "runs": found}
+        shared.print_json(whole if study else found[folder.name])
     elif verbose and study:
         met = f"{length / 1000.0:,.1f} km, {counted(collisions, 'collision')}"
         shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")

@@ -6,7 +6,16 @@ from typing import Any
 
 from auvplan.records import MissionRun
 from auvplan.report.page import write_page
-from auvplan.runtime.files import DEPARTURES, MISSION, REHEARSAL, REPORT, ResultError, read_json, read_summary
+from auvplan.runtime.files import (
+    DEPARTURES,
+    MISSION,
+    REHEARSAL,
+    REPORT,
+    ResultError,
+    is_study,
+    read_json,
+    read_summary,
+)
 
 
 def write_report(folder: str | Path) -> Path:
@@ -21,8 +30,6 @@ def write_report(folder: str | Path) -> Path:
         from auvplan.io.restore import restore_run
 
         return write_run_report(restore_run(target), read_summary(target), target)
-    from auvplan.study.store import is_study
-
     if is_study(target):
         return write_study_report(target)
     if (target / DEPARTURES).is_file():

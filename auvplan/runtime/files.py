@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 #: Names of the two files that hold a run, and of the page that shows a result.
 SUMMARY, MISSION, REPORT = "summary.json", "mission.nc", "report.html"
 
-#: Figures of a rehearsal, in the folder of its study, and the record of an execution on a vehicle.
-REHEARSAL, EXECUTION = "rehearsal.json", "execution.json"
+#: What a study runs and figures of a rehearsal, in its folder; and the record of an execution on a vehicle.
+DESIGN, REHEARSAL, EXECUTION = "study.json", "rehearsal.json", "execution.json"
 
 #: Departures as a table, and what they were planned from.
 DEPARTURES, DEPARTED = "departures.csv", "departures.json"
@@ -159,6 +159,11 @@ def folder_size(path: Path) -> int:
     if path.is_dir():
         return sum(part.stat().st_size for part in path.rglob("*") if part.is_file())
     return path.stat().st_size
+
+
+def is_study(folder: str | Path) -> bool:
+    """Return whether a folder holds a study, finished or not."""
+    return (Path(folder) / DESIGN).is_file()
 
 
 def digest(path: Path) -> str:

@@ -1,16 +1,17 @@
-"""A study on disk: missions one by one as they end, then one dataset and its summary.
-
-Commands look here whether a folder holds a study: what takes long to load is imported where it is needed.
-"""
+"""A study on disk: missions one by one as they end, then one dataset and its summary."""
 
 import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+import xarray as xr
 
 from auvplan.errors import StudyError
 from auvplan.runtime.files import (
+    DESIGN,
     REHEARSAL,
     REPORT,
     ResultError,
@@ -21,15 +22,11 @@ from auvplan.runtime.files import (
     write_json,
 )
 from auvplan.runtime.formatting import counted
+from auvplan.study.design import Design
+from auvplan.study.table import VARIABLES, Row, rows_of
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from auvplan.study.design import Design
-    from auvplan.study.table import Row
-
-#: Names in the folder of a study: what it runs, its missions while it runs, its results.
-DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"
+#: Names in the folder of a study: its missions while it runs, its results.
+PIECES, DATASET, SUMMARY = "missions", "missions.nc", "summary.json"
 
 #: Variables that neither summaries nor pictures need.
 _UNSHOWN = ("revisits", "length", "leg_revisit")
@@ -46,7 +43,7 @@ class Store:
         design: what is run.
     """
 
-    def __init__(self, folder: str | Path, design: "Design", resume: bool = False, force: bool = False):
+    def __init__(self, folder: str | Path, design: Design, resume: bool = False, force: bool = False):
         """Open a new study, with `resume` the same again or one of more missions; `force` replaces it.
 
         Raises:
@@ -80,8 +77,6 @@ class Store:
         if kept == plain["count"]:
             return
         if self.finished:
-            from auvplan.study.table import rows_of
-
             known = replace(self.design, count=kept)
             for task, row in zip(known.tasks, rows_of(load_study(self.folder)), strict=True):
                 self.add(*task, row)
@@ -103,14 +98,12 @@ class Store:
             return []
         return [task for task in self.design.tasks if not self._piece(*task).is_file()]
 
-    def add(self, case: int, seed: int, row: "Row") -> None:
+    def add(self, case: int, seed: int, row: Row) -> None:
         """Write one mission."""
-        import numpy as np
-
         output_folder(self.folder / PIECES)
         write_atomically(self._piece(case, seed), lambda path: np.savez_compressed(path, **row))  # type: ignore[arg-type]
 
-    def rows(self) -> "list[Row]":
+    def rows(self) -> list[Row]:
         """Return all missions, in the order of `Design.tasks`.
 
         Raises:
@@ -118,7 +111,7 @@ class Store:
         """
         return [_read(self._piece(*task)) for task in self.design.tasks]
 
-    def finish(self, dataset: "xr.Dataset", summary: dict[str, Any]) -> None:
+    def finish(self, dataset: xr.Dataset, summary: dict[str, Any]) -> None:
         """Write the results in place of the missions one by one."""
         write_dataset(dataset, self.folder / DATASET)
         write_json(self.folder / SUMMARY, summary)
@@ -158,14 +151,12 @@ def is_unfinished(folder: str | Path) -> bool:
     return (Path(folder) / PIECES).is_dir()
 
 
-def load_study(folder: str | Path) -> "xr.Dataset":
+def load_study(folder: str | Path) -> xr.Dataset:
     """Return the dataset of a finished study, in memory.
 
     Raises:
         ResultError: one line that names the file and what is wrong with it.
     """
-    from auvplan.study.table import VARIABLES
-
     dataset = read_dataset(folder, DATASET)
     lead = dataset["success"].dims if "success" in dataset else ("mission",)
     wanted = {name: (*lead, *variable.dims) for name, variable in VARIABLES.items()} | {"seed": ("mission",)}
@@ -180,11 +171,6 @@ def load_study(folder: str | Path) -> "xr.Dataset":
         if name != "reason" and kind not in "iufb":
             raise ResultError(f"{Path(folder) / DATASET}: variable {name} holds no numbers")
     return dataset
-
-
-def is_study(folder: str | Path) -> bool:
-    """Return whether a folder holds a study, finished or not."""
-    return (Path(folder) / DESIGN).is_file()
 
 
 def saved_runs(folder: str | Path) -> list[Path]:
@@ -221,11 +207,7 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
     return int(kept["count"])
 
 
-def _read(path: Path) -> "Row":
-    import numpy as np
-
-    from auvplan.study.table import VARIABLES
-
+def _read(path: Path) -> Row:
     try:
         # NumPy leaves a damaged file open that it has opened itself.
         with path.open("rb") as file, np.load(file) as piece:

@@ -101,7 +101,7 @@ class SillCurrent:
     along: jax.Array  # [2], unit vector across the sills
     place: jax.Array  # [SILLS] m, of each sill from the origin along it
     width: jax.Array
-    gain: jax.Array  # [SILLS], by what share the current is quicker in the middle of a sill
+    gain: jax.Array  # [SILLS], share by which the current is quicker in the middle of a sill
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
