@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
@@ -245,6 +245,42 @@ class RouteRecord:
     energies: list[float] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Promise:
+    """How sure a plan is to reach its destination in time, and with the energy that it may use.
+
+    Attributes:
+        asked: probability that it was to keep; None where none was asked for.
+        share: of the drawn seas, in which it does.
+        low, high: ends of the 95 % interval of that.
+        seas: that were drawn.
+        members: of the forecast that they were drawn from.
+        ends: s after the departure, when the mission is over in 5, 50 and 95 % of the seas.
+        left: share of time and energy that was kept back when its tasks were chosen, beside the reserves.
+    """
+
+    asked: float | None
+    share: float
+    low: float
+    high: float
+    seas: int
+    members: int
+    ends: tuple[float, float, float]
+    left: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is what was asked for."""
+        return self.asked is None or self.share >= self.asked
+
+    @property
+    def line(self) -> str:
+        """One line for people."""
+        of = f" from {self.members} members" if self.members > 1 else ""
+        share, low, high = (f"{100.0 * part:.1f}" for part in (self.share, self.low, self.high))
+        return f"home in time in {share} % [{low} to {high}] of {self.seas:,} drawn seas{of}"
+
+
 @dataclass(repr=False)
 class MissionRun(ReprMixin):
     """A mission from start to end.
@@ -284,6 +320,7 @@ class MissionRun(ReprMixin):
         jobs: from a file, their times counted from the departure; None where waypoints were drawn.
         sources: digests of the files that it was made from, see `source_digests`; None until it is saved.
         saved_bound: `bound` of a run that comes from files, which do not keep `first_route`; None of others.
+        promise: how sure a plan is to be home in time; None where nobody asked.
     """
 
     scenario: dict[str, Any]
@@ -318,6 +355,7 @@ class MissionRun(ReprMixin):
     jobs: Jobs | None = None
     sources: list[dict[str, Any]] | None = None
     saved_bound: float | None = None
+    promise: Promise | None = None
 
     def __post_init__(self) -> None:
         if not self.zones:  # what is coast on the chart is nothing else
@@ -428,8 +466,9 @@ class MissionRun(ReprMixin):
 
     @property
     def success(self) -> bool:
-        """Whether the destination was reached with time left, and with the battery's reserve."""
-        return self.arrived and self.t_residual > 0.0 and not self.energy_lack
+        """Whether the destination was reached with time left, with the battery's reserve, as promised."""
+        kept = self.promise is None or self.promise.kept
+        return self.arrived and self.t_residual > 0.0 and not self.energy_lack and kept
 
     @property
     def done(self) -> list[LegRecord]:
@@ -618,6 +657,7 @@ class MissionRun(ReprMixin):
             "collisions": self.collisions,
             "forecast": self.forecast(),
             **({} if (energy := self.energy) is None else {"energy": energy.summary()}),
+            **({} if self.promise is None else {"promise": asdict(self.promise)}),
             "scenario": self.scenario.get("name", ""),
             "seed": self.seed,
             "version": version("auvplan"),

@@ -117,6 +117,8 @@ class MissionContext:
         speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
             alone where its battery is limited and its speed is not free; None where energy does not count.
         saw_tooth: that paths become, for which the vehicle is that of `SawTooth.for_planning`; or None.
+        left: share of time and energy that plans keep back for `planning.promise`, where it is the same for
+            all missions; None before it is known.
     """
 
     scenario: Scenario
@@ -133,6 +135,7 @@ class MissionContext:
     power: PowerModel | None = None
     speeds: Array | None = None
     saw_tooth: SawTooth | None = None
+    left: float | None = None
 
     @cached_property
     def rules(self) -> PlanningSettings:
@@ -344,12 +347,14 @@ class Mission:
         leg: that it is on, or None at a waypoint.
         route: of tasks that is followed, and `step` the place in it.
         slack: s that the route left of the available time, less the reserve, when it was made.
+        allowance: share by which it is taken to last longer when its tasks are chosen.
         cause: why a new route is due, or empty.
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time; where speeds are
             chosen, in shares of those estimated.
         chosen: [N, N] places of the speeds of edges among the context's, or None.
         slow_and_fast: what is known of edges at the least and the greatest of these, by the speed.
         energy_slack: J that the route left beyond the reserve, when it was made.
+        energy_kept: J that no route is planned to use, beside the reserve.
         by_departure: times of all edges where currents are forecast to change; None before they are timed.
         sketches: paths [K, S, 3] m by which edges are timed, by the ends of each, [6] m as bytes.
         refusals: of legs in a row.
@@ -378,11 +383,13 @@ class Mission:
     route: MissionRoute | None = None
     step: int = 0
     slack: float = 0.0
+    allowance: float = 0.0
     cause: str = "start"
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
     chosen: NDArray[np.integer] | None = None
     slow_and_fast: dict[float, AtSpeed] = field(default_factory=dict)
     energy_slack: float = 0.0
+    energy_kept: float = 0.0
     by_departure: ByDeparture | None = None
     sketches: dict[bytes, Array] = field(default_factory=dict)
     refusals: int = 0
@@ -426,9 +433,9 @@ class Mission:
 
     @property
     def energy_left(self) -> float:
-        """J left beyond the battery's reserve after what was drawn so far; infinite where none is known."""
+        """J left beyond what is kept after what was drawn so far; infinite where no battery is known."""
         energy = self.run.energy
-        return np.inf if energy is None else energy.margin * WATT_HOUR
+        return np.inf if energy is None else energy.margin * WATT_HOUR - self.energy_kept
 
     @property
     def doing(self) -> str:

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.energy import energy_of_plan
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
+from auvplan.executive.loop import complete
 from auvplan.executive.planning import (
-    complete,
     leaving,
     load_area_at,
     moment_name,

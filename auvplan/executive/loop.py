@@ -7,13 +7,15 @@ tasks; when a mission ends the next one takes its place.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import jax
 import numpy as np
 
-from auvplan.executive.context import Mission, MissionContext, make_context
+from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
 from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import (
     advance,
@@ -25,6 +27,7 @@ from auvplan.executive.legs import (
     warm_up,
 )
 from auvplan.executive.lines import count_line, edges_of_lines
+from auvplan.executive.promise import plan_with_promise
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.speeds import energy_due, hurries, hurry_home, lacking
 from auvplan.mission import MissionGraph, time_to_go
@@ -35,8 +38,8 @@ from auvplan.runtime.compiled import MISSIONS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph
-from auvplan.simulation.faults import OF_A_LINK, Fault, FaultySea, PlannerOut
-from auvplan.simulation.sea import ModelSea
+from auvplan.simulation.faults import OF_A_LINK, Fault, Faults, FaultySea, PlannerOut
+from auvplan.simulation.sea import ModelSea, Sea
 from auvplan.simulation.simulator import WIDTH
 from auvplan.simulation.world import make_sea
 
@@ -151,6 +154,7 @@ def execute_missions(
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
                 active.append(start_mission(context, number, key, int(seed)))
+                _settle(active[-1])
                 warm_up(context, partial(start_mission, number=number, key=key, seed=int(seed)))
             step(active)
             for mission in active:
@@ -194,7 +198,29 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(edges_off_lines(names, np.asarray(graph.adjacency)))
     parts, rng = edges_of_lines(context, names), _generator(chance_key)
-    return Mission(context, number, run, sea, planner_key, rng, graph, graph, faults=faults, parts=parts)
+    common = {"allowance": context.rules.allowance, "faults": faults, "parts": parts}
+    return Mission(context, number, run, sea, planner_key, rng, graph, graph, **common)
+
+
+def _settle(mission: Mission) -> None:
+    """Take the allowance by which a plan in the forecast keeps the scenario's promise.
+
+    Where all missions are planned alike, the first one's plan is that of all.
+    """
+    context, asked = mission.context, mission.context.rules.promise
+    if asked is None:
+        return
+    left = context.left
+    if left is None:
+        planned = replace(context, simulated=False, clock=Untimed(), faults=())
+        sea = Sea(copy(mission.sea).forecast())
+        ahead = mission.fork(context=planned, sea=sea, faults=Faults(), learnt={})
+        ahead.run.simulated = False
+        promise = plan_with_promise(ahead, asked, complete).run.promise
+        left = 0.0 if promise is None else promise.left
+        if not context.scenario.differs_by_seed and context.scenario.current.forecast_error == 0.0:
+            context.left = left
+    mission.allowance = max(mission.allowance, left / (1.0 - left))
 
 
 def _generator(key: jax.Array) -> np.random.Generator:
@@ -222,6 +248,14 @@ def step(missions: list[Mission]) -> None:
             _judge(mission)
 
 
+def complete(mission: Mission, progress: Callable[[float, str], None] | None = None) -> None:
+    """Go through a mission to its end; `progress` is called with (time s, what it does)."""
+    while not mission.ended:
+        step([mission])
+        if progress:
+            progress(mission.now, mission.doing)
+
+
 def _update_edge_times(missions: list[Mission]) -> None:
     """Time the edges in the present current, and find the routes that no longer fit it."""
     time_edges(missions)
@@ -239,7 +273,7 @@ def _update_edge_times(missions: list[Mission]) -> None:
         planned = 0.0 if mission.timed.options is None else max(mission.slack, 0.0)
         if slack < min(mission.slack, 0.0) - planning.tolerance:
             due = "late"
-        elif slack - planning.allowance * (ends - mission.now) - planned > planning.gain:
+        elif slack - mission.allowance * (ends - mission.now) - planned > planning.gain:
             due = "early"
         due = due or energy_due(mission)
         if decide(Facts(due=due)).act is Act.REPLAN_REST:
@@ -362,6 +396,8 @@ def _judge(mission: Mission) -> None:
     if mission.ended:
         return
     _await_window(mission, record)
+    if context.simulated and (error := context.scenario.mission.duration_error):
+        record.t_task *= max(1.0 + error * mission.rng.standard_normal(), 0.0)
     mission.now += record.t_wait + record.t_task
     count_line(mission, record)
     mission.refusals = 0

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
-from auvplan.executive.loop import seed_keys, start_mission, step
+from auvplan.executive.loop import complete, seed_keys, start_mission
+from auvplan.executive.promise import plan_with_promise
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
@@ -67,8 +68,12 @@ def plan_scenario(
     context = planning_context(scenario, folder, area, depart)
     keyed = seed_keys([seed])[0] if key is None else key
     (mission,) = leaving(context, keyed, [depart], seed)
+    asked = context.rules.promise
     with expecting(PLANS, scenario.fingerprint):
-        complete(mission, progress)
+        if asked is not None or scenario.current.members is not None:
+            mission = plan_with_promise(mission, asked, partial(complete, progress=progress))
+        else:
+            complete(mission, progress)
     return _from_departure(mission.run, depart)
 
 
@@ -121,8 +126,10 @@ def planning_context(
     departure polish winding paths with more control points.
     """
     if area.forecast is not None and depart is not None:
-        forecast = area.forecast.window(depart, depart + scenario.mission.time_available)
-        area = replace(area, forecast=forecast, truth=forecast)
+        until = depart + scenario.mission.time_available
+        forecast = area.forecast.window(depart, until)
+        members = tuple(member.window(depart, until) for member in area.members)
+        area = replace(area, forecast=forecast, truth=forecast, members=members)
     # Planning is done before the departure: it costs the mission no time.
     planning = scenario.planning.model_copy(update={"charge_compute": False})
     context = make_context(scenario.model_copy(update={"planning": planning}), folder, area, ahead, False)
@@ -142,14 +149,6 @@ def leaving(context: MissionContext, key: jax.Array, departs: ArrayLike, seed: i
         missions[number] = model.fork(number=number, run=run, now=now, sketches={})
         missions[number].sea.hold()
     return [missions[number] for number in range(len(departs))]
-
-
-def complete(mission: Mission, progress: Progress | None = None) -> None:
-    """Plan a mission to its end."""
-    while not mission.ended:
-        step([mission])
-        if progress:
-            progress(mission.now, mission.doing)
 
 
 def _from_departure(run: MissionRun, depart: float) -> MissionRun:

@@ -237,7 +237,7 @@ def _prepare(mission: Mission, attempt: _Attempt) -> bool:
         mission.timed = _untimed(mission)
     opens = attempt.leaving or attempt.passing or attempt.untimed
     return bool(
-        opens or attempt.share == 1.0 or any((planning.reserve, planning.allowance, planning.return_margin))
+        opens or attempt.share == 1.0 or any((planning.reserve, mission.allowance, planning.return_margin))
     )
 
 
@@ -300,8 +300,9 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
     """One call of the mission planner that keeps a share of the slack, and what it found."""
     context = missions[0].context
     planning = context.rules
-    reserve, longer = share * planning.reserve, 1.0 + share * planning.allowance
-    left = [(mission.run.t_available - mission.now - reserve) / longer for mission in missions]
+    reserve = share * planning.reserve
+    longer = np.asarray([1.0 + share * mission.allowance for mission in missions])
+    left = (np.asarray([mission.run.t_available - mission.now for mission in missions]) - reserve) / longer
     populations = np.stack([mission.last_route.population for mission in missions]) if kept else None
     routes, seconds = context.clock.time(
         partial(
@@ -325,12 +326,12 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             _take(mission, route, seconds / len(missions))
 
 
-def _energy_available(missions: list[Mission], share: float, longer: float) -> Array:
+def _energy_available(missions: list[Mission], share: float, longer: Array) -> Array:
     """Return J that the missions may plan to take by their power models, beyond what `longer` keeps.
 
     Under way, where no slack is kept any more, that is what the way home takes, whatever is left.
     """
-    available = np.asarray([max(one.energy_left, 0.0) / drawn(one) / longer for one in missions])
+    available = np.asarray([max(one.energy_left, 0.0) / drawn(one) for one in missions]) / longer
     if share == 0.0:
         homes = [way_home(one) if one.route is not None else 0.0 for one in missions]
         available = np.maximum(available, 1.02 * np.asarray(homes))

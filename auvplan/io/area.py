@@ -1,7 +1,7 @@
 """Reads the area of a scenario from its files."""
 
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -216,6 +216,7 @@ class AreaFiles:
         "land": "chart",
         "current": "current",
         "truth": "current",
+        "members": "current",
         "no_go": "chart",
         "chart": "chart",
         "seabed": "bathymetry",
@@ -273,6 +274,7 @@ class AreaFiles:
             self.notes,
             land.coast,
             (*land.closed, *(zone for zone in self.no_go if not zone.hours)),
+            tuple(member.field for member in self.members),
         )
 
     def readable(self, part: str) -> Any:
@@ -377,6 +379,18 @@ class AreaFiles:
         return self._current_of("truth", self.site)
 
     @_Part
+    def members(self) -> "tuple[CurrentFile, ...]":
+        """Other forecasts of the current."""
+        settings = self.scenario.current.members
+        if settings is None or settings.files is None:
+            return ()
+        assert self.site is not None
+        names = (settings.files,) if isinstance(settings.files, str) else settings.files
+        with error_context("current", "members.files"):
+            sources = [one for name in names for one in currents.open_members(in_folder(self.home, name))]
+        return tuple(self._current_of("members.files", self.site, [source]) for source in sources)
+
+    @_Part
     def tide(self) -> HarmonicCurrent | None:
         """The current of tidal constituents, which is the true one and its forecast."""
         constituents = self.scenario.current.constituents
@@ -472,25 +486,31 @@ class AreaFiles:
         file = getattr(getattr(self.scenario, section), name)
         return self.given.get(field, file and in_folder(self.home, file))
 
-    def _current_of(self, field: str, site: Site) -> "CurrentFile":
-        """Read the files of a current that a field names on the box, clear of the coast."""
+    def _current_of(self, field: str, site: Site, sources: Sequence[Any] = ()) -> "CurrentFile":
+        """Read the files of a current that a field names, or such sources, on the box, clear of the coast."""
         settings, box, chart = self.scenario.current, self._box, self.scenario.chart
         land = "mesh"
         if chart.source != "current":
             own = self.readable("land")
             land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
-        files = getattr(settings, field)
-        paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
+        if sources:
+            paths = list(sources)
+        else:
+            files = getattr(settings, field)
+            paths = [in_folder(self.home, name) for name in ((files,) if isinstance(files, str) else files)]
         source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
         how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
         how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
         how["times"] = site.epoch and (0.0, self.until)
+        key = "current", tuple(paths), site, tuple(how.values()), chart
+
+        def read() -> "CurrentFile":
+            return currents.read_current(source, site, land=land, **how)
+
         with error_context("current", field):
-            found = self._once(
-                lambda: currents.read_current(source, site, land=land, **how),
-                "current", tuple(paths), site, tuple(how.values()), chart,
-            )  # fmt: skip
+            named = all(isinstance(path, str | Path) for path in paths)
+            found = self._once(read, *key) if named else read()
         if site.epoch is None:  # the data's first time is it: now it can be seen whether the data lasts
             return self._current_of(field, replace(site, epoch=found.epoch))
         return found

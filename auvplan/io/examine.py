@@ -34,6 +34,7 @@ _PARTS = {
     ("current", "files"): "current",
     ("current", "constituents"): "tide",
     ("current", "truth"): "truth",
+    ("current", "members"): "members",
     ("obstacles", "file"): "obstacles",
     ("mission", "jobs"): "jobs",
 }

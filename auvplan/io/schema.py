@@ -29,7 +29,7 @@ from auvplan.ocean.closures import Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.path.motion import Motion
-from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord, Promise, RouteRecord
 from auvplan.scenario.power import PowerSettings
 from auvplan.scenario.vehicles import power_model
 
@@ -543,6 +543,7 @@ def stated(run: MissionRun) -> dict[str, str]:
         "closures": [
             {"name": area.name, "area": area.outline, "closed": area.spans} for area in run.stated_closures
         ],
+        **({} if run.promise is None else {"promise": asdict(run.promise)}),
     }  # fmt: skip
     return {name: json.dumps(plain(value)) for name, value in found.items()}
 
@@ -562,7 +563,7 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
         rest = {"windows": windows, "falls": tuple(map(tuple, values["falls"]))}
         return kind(**(values | rest | {place: tuple(at)}))
 
-    jobs = read("jobs", "null")
+    jobs, promise = read("jobs", "null"), read("promise", "null")
     return {
         "obstacles": tuple(
             KnownObstacle(**(one | {
@@ -572,6 +573,7 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
             for one in read("known_obstacles")
         ),
         "assumed": tuple(read("assumed")),
+        "promise": promise and Promise(**(promise | {"ends": tuple(promise["ends"])})),
         "zones": tuple(Zone(name, shapely.from_wkt(text)) for name, text in read("closed_areas")),
         "names": [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)],
         "jobs": jobs and Jobs(

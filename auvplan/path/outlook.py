@@ -1,6 +1,6 @@
-"""Re-evaluation of a followed plan in the current and among the obstacles known now."""
+"""Re-evaluation of a followed plan in the current known now, and of a mission's legs in many drawn ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.closures import Closure
-from auvplan.ocean.currents import Current
+from auvplan.ocean.currents import Current, combine
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS, WITHIN, Track, evaluate
+from auvplan.path.kinematics import norm, over_ground
 from auvplan.path.plan import PathPlan
 from auvplan.path.profile import timed
 from auvplan.runtime.compiled import compiled
@@ -98,3 +99,95 @@ def _executed(
     bare = Environment(current, None, Obstacles.none(), *box, closures=closures)
     trajectory = evaluate(track, depart, bare, vehicle, config)
     return trajectory.times[:, 0], jnp.stack(trajectory.excess)[:, :, 0]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Chain:
+    """The paths of a mission's L legs, to be followed one after the other.
+
+    Attributes:
+        positions: [L, S, 3] m.
+        departs: [L] s since the epoch, as planned.
+        takes: [L] s, the same.
+        speed: [L] m/s through the water.
+        leaves: [L] s, before which a leg is not begun; minus infinity where the vehicle does not wait.
+        opens, closes: [L, W] s, windows in which the task at its end may begin.
+        task: [L] s, that it takes.
+    """
+
+    positions: jax.Array
+    departs: jax.Array
+    takes: jax.Array
+    speed: jax.Array
+    leaves: jax.Array
+    opens: jax.Array
+    closes: jax.Array
+    task: jax.Array
+
+
+@partial(compiled, static_argnames=("config",), quick=True)
+def chain_times(
+    chain: Chain,
+    factors: jax.Array,
+    delays: jax.Array,
+    begins: jax.Array,
+    forecast: Current,
+    shared: Current | None,
+    own: Current | None,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array]:
+    """Follow the legs of a plan in D drawn currents: the paths stay, the times change.
+
+    A leg takes as many times as long as planned as its path takes in the drawn current, against the forecast.
+    A vehicle that comes too late for a task's windows goes on without it.
+
+    Args:
+        chain: the plan.
+        factors: [D, L], of the times that tasks take.
+        delays: [D, L] s, that legs take longer.
+        begins: s since the epoch.
+        forecast: that it was planned in.
+        shared, own: parts of the drawn currents, as `currents.partition` has them; leaves of `own` have a
+            leading axis D.
+        vehicle: limits; the speed is that of the leg.
+        config: static settings.
+
+    Returns:
+        ``(travel [D, L] s, ends [D, L] s since the epoch)``: of each leg, and when its task is over.
+    """
+
+    def taken(current: Current, leg: Chain, depart: jax.Array) -> jax.Array:
+        way = jnp.diff(leg.positions, axis=0)
+        gap = norm(*way.T)
+        own_speed = replace(vehicle, speed=leg.speed)
+
+        def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, None]:
+            (time, speed), ((x, y, z), way, gap) = carry, segment
+            water = current(x, y, z, time + 0.5 * gap / speed)
+            ground = over_ground(water, tuple(way), gap, own_speed, config)[0]
+            return (time + gap / ground, ground), None
+
+        segments = leg.positions[:-1] + 0.5 * way, way, gap
+        return jax.lax.scan(step, (depart, leg.speed), segments)[0][0] - depart
+
+    expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
+
+    def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, jax.Array]:
+        current = combine(shared, own)
+
+        def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+            leg, expects, factor, delay = row
+            leaves = jnp.maximum(time, leg.leaves)
+            travel = leg.takes * taken(current, leg, leaves) / jnp.maximum(expects, 1e-3) + delay
+            arrives = leaves + travel
+            waits = jnp.where(arrives > leg.closes, jnp.inf, jnp.maximum(leg.opens - arrives, 0.0))
+            wait = waits.min(initial=jnp.inf)
+            done = jnp.isfinite(wait)
+            ends = arrives + jnp.where(done, wait + factor * leg.task, 0.0)
+            return ends, (travel, ends)
+
+        return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
+
+    return jax.vmap(followed)(own, factors, delays)

@@ -20,6 +20,7 @@ class OperatingArea:
         chart: coast, closed and uncertain areas, or None for open water; closed areas count as coast.
         coast: coast and uncertain areas alone, as far beyond the area as distances to it are stated; or None.
         zones: areas that are closed at all times.
+        members: other forecasts of the current from files, on grids of their own.
         seabed: or None where it is out of reach.
         site: where and when, or None for local metres alone.
         forecast: the current as planners know it, from files or of tides; None where it is vortices.
@@ -41,3 +42,4 @@ class OperatingArea:
     notes: tuple[str, ...] = ()
     coast: Chart | None = None
     zones: tuple[Zone, ...] = ()
+    members: tuple[GriddedCurrent, ...] = ()

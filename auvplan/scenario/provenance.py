@@ -21,7 +21,7 @@ FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
     "vehicle": ("power",),
-    "current": ("files", "constituents", "truth"),
+    "current": ("files", "constituents", "truth", "members.files"),
     "obstacles": ("file",),
     "mission": ("jobs",),
 }
@@ -75,10 +75,13 @@ def source_digests(settings: dict[str, Any], folder: str | Path) -> list[dict[st
 
 def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
     """Return field and text of all files, patterns and folders that the settings of a scenario name."""
-    found = []
+    found: list[tuple[str, str]] = []
+    given: Any
     for section, fields in FILE_FIELDS.items():
         for field in fields:
-            given = (settings.get(section) or {}).get(field)
+            given = settings.get(section)
+            for name in field.split("."):
+                given = (given or {}).get(name)
             if section == "vehicle":
                 given = vehicle_file(given)
             found += [

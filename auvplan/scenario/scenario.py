@@ -75,6 +75,16 @@ class Scenario(Section):
         return self._warnings
 
     @property
+    def differs_by_seed(self) -> str:
+        """Why each seed makes another mission altogether, in which no plan of one holds; else empty."""
+        current, mission = self.current, self.mission
+        if current.source == "vortices" and current.vortices > 0:
+            return "current.source 'vortices' draws another sea for each mission"
+        if mission.jobs is None and (mission.waypoints > 2 or mission.start is None or mission.goal is None):
+            return "mission.waypoints are drawn again for each mission"
+        return ""
+
+    @property
     def fingerprint(self) -> str:
         """All settings that programs are compiled for, as text."""
         return self.model_dump_json(exclude={"vehicle": {"power"}})

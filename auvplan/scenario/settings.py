@@ -343,6 +343,18 @@ class VehicleSettings(Section):
         return {"vehicle": given} if isinstance(given, str) else given
 
 
+class MemberSettings(Section):
+    """How the true current may differ from the forecast: promises are kept in seas drawn by it."""
+
+    files: str | tuple[str, ...] | None = optional(
+        "other forecasts of the same sea, such as older runs or other models, each a path or the pattern of "
+        "one's files; of a file that holds an ensemble every member is one ('file')"
+    )
+    error: NotNegative = setting(0.0, "m/s, root mean square by which each component of a forecast errs")
+    length: Positive = setting(5000.0, "m, over which that error is much the same")
+    duration: Positive = setting(21_600.0, "s, the same in time")
+
+
 class CurrentSettings(SourcedSection):
     """The true current, and its forecast for the planner.
 
@@ -350,7 +362,7 @@ class CurrentSettings(SourcedSection):
     """
 
     required: ClassVar = {"files": ("file",), "constituents": ("harmonic",)}
-    allowed: ClassVar = {"truth": ("file",)}
+    allowed: ClassVar = {"truth": ("file",), "members": ("file", "harmonic")}
     effective: ClassVar = {
         **dict.fromkeys(("outside", "spacing"), ("file",)),
         **dict.fromkeys(("layers", "peak_speed", "vertical_scale", "uniform", "update_rate"), ("vortices",)),
@@ -367,6 +379,10 @@ class CurrentSettings(SourcedSection):
     constituents: str | None = optional("path of a YAML file of tidal constituents ('harmonic')")
     truth: str | tuple[str, ...] | None = optional(
         "the same of the true current; the forecast if absent ('file')"
+    )
+    members: MemberSettings | None = optional(
+        "how the truth may differ from the forecast, for planning.promise; vortices differ by "
+        "update_interval and forecast_error"
     )
     outside: Literal["refuse", "clamp"] = setting(
         "refuse", "what is done where the files do not reach: 'clamp' holds the nearest"
@@ -403,6 +419,11 @@ class CurrentSettings(SourcedSection):
         for name in ("files", "truth"):
             if getattr(self, name) == ():
                 raise RuleError("names no file", field=name)
+        if self.members is not None and self.members.files is not None:
+            if self.members.files == ():
+                raise RuleError("names no file", field="members.files")
+            if self.source != "file":
+                raise RuleError("goes with source 'file' alone", field="members.files", concerns=("source",))
         return self
 
 
@@ -479,6 +500,9 @@ class MissionSettings(Section):
     )
     priority: PriorityRange = setting((1, 5), "least and greatest")
     duration: NotNegativeRange = setting((30.0, 300.0), "s")
+    duration_error: Annotated[float, Field(ge=0.0, le=1.0)] = setting(
+        0.0, "share by which a task takes longer or shorter than planned, one standard deviation"
+    )
     time_available: Positive = setting(14_400.0, "s")
     lines: Literal["part", "whole"] = setting(
         "part",
@@ -631,6 +655,10 @@ class PlanningSettings(Section):
         0.0,
         "share by which a mission is taken to last longer than expected when its tasks "
         "are chosen, for what no plan can know; what it leaves is used on the way ('deviation')",
+    )
+    promise: Annotated[float, Field(gt=0.0, lt=1.0)] | None = optional(
+        "least probability that the destination is reached in time, over seas drawn by what is known of the "
+        "forecast's errors: as much time and energy is kept back as that takes"
     )
     return_margin: Preset[NotNegative] = optional(
         "share by which the way back is taken to last longer than expected; default 0.2 with travel times "

@@ -14,16 +14,10 @@ from auvplan.study.statistics import summarise
 
 def require_one_sea(scenario: Scenario) -> None:
     """Raise ScenarioError where each seed is another mission altogether, in which no plan can hold."""
-    current, mission = scenario.current, scenario.mission
-    if current.source == "vortices" and current.vortices > 0:
+    if reason := scenario.differs_by_seed:
         raise ScenarioError(
-            "current.source 'vortices' draws another sea for each mission, in which no plan of one holds: a "
-            "rehearsal needs currents from files, or none (vortices: 0)"
-        )
-    if mission.jobs is None and (mission.waypoints > 2 or mission.start is None or mission.goal is None):
-        raise ScenarioError(
-            "mission.waypoints are drawn again for each mission: a rehearsal needs mission.jobs, or one leg "
-            "with start and goal"
+            f"{reason}, in which no plan of one holds: a rehearsal needs currents from files, or none "
+            "(vortices: 0), and mission.jobs, or one leg with start and goal"
         )
 
 

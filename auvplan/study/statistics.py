@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 from scipy.stats import binom
 
-Array = NDArray[np.floating]
+from auvplan.runtime.intervals import wilson
 
-#: Normal quantile of two-sided 95 % intervals.
-_Z = 1.959964
+Array = NDArray[np.floating]
 
 
 def sweep_dims(dataset: xr.Dataset) -> list[str]:
@@ -71,10 +70,7 @@ def wilson_interval(values: Array) -> tuple[Array, Array, Array]:
     count = np.isfinite(values).sum(axis=-1)
     count = np.where(count > 0, count, np.nan)
     share = np.nansum(values, axis=-1) / 100.0 / count
-    middle = (share + _Z**2 / (2.0 * count)) / (1.0 + _Z**2 / count)
-    spread = share * (1.0 - share) / count + _Z**2 / (4.0 * count**2)
-    half = _Z / (1.0 + _Z**2 / count) * np.sqrt(spread)
-    low, high = np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
+    low, high = wilson(share, count)
     return 100.0 * share, 100.0 * low, 100.0 * high
 
 

@@ -32,6 +32,9 @@ Paths = Source | Sequence[Source]
 #: Which indices of a dimension are wanted.
 Pick = int | slice | NDArray[np.int64]
 
+#: What the dimension along which an ensemble's members lie is called; CF has the standard name.
+_MEMBERS, _REALIZATION = ("member", "members", "ensemble", "ens", "realization", "number"), "realization"
+
 _ZARR_FILES = ("zarr.json", ".zgroup", ".zmetadata")
 #: What other files begin with, what they are and what would do.
 _OTHERS = {
@@ -224,6 +227,25 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
         close_all(files)
         raise
     return tuple(files)
+
+
+def open_members(source: Source) -> Sequence[Source]:
+    """Return the forecasts that a source of currents holds: each member of an ensemble, or itself.
+
+    Raises:
+        CurrentError: there is no such file, or it is no readable NetCDF file or Zarr folder.
+    """
+    dataset = source
+    if not isinstance(source, xr.Dataset):
+        if not os.path.exists(source):
+            return [source]  # a pattern, or what the reader refuses
+        dataset = open_lazily(str(source), CurrentError)
+    assert isinstance(dataset, xr.Dataset)
+    for name, size in dataset.sizes.items():
+        stated = dataset.variables[name].attrs.get("standard_name") if name in dataset.variables else ""
+        if size > 1 and (str(name).lower() in _MEMBERS or stated == _REALIZATION):
+            return [dataset.isel({name: k}).drop_vars([name], errors="ignore") for k in range(size)]
+    return [source]
 
 
 def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:

@@ -1,0 +1,100 @@
+"""Currents that drawn seas are made of: random errors of a forecast, and fields that change in steps."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.ocean.currents import Current, Velocity
+from auvplan.runtime.compiled import compiled
+
+#: Waves that a random field is made of.
+_WAVES = 32
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class RandomField:
+    """A smooth random velocity without divergence, level and the same at all depths: a sum of K plane waves.
+
+    Attributes:
+        north, east: [K] rad/m, wave numbers.
+        rate: [K] rad/s.
+        phase: [K] rad.
+        speed: m/s, of each wave, across its direction.
+    """
+
+    north: jax.Array
+    east: jax.Array
+    rate: jax.Array
+    phase: jax.Array
+    speed: jax.Array
+    gradual = True
+    barotropic = True
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
+        x, y, t = jnp.broadcast_arrays(x, y, t)
+        size = jnp.sqrt(self.north**2 + self.east**2)
+        along = x[..., None] * self.north + y[..., None] * self.east + t[..., None] * self.rate + self.phase
+        waves = self.speed * jnp.cos(along) / size
+        u, v = -(waves * self.east).sum(axis=-1), (waves * self.north).sum(axis=-1)
+        return u, v, jnp.zeros_like(u)
+
+
+def random_fields(key: jax.Array, count: int, error: float, length: float, duration: float) -> RandomField:
+    """Draw errors of a forecast: leaves have a leading axis of `count`.
+
+    A component has the root mean square `error`. Wave numbers and rates are normal, so that the stream
+    function's correlation is exp(-r^2 / (2 length^2)) over r metres, exp(-s^2 / (2 duration^2)) over s
+    seconds.
+
+    Args:
+        key: PRNG key, consumed.
+        count: of fields.
+        error: m/s.
+        length: m.
+        duration: s.
+    """
+    return _random_fields(key, error, length, duration, count=count)
+
+
+@partial(compiled, static_argnames=("count",), quick=True)
+def _random_fields(key: jax.Array, error: Any, length: Any, duration: Any, count: int) -> RandomField:
+    waves, phases = jax.random.split(key)
+    north, east, rate = jnp.moveaxis(jax.random.normal(waves, (count, _WAVES, 3)), -1, 0)
+    phase = jax.random.uniform(phases, (count, _WAVES), maxval=2.0 * jnp.pi)
+    # A wave's mean square is half of its speed's, and half of that is each component's.
+    speed = jnp.full((count, 1), 2.0 * error / jnp.sqrt(float(_WAVES)))
+    return RandomField(north / length, east / length, rate / duration, phase, speed)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class SteppedCurrent:
+    """A current that changes at even moments, and not between them.
+
+    Attributes:
+        fields: whose leaves have a leading axis, one after the other; the first and the last hold on.
+        interval: s between changes.
+        begins: s, when the first takes effect.
+    """
+
+    fields: Current
+    interval: jax.Array
+    begins: jax.Array
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
+        shape = jnp.broadcast_shapes(*map(jnp.shape, (x, y, z, t)))
+        places = [jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z, t)]
+        count = jax.tree.leaves(self.fields)[0].shape[0]
+        steps = jnp.clip(jnp.floor((places[3] - self.begins) / self.interval), 0, count - 1).astype(int)
+
+        def met(step: jax.Array, *place: jax.Array) -> Velocity:
+            return jax.tree.map(lambda leaf: leaf[step], self.fields)(*place)
+
+        u, v, w = jax.vmap(met)(steps, *places)
+        return u.reshape(shape), v.reshape(shape), w.reshape(shape)
