@@ -5,6 +5,7 @@ through the water: what changes is when it arrives. A plan that is to be home mo
 time and of the energy back when its tasks are chosen.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -168,7 +169,7 @@ def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
     return Chain(**single)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Promised:
     """A plan, and what it promises.
 
@@ -207,17 +208,31 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
     """
     tried: list[Promised] = []
     kept: float | None = 0.0
-    while kept is not None and len(tried) < _PLANS:
-        tried.append(planned_with(mission, kept, complete))
-        kept = None if asked is None else _next(tried, asked)
-    best = max(tried, key=lambda one: _worth(one, asked or 0.0))
-    run = best.mission.run
-    if best.found is not None:
-        key = prng.folded(mission.key, _JUDGED_IN)
-        run.promise = promise_of(outcomes(mission, run.done, key), mission.now, asked, best.kept)
-        if not run.promise.kept:
+    safely = None if asked is None else asked + _surely(asked)
+    while True:
+        while kept is not None and len(tried) < _PLANS:
+            tried.append(planned_with(mission, kept, complete))
+            kept = None if safely is None else _next(tried, safely)
+        best = max(tried, key=lambda one: _worth(one, safely or 0.0))
+        run = best.mission.run
+        if best.found is None:
+            return best.mission
+        judged = outcomes(mission, run.done, prng.folded(mission.key, _JUDGED_IN))
+        run.promise = promise_of(judged, mission.now, asked, best.kept)
+        if run.promise.kept:
+            return best.mission
+        # The seas that it was chosen by were kind to it.
+        tried[tried.index(best)] = replace(best, found=judged)
+        assert safely is not None
+        kept = _next(tried, safely)
+        if kept is None or len(tried) >= _PLANS:
             run.reason += f"; planning.promise {asked:g} is not kept: {run.promise.line} at best"
-    return best.mission
+            return best.mission
+
+
+def _surely(asked: float) -> float:
+    """Return by how much more a plan is to keep in the seas it is chosen by: the error of that share."""
+    return math.sqrt(asked * (1.0 - asked) / SEAS)
 
 
 def planned_with(mission: Mission, kept: float, complete: Complete) -> Promised:

@@ -1,0 +1,284 @@
+"""Promises of plans against what is kept in seas that no plan knows: ``python -m benchmarks.promises``.
+
+Three seas, plans of several promises in each, and every plan followed in a thousand true seas by code of this
+file alone. Where vortices change by Eq. 2 the true ones are drawn again here, in NumPy. Off Washington the
+truth is RTOFS itself; its forecast is the same a day earlier, and its members are as much as four days old.
+In the fjord the truth is ROMS with an error made of vortices, the forecast ROMS, and what is known of the
+error its size and length. Tasks last longer or shorter by a tenth. With `--fixed`, shares of the time that
+are kept back are compared, the same for all missions.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+
+import auvplan as ap
+from auvplan.executive.context import Mission
+from auvplan.executive.loop import complete
+from auvplan.executive.planning import leaving, load_area_at, planning_context
+from auvplan.executive.promise import plan_with_promise, planned_with, promise_of
+from auvplan.ocean.currents import evaluated
+from auvplan.ocean.vortices import LambVortices
+from auvplan.plot import style
+from auvplan.runtime import prng
+from benchmarks.harness import SCENARIOS, SHARED, launch, show, track
+
+TRUTHS, TASK_ERROR = 1000, 0.1
+PROMISES = 0.8, 0.95, 0.99
+FIXED = 0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1
+#: h, age of the forecast off Washington, and of its other members.
+AGE, AGES = 24, (36, 48, 60, 72, 84, 96)
+#: m/s and m, of the error in the fjord.
+ERROR, LENGTH = 0.05, 500.0
+#: m, steps that true tracks are followed in; of a leg there are so many at most.
+STEP, STEPS = 25.0, 120
+
+RTOFS = SHARED / "currents" / "rtofs_water_u_v_washington_64x3h.nc"
+
+#: Velocity, m/s north and east [D], at a place, m, and D times, s.
+Truth = Callable[[float, float, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+#: What is drawn.
+BOTH = "stated", "kept"
+
+KEPT = {
+    "sea": "{sea}", "promise": "{asked}", "plans": "{plans}", "not kept": "{refused}",
+    "stated": "{stated:.1%}", "of": "{low:.1%} to {high:.1%}", "kept": "{kept:.1%}",
+    "priority": "{priority:.2f}", "time left": "{left:.1%}",
+}  # fmt: skip
+
+
+def main(seas: list[str], seeds: range, fixed: bool, picture: Path | None) -> dict[str, Any]:
+    """Plan and follow; return the rows and their means."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for sea in seas:
+            for seed in track(seeds, sea):
+                rows += list(cases(sea, seed, Path(folder), fixed))
+    kept = [
+        summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
+    ]
+    show("plans of promises, and how many of the true seas they are home in time in", kept, KEPT)
+    if picture is not None:
+        draw(rows, picture)
+    return {"promises": kept, "plans": rows}
+
+
+def cases(sea: str, seed: int, folder: Path, fixed: bool) -> Iterator[dict[str, Any]]:
+    """Yield the plans of one mission, each with the share of true seas that it is home in time in."""
+    mission, truth = WORLDS[sea](seed, folder)
+    rng = np.random.default_rng(10_000 + seed)
+    known = truth(rng)
+    for asked in PROMISES:
+        run = plan_with_promise(mission.fork(), asked, complete).run
+        promise = run.promise
+        assert promise is not None
+        yield row(sea, seed, f"{asked:g}", run, promise, known, rng)
+    for kept in FIXED if fixed else ():
+        one = planned_with(mission, kept, complete)
+        if one.found is not None:
+            promise = promise_of(one.found, 0.0, None, kept)
+            yield row(sea, seed, f"{kept:g} left", one.mission.run, promise, known, rng)
+
+
+def row(sea: str, seed: int, asked: str, run: Any, promise: Any, truth: Truth, rng: Any) -> dict[str, Any]:
+    """Return figures of a plan, and how it goes in the true seas."""
+    home = follow(run, truth, rng) <= run.t_available
+    return {
+        "sea": sea, "seed": seed, "asked": asked, "refused": not promise.kept, "stated": promise.share,
+        "low": promise.low, "high": promise.high, "kept": float(home.mean()), "priority": run.total_priority,
+        "left": promise.left,
+    }  # fmt: skip
+
+
+def summary(sea: str, asked: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return means of the plans of one kind that keep what they promise by their own account."""
+    those = [one for one in rows if one["sea"] == sea and one["asked"] == asked]
+    good = [one for one in those if not one["refused"]] or those
+    means = {
+        name: float(np.mean([one[name] for one in good]))
+        for name in ("stated", "low", "high", "kept", "priority", "left")
+    }
+    return {"sea": sea, "asked": asked, "plans": len(those), "refused": len(those) - len(good), **means}
+
+
+def follow(run: Any, truth: Truth, rng: np.random.Generator) -> np.ndarray:
+    """Follow the legs of a plan in D true seas, [D] s at the end; the vehicle crabs to hold its track."""
+    now = np.zeros(TRUTHS)
+    for leg in run.done:
+        places = np.asarray(leg.positions, float)
+        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
+        marks = np.linspace(0.0, along[-1], int(np.clip(math.ceil(along[-1] / STEP), 1, STEPS)) + 1)
+        points = np.stack([np.interp(marks, along, axis) for axis in places.T], axis=1)
+        speed = float(np.asarray(run.vehicle_on(leg).speed))
+        pace = np.full(TRUTHS, speed)
+        for a, b in pairwise(points):
+            gap = float(np.linalg.norm(b - a))
+            if gap == 0.0:
+                continue
+            north, east = truth(*(0.5 * (a + b)), now + 0.5 * gap / pace)
+            tangent = (b - a) / gap
+            with_it = north * tangent[0] + east * tangent[1]
+            across = np.maximum(north**2 + east**2 - with_it**2, 0.0)
+            pace = np.maximum(with_it + np.sqrt(np.maximum(speed**2 - across, 0.0)), 0.02 * speed)
+            now = now + gap / pace
+        now = now + leg.t_task * np.maximum(1.0 + TASK_ERROR * rng.standard_normal(TRUTHS), 0.0)
+    return now
+
+
+def mission_of(scenario: ap.Scenario, seed: int, depart: float = 0.0) -> Mission:
+    """Return a mission that is about to be planned."""
+    area = load_area_at(scenario, [depart])
+    context = planning_context(scenario, None, area, depart)
+    (mission,) = leaving(context, prng.of_seeds([seed])[0], [depart], seed)
+    return mission
+
+
+def vortices(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
+    """The shipped scenario without obstacles: the truth differs from the forecast and changes by Eq. 2."""
+    scenario = ap.load_scenario("whitsunday").with_({
+        "simulation.obstacles": {"static": 0, "afloat": 0, "self_motivated": 0},
+        "current.forecast_error": 0.1, "mission.duration_error": TASK_ERROR,
+    })  # fmt: skip
+    mission, settings = mission_of(scenario, seed), scenario.current
+    field = jax.device_get(mission.sea.forecast())
+    assert isinstance(field, LambVortices)
+    layers, count = field.strength.shape
+    depths = np.asarray(field.depths, float)
+
+    def drawn(rng: np.random.Generator) -> Truth:
+        steps = math.ceil(1.2 * scenario.mission.time_available / settings.update_interval)
+        first = settings.forecast_error * rng.standard_normal((TRUTHS, count, 3))
+        radius = np.asarray(field.radius, float) * np.ones((TRUTHS, 1, 1))
+        centers = np.asarray(field.centers, float) + first[:, None, :, :2] * radius[..., None]
+        strength = np.asarray(field.strength, float) * (1.0 + first[:, None, :, 2])
+        held = []
+        for _ in range(steps + 1):
+            held.append((centers.copy(), strength.copy(), radius.copy()))
+            change = settings.update_rate * rng.standard_normal((TRUTHS, 1, count, 4))
+            centers += settings.center_std * change[..., :2]
+            strength *= 1.0 + settings.strength_std * change[..., 3]
+            radius = np.maximum(radius + settings.radius_std * change[..., 2], 50.0)
+        centers, strength, radius = (np.stack(part) for part in zip(*held, strict=True))
+
+        def truth(x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            number = np.clip(t // settings.update_interval, 0, steps).astype(int), np.arange(TRUTHS)
+            north, east = (place - centers[number][..., axis] for axis, place in enumerate((x, y)))
+            square, size = north**2 + east**2, radius[number]
+            turn = strength[number] / (2.0 * np.pi * square) * -np.expm1(-square / size**2)
+            u, v = -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
+            weights = np.asarray([np.interp(z, depths, row) for row in np.eye(layers)])
+            return u @ weights, v @ weights
+
+        return truth
+
+    return mission, drawn
+
+
+def ocean(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
+    """A day off Washington by forecasts that are one to four days old."""
+    with xr.open_dataset(RTOFS, decode_times=False) as data:
+        for age in (AGE, *AGES):
+            path = folder / f"{age}.nc"
+            if not path.exists():
+                later = data["time"].values + age / (1.0 if "hour" in data["time"].units else 24.0)
+                data.assign_coords(time=("time", later, data["time"].attrs)).to_netcdf(path)
+    hour = 96 + 6 * (seed % 12)
+    moment = np.datetime64("2024-10-28T03:00") + np.timedelta64(hour, "h")
+    scenario = ap.load_scenario(SCENARIOS / "ocean.yaml").with_({
+        "current.files": str(folder / f"{AGE}.nc"), "current.truth": str(RTOFS),
+        "current.members": {"files": [str(folder / f"{age}.nc") for age in AGES]},
+        "site.departure": f"{moment}:00Z", "mission.time_available": 86_400,
+        "area.lower": [-12_000, -12_000, 0], "area.upper": [12_000, 12_000, 5],
+        "mission.duration_error": TASK_ERROR,
+    })  # fmt: skip
+    mission = mission_of(scenario, seed)
+    known = load_area_at(scenario, [0.0]).truth
+    assert known is not None
+
+    def drawn(rng: np.random.Generator) -> Truth:
+        return partial(looked_up, known)
+
+    return mission, drawn
+
+
+def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
+    """The fjord of ROMS, with an error of a known size."""
+    members = {"error": ERROR, "length": LENGTH, "duration": 43_200}
+    scenario = ap.load_scenario(SCENARIOS / "fjord.yaml").with_({
+        "current.members": members, "mission.duration_error": TASK_ERROR, "mission.time_available": 6000,
+    })  # fmt: skip
+    mission = mission_of(scenario, seed)
+    known, (low, high) = mission.sea.forecast(), scenario.box
+
+    def drawn(rng: np.random.Generator) -> Truth:
+        side = np.subtract(high, low)[:2] + 4.0 * LENGTH
+        count = max(int(np.prod(side) / LENGTH**2), 4)
+        centers = np.subtract(low, 2.0 * LENGTH)[:2] + rng.uniform(size=(TRUTHS, count, 2)) * side
+        strength = rng.standard_normal((TRUTHS, count))
+        # Far and wide the mean square of a component is what was asked for.
+        places = rng.uniform(low[:2], high[:2], (64, 2))
+        squares = [np.mean(np.square(_turning(*place, centers, strength))) for place in places]
+        strength *= ERROR / math.sqrt(float(np.mean(squares)))
+
+        def truth(x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            u, v = looked_up(known, x, y, z, t)
+            du, dv = _turning(x, y, centers, strength)
+            return u + du, v + dv
+
+        return truth
+
+    return mission, drawn
+
+
+def looked_up(current: Any, x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a current at one place and many times, m/s north and east."""
+    u, v, _ = evaluated(current, *(np.full(len(t), axis) for axis in (x, y, z)), t)
+    return u, v
+
+
+def _turning(x: float, y: float, centers: np.ndarray, strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gaussian vortices [D, K], summed."""
+    north, east = x - centers[..., 0], y - centers[..., 1]
+    turn = strength * np.exp(-(north**2 + east**2) / (2.0 * LENGTH**2)) / LENGTH
+    return -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
+
+
+WORLDS = {"vortices": vortices, "ocean": ocean, "fjord": fjord}
+
+
+def draw(rows: list[dict[str, Any]], picture: Path) -> None:
+    """Draw what was promised against what was kept: plans, and their means in ten bins."""
+    figure = style.new_figure(6.0, 5.4)
+    axes = figure.subplots()
+    axes.plot([0, 100], [0, 100], color=style.GREY, lw=1.0, zorder=1)
+    colours = dict(zip(WORLDS, (style.BLUE, style.ORANGE, style.GREEN), strict=True))
+    for sea in dict.fromkeys(row["sea"] for row in rows):
+        stated, kept = (100.0 * np.asarray([row[of] for row in rows if row["sea"] == sea]) for of in BOTH)
+        axes.scatter(stated, kept, s=12, alpha=0.35, color=colours[sea], lw=0)
+        bins = np.clip(stated // 10.0, 0, 9)
+        means = [(stated[bins == k].mean(), kept[bins == k].mean()) for k in np.unique(bins)]
+        axes.plot(*np.transpose(means), "o-", color=colours[sea], label=sea, ms=5)
+    axes.set(xlabel="promised: home in time in drawn seas [%]", ylabel="kept in true seas [%]")
+    axes.set_aspect("equal")
+    axes.legend(frameon=False)
+    style.grid(axes)
+    figure.savefig(picture)
+
+
+if __name__ == "__main__":
+    launch(
+        main,
+        seas=(list(WORLDS), "seas", list(WORLDS)),
+        seeds=(range(20), "missions in each"),
+        fixed=(False, "compare shares of the time that are kept back, too"),
+        picture=(Path, "PNG of what was promised against what was kept"),
+    )
