@@ -37,7 +37,7 @@ FIXED = 0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1
 #: h, age of the forecast off Washington, and of its other members.
 AGE, AGES = 24, (36, 48, 60, 72, 84, 96)
 #: m/s and m, of the error in the fjord.
-ERROR, LENGTH = 0.05, 500.0
+ERROR, LENGTH = 0.1, 500.0
 #: m, steps that true tracks are followed in; of a leg there are so many at most.
 STEP, STEPS = 25.0, 120
 
@@ -214,7 +214,7 @@ def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
     """The fjord of ROMS, with an error of a known size."""
     members = {"error": ERROR, "length": LENGTH, "duration": 43_200}
     scenario = ap.load_scenario(SCENARIOS / "fjord.yaml").with_({
-        "current.members": members, "mission.duration_error": TASK_ERROR, "mission.time_available": 6000,
+        "current.members": members, "mission.duration_error": TASK_ERROR, "mission.time_available": 4500,
     })  # fmt: skip
     mission = mission_of(scenario, seed)
     known, (low, high) = mission.sea.forecast(), scenario.box

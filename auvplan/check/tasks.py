@@ -20,6 +20,9 @@ _PRIORITY_TOLERANCE = 1e-6
 #: Share of a priority by which one may be off that counts by the length covered of a line.
 _LINE_TOLERANCE = 1e-3
 
+#: Standard deviations by which the time of a task that scatters may be off.
+_SPREAD = 6.0
+
 #: A path over waypoints not yet visited counts as open if it takes less than this share of the time left, at
 #: the least speed that may be chosen, in still water: a contrary current may double the time of a path.
 _SURELY_IN_TIME = 0.5
@@ -46,6 +49,7 @@ def task_faults(run: Saved) -> Iterator[str]:
         )
     account = _tasks_of(run, jobs, once)
     under_way = _under_way(run)
+    scatter = _SPREAD * float(run.section("mission").get("duration_error") or 0.0) * run.simulated
     visited, refused = {int(run.number("start"))}, set()
     total, tasks, slack = 0.0, 0, _PRIORITY_TOLERANCE
     for leg in run.legs:
@@ -65,7 +69,7 @@ def task_faults(run: Saved) -> Iterator[str]:
         if abs(earned.priority - leg.priority) > allowed:
             yield f"{leg}: counts a priority of {leg.priority:g}, its tasks are worth {earned.priority:g}"
         takes = 0.0 if under_way else earned.duration
-        if abs(takes - leg.t_task) > TIME_TOLERANCE:
+        if abs(takes - leg.t_task) > TIME_TOLERANCE + scatter * takes:
             yield f"{leg}: spends {leg.t_task:.2f} s on tasks that take {takes:.2f} s"
         total, tasks = total + earned.priority, tasks + earned.tasks
         visited |= {leg.start, leg.goal}

@@ -43,6 +43,7 @@ app = typer.Typer(
 )
 for command in (
     plan.plan,
+    plan.promise,
     plan.rehearse,
     mission.mission,
     mission.path,

@@ -1,7 +1,8 @@
-"""The commands that plan a mission for a vehicle, and say how often the plan holds."""
+"""The commands that plan a mission for a vehicle, and say how often the plan holds and how sure it is."""
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,9 +11,10 @@ from rich.table import Table
 
 from auvplan.cli import shared
 from auvplan.plot.painter import Pictures
-from auvplan.runtime.formatting import counted, figure
+from auvplan.runtime.formatting import counted, figure, hours
 
 if TYPE_CHECKING:
+    from auvplan.records import MissionRun
     from auvplan.view.sheet import MissionSheet
 
 
@@ -128,6 +130,70 @@ def print_sheet(sheet: "MissionSheet") -> None:
         for job in sheet.left_out:
             left.add_row(job.name, figure(job.priority), job.reason)
         shared.console.print(left)
+
+
+def promise(
+    scenario: shared.ScenarioArgument = "whitsunday",
+    out: shared.OutOption = Path("out/promise"),
+    seed: shared.SeedOption = 0,
+    quiet: shared.QuietOption = False,
+    changes: shared.SetOption = None,
+    as_json: shared.JsonOption = False,
+) -> None:
+    """Plan a mission more and more surely, and say what it costs to be home in time."""
+    quiet = quiet or as_json
+    from auvplan.executive.planning import load_area_at, plan_promises
+    from auvplan.plot.promise import plot_promises
+    from auvplan.plot.style import save
+    from auvplan.runtime.files import output_folder, write_json
+
+    with shared.naming(scenario):
+        settings, folder = shared.load(scenario, settings=changes)
+        area = load_area_at(settings, [0.0], folder)
+        if not quiet:
+            shared.say_notes(area.notes)
+        output_folder(out)
+        with shared.progress_bar("planning", quiet, of=None) as move:
+            runs = plan_promises(
+                settings,
+                seed=seed,
+                folder=folder,
+                area=area,
+                progress=lambda done, total: move(done / total, f"planning, {done} of {total} plans"),
+            )
+    if runs[0].promise is None:
+        shared.print_error(f"no plan: {runs[0].reason}")
+        raise typer.Exit(1)
+    rows = [_promise_row(run, runs[0]) for run in runs]
+    write_json(out / "promise.json", {"scenario": settings.name, "seed": seed, "plans": rows})
+    picture = save(plot_promises(runs), out / "promise.png")
+    if as_json:
+        shared.print_json({"scenario": settings.name, "seed": seed, "plans": rows})
+    elif not quiet:
+        table = Table(title=f"{settings.name}, seed {seed}: home in time, and what it costs")
+        for heading in ("home in time, %", "kept back", "priority", "tasks", "takes"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column("gives up", overflow="fold")
+        for row in rows:
+            table.add_row(
+                f"{100.0 * row['share']:.1f} [{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}]",
+                f"{100.0 * row['left']:.1f} %",
+                figure(row["priority"]),
+                str(row["tasks"]),
+                hours(row["time_s"]),
+                ", ".join(row["gives_up"]) or "nothing",
+            )
+        shared.console.print(table)
+        shared.say(f"planning.promise makes `auvplan plan` keep one of these; picture: {picture}")
+
+
+def _promise_row(run: "MissionRun", first: "MissionRun") -> dict[str, Any]:
+    """Return the figures of a plan, and which tasks of the least sure plan it has not."""
+    assert run.promise is not None
+    own = {leg.goal for leg in run.earning}
+    figures = {"priority": run.total_priority, "tasks": run.tasks, "time_s": run.t_mission}
+    gone = [run.called(leg.goal) for leg in first.earning if leg.goal not in own]
+    return asdict(run.promise) | figures | {"gives_up": gone}
 
 
 def rehearse(

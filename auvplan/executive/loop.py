@@ -154,7 +154,7 @@ def execute_missions(
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
                 active.append(start_mission(context, number, key, int(seed)))
-                _settle(active[-1])
+                settle(active[-1])
                 warm_up(context, partial(start_mission, number=number, key=key, seed=int(seed)))
             step(active)
             for mission in active:
@@ -202,7 +202,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     return Mission(context, number, run, sea, planner_key, rng, graph, graph, **common)
 
 
-def _settle(mission: Mission) -> None:
+def settle(mission: Mission) -> None:
     """Take the allowance by which a plan in the forecast keeps the scenario's promise.
 
     Where all missions are planned alike, the first one's plan is that of all.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
 from auvplan.executive.loop import complete, seed_keys, start_mission
-from auvplan.executive.promise import plan_with_promise
+from auvplan.executive.promise import plan_with_promise, surer_plans
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
@@ -75,6 +75,34 @@ def plan_scenario(
         else:
             complete(mission, progress)
     return _from_departure(mission.run, depart)
+
+
+def plan_promises(
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    folder: str | Path | None = None,
+    area: OperatingArea | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[MissionRun]:
+    """Plan a mission more and more surely: what it costs to be home in time.
+
+    Args:
+        scenario: settings; `planning.promise` does not count.
+        seed, folder, area: as for `plan_scenario`.
+        progress: called with how many plans are made, of how many.
+
+    Returns:
+        Plans with their promises, the least sure first; of such as promise the same, that of most priority.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: as `plan_scenario`.
+    """
+    area = load_area_at(scenario, [0.0], folder) if area is None else area
+    context = planning_context(scenario, folder, area, 0.0)
+    (mission,) = leaving(context, seed_keys([seed])[0], [0.0], seed)
+    with expecting(PLANS, scenario.fingerprint):
+        return surer_plans(mission, complete, progress)
 
 
 def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> OperatingArea:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Mission
 from auvplan.path.outlook import Chain, chain_times
-from auvplan.records import LegRecord, Promise
+from auvplan.records import LegRecord, MissionRun, Promise
 from auvplan.runtime import prng
 from auvplan.runtime.intervals import wilson
 from auvplan.simulation.draws import drawn_seas
@@ -33,6 +33,9 @@ _SAMPLES, _LEGS, _WINDOWS = 33, 8, 2
 #: Plans at most that a promise is looked for with, and shares kept back that are much the same.
 _PLANS, _ALIKE = 6, 0.005
 
+#: Promises that plans are looked for by where their cost is asked for.
+_SHARES = 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999
+
 #: What the keys of drawn seas are folded with: those that plans are chosen by, and those they are judged in.
 _CHOSEN_BY, _JUDGED_IN = 7001, 7002
 
@@ -46,14 +49,12 @@ class Outcomes:
         home: [D] whether the destination is reached in time, and with the energy that may be used.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
-        varied: whether seas of one member differ.
     """
 
     ends: Array
     home: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
-    varied: bool
 
     @property
     def share(self) -> float:
@@ -64,22 +65,17 @@ class Outcomes:
     def interval(self) -> tuple[float, float]:
         """Ends of the 95 % interval of that.
 
-        Seas of one member are alike: they count as fewer the more of the outcome is the member's (the design
-        effect of a cluster sample, Kish 1965, section 5.4).
+        Seas of one member are alike: they count as fewer the more of what differs between seas is the
+        member's (the design effect of a cluster sample; Kish, Survey Sampling, 1965, section 5.4).
         """
-        count, groups = len(self.home), self.members.max() + 1
-        size = count / groups
-        if groups > 1 and not self.varied:
-            size_effective = float(groups)
-        elif groups > 1:
-            shares = np.bincount(self.members, self.home) / np.bincount(self.members)
-            within = float((shares * (1.0 - shares)).mean()) * size / max(size - 1.0, 1.0)
-            between = max(float(shares.var(ddof=1)) - within / size, 0.0)
-            alike = between / (between + within) if between + within > 0.0 else 0.0
-            size_effective = count / (1.0 + (size - 1.0) * alike)
-        else:
-            size_effective = float(count)
-        low, high = wilson(self.share, size_effective)
+        count, groups = len(self.home), int(self.members.max()) + 1
+        alike = 0.0
+        if groups > 1:
+            means = np.bincount(self.members, self.used) / np.bincount(self.members)
+            within = float(((self.used - means[self.members]) ** 2).sum()) / (count - groups)
+            between = max(float(means.var(ddof=1)) - within * groups / count, 0.0)
+            alike = between / (between + within) if between + within > 0.0 else 1.0
+        low, high = wilson(self.share, count / (1.0 + (count / groups - 1.0) * alike))
         return float(low), float(high)
 
 
@@ -105,7 +101,7 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
     forecast = mission.sea.forecast()
     travels, ends, members = [], [], []
     common = context.vehicle.without_transit(), context.path_config.only()
-    size, varied, error = len(chain.task), bool(detour), scenario.mission.duration_error
+    size, error = len(chain.task), scenario.mission.duration_error
     until = max(run.t_available, legs[-1].ends) if legs else begins
     for number, seas in enumerate(drawn_seas(scenario, context.area, forecast, sea_key, SEAS, begins, until)):
         factors = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0)
@@ -118,7 +114,6 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
         travels.append(travel[:, :count])
         ends.append(end[:, count - 1] if count else np.full(seas.count, begins))
         members.append(np.full(seas.count, number))
-        varied |= seas.own is not None or error > 0.0
     travel, over = np.concatenate(travels), np.concatenate(ends)
     used = (over - begins) / (run.t_available - begins)
     power = run.vehicle.power
@@ -129,7 +124,7 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
         watts = np.asarray([float(power.power(speed)) for speed in speeds])
         more = ((travel - np.asarray([leg.t_path for leg in legs])) * watts).sum(axis=1) / WATT_HOUR
         used = np.maximum(used, (whole.total + more) / max(whole.total + whole.margin, 1e-9))
-    return Outcomes(over, used <= 1.0, used, np.concatenate(members), varied)
+    return Outcomes(over, used <= 1.0, used, np.concatenate(members))
 
 
 def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
@@ -233,6 +228,38 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
 def _surely(asked: float) -> float:
     """Return by how much more a plan is to keep in the seas it is chosen by: the error of that share."""
     return math.sqrt(asked * (1.0 - asked) / SEAS)
+
+
+def surer_plans(
+    mission: Mission, complete: Complete, progress: Callable[[int, int], None] | None = None
+) -> list[MissionRun]:
+    """Plan a mission more and more surely, the least sure first; plans that another one beats are left out.
+
+    Args:
+        mission, complete: as for `plan_with_promise`.
+        progress: called with how many plans are made, of how many.
+    """
+    first = planned_with(mission, 0.0, complete)
+    if first.found is None:
+        return [first.mission.run]
+    tried, wanted = [first], sorted({round(_needed(first, share), 4) for share in _SHARES})
+    wanted = [kept for kept in wanted if kept > 0.0]
+    for number, kept in enumerate(wanted):
+        if progress:
+            progress(number + 1, len(wanted) + 1)
+        tried.append(planned_with(mission, kept, complete))
+    runs = []
+    for one in tried:
+        if one.found is not None:
+            run, key = one.mission.run, prng.folded(mission.key, _JUDGED_IN)
+            run.promise = promise_of(outcomes(mission, run.done, key), mission.now, None, one.kept)
+            runs.append((run.promise.share, run))
+    runs.sort(key=lambda one: (one[0], one[1].total_priority))
+    return [
+        run
+        for number, (_, run) in enumerate(runs)
+        if all(run.total_priority > other.total_priority for _, other in runs[number + 1 :])
+    ]
 
 
 def planned_with(mission: Mission, kept: float, complete: Complete) -> Promised:

@@ -14,7 +14,7 @@ from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.legs import finish, go_as_planned, plan_first_paths, set_out, unfit
-from auvplan.executive.loop import seed_keys, step
+from auvplan.executive.loop import seed_keys, settle, step
 from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
@@ -132,6 +132,7 @@ class RollingPlan:
         first.now = away + allowance.begins(float(graph.positions[first.here][2]))
         more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
         first.graph = replace(graph, duration=graph.duration + more)
+        settle(first)
         found = self._complete(first)
         if found is not None:
             self.followed = found

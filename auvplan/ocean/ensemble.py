@@ -47,9 +47,9 @@ class RandomField:
 def random_fields(key: jax.Array, count: int, error: float, length: float, duration: float) -> RandomField:
     """Draw errors of a forecast: leaves have a leading axis of `count`.
 
-    A component has the root mean square `error`. Wave numbers and rates are normal, so that the stream
-    function's correlation is exp(-r^2 / (2 length^2)) over r metres, exp(-s^2 / (2 duration^2)) over s
-    seconds.
+    A component has the root mean square `error`. Wave numbers and rates are normal, so that velocities r
+    metres apart have the mean product exp(-r^2 / (2 length^2)), in shares of their mean square, and those s
+    seconds apart exp(-s^2 / (2 duration^2)).
 
     Args:
         key: PRNG key, consumed.

@@ -18,7 +18,7 @@ from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
-from auvplan.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun, Promise
 from auvplan.runtime.files import write_atomically
 from auvplan.runtime.formatting import clearance, figure, hours
 from auvplan.scenario.provenance import SourceFile, source_files
@@ -222,6 +222,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "speed": f"{run.speeds} through the water" if run.speeds else "",
         "paths": _bounded(run),
         "survey lines": "; ".join(_lines(run)),
+        "promise": "" if run.promise is None else _promised(run.promise),
         "energy": "" if (energy := run.energy) is None else energy.line.removeprefix("energy "),
         "closed areas": "; ".join(timeline.closures_in_words(run)),
     }
@@ -237,6 +238,16 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         timeline.time_zone(run),
         float((run.scenario.get("chart") or {}).get("accuracy") or 0.0),
         run.coast_reach,
+    )
+
+
+def _promised(promise: Promise) -> str:
+    """Return how sure a plan is to be home in time, and when."""
+    first, middle, last = (hours(end) for end in promise.ends)
+    asked = "" if promise.asked is None else f"; asked were {100.0 * promise.asked:g} %"
+    back = f", for which {100.0 * promise.left:.1f} % of the time is kept back" if promise.left else ""
+    return (
+        f"{promise.line}{asked}{back}; over after {first} to {last} in 90 % of them, {middle} in the median"
     )
 
 

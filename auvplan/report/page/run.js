@@ -137,6 +137,8 @@
   const hit = figures.collisions ? "points inside an obstacle or on land" : "none on the track";
   const left = run.energy && run.energy.charge_end !== undefined ? run.energy.charge_end : null;
   const charge = left === null ? "no battery is known" : `charge ${report.fixed(100 * left)} % at the end`;
+  const [low, high] = run.promise ? [run.promise.low, run.promise.high] : [0, 1];
+  const sure = run.promise && `${report.fixed(100 * low, 1)} to ${report.fixed(100 * high, 1)} % of drawn seas`;
   report.head({
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
@@ -148,6 +150,7 @@
       whole && [run.simulated ? "tasks done" : "tasks", of("tasks"), report.counted(waypoints.length, "waypoint")],
       whole && ["total priority", report.figure(figures.total_priority, 3), most],
       ["distance", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
+      run.promise && ["home in time", `${report.fixed(100 * run.promise.share, 1)} %`, sure],
       run.energy && ["energy", `${report.fixed(run.energy.total_wh)} Wh`, charge],
       run.simulated && ["re-plans", report.fixed(path_replans + mission_replans), replans],
       run.simulated && ["collisions", of("collisions"), hit],

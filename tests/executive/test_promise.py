@@ -1,0 +1,300 @@
+"""Promises: how sure a plan is to be home in time, and plans that keep back what that takes."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+import auvplan as ap
+from auvplan.check.run import check_run
+from auvplan.errors import ScenarioError
+from auvplan.executive import plan_scenario
+from auvplan.executive.loop import complete, seed_keys, settle, start_mission
+from auvplan.executive.planning import leaving, plan_promises, planning_context
+from auvplan.executive.promise import Outcomes, outcomes
+from auvplan.io.currents import open_members
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run
+from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.ocean.currents import UniformCurrent
+from auvplan.path import PathConfig
+from auvplan.path.outlook import Chain, chain_times
+from auvplan.records import Promise
+from auvplan.scenario.scenario import Scenario
+from auvplan.vehicle import Vehicle
+from auvplan.view.sheet import sheet_of
+from tests.executive.small import scenario
+from tests.executive.tide import CHANNEL, channel, tidal_area
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+#: Members of a forecast: the stream as it is, and weaker or against the vehicle.
+STREAMS = 0.3, 0.0, -0.5, -1.0
+
+JOBS = Jobs(
+    tuple(JobPoint(f"task {k}", (150.0 * k, 30.0 * (-1) ** k, 5.0), float(k), 60.0) for k in range(1, 7))
+)
+
+
+def channel_with(members=(), available=900.0, **sections):
+    """The channel with six tasks and other forecasts of its stream, and its area."""
+    mission = CHANNEL["mission"] | {"time_available": available} | sections.pop("mission", {})
+    area = replace(tidal_area(0.3, 0.0), jobs=JOBS)
+    others = tuple(tidal_area(north, 0.0).forecast for north in members)
+    return channel(mission=mission, **sections), replace(area, members=others)
+
+
+def mission_of(settings, area):
+    """A mission before its first leg."""
+    context = planning_context(settings, None, area, 0.0)
+    (mission,) = leaving(context, seed_keys([0])[0], [0.0], 0)
+    return mission
+
+
+def with_promise(asked):
+    return CHANNEL["planning"] | {"promise": asked}
+
+
+def straight(*lengths, **more):
+    """Legs to the north one after the other."""
+    count, ends = len(lengths), np.cumsum([0.0, *lengths])
+    places = np.linspace(0.0, 1.0, 9)[:, None] * [1.0, 0.0, 0.0]
+    positions = np.stack(
+        [first * np.eye(3)[0] + long * places for first, long in zip(ends, lengths, strict=False)]
+    )
+    usual = {
+        "departs": np.zeros(count), "takes": np.asarray(lengths) / 2.0, "speed": np.full(count, 2.0),
+        "leaves": np.full(count, -np.inf), "opens": np.full((count, 1), -np.inf),
+        "closes": np.full((count, 1), np.inf), "task": np.zeros(count),
+    }  # fmt: skip
+    return Chain(
+        positions.astype(np.float32), **{k: np.asarray(v, np.float32) for k, v in (usual | more).items()}
+    )
+
+
+def timed(chain, north, factors=None, delays=None):
+    """Travel times and ends, s, of the legs where streams to the north are drawn."""
+    drawn = jnp.asarray(north, jnp.float32)
+    own = UniformCurrent(drawn, 0.0 * drawn, 0.0 * drawn)
+    rows = len(drawn), len(chain.task)
+    factors = np.ones(rows) if factors is None else factors
+    delays = np.zeros(rows) if delays is None else delays
+    given = (np.asarray(part, np.float32) for part in (factors, delays))
+    found = chain_times(
+        chain,
+        *given,
+        np.float32(10.0),
+        UniformCurrent(),
+        None,
+        own,
+        Vehicle(speed=2.0),
+        config=PathConfig().only(),
+    )
+    return [np.asarray(part, float) for part in found]
+
+
+def test_a_leg_takes_its_length_over_the_ground_speed():
+    streams = np.asarray([0.5, 0.0, -0.5, -1.0])
+    travel, ends = timed(straight(600.0, 300.0), streams)
+    np.testing.assert_allclose(travel, np.asarray([600.0, 300.0]) / (2.0 + streams)[:, None], rtol=1e-4)
+    np.testing.assert_allclose(ends, 10.0 + np.cumsum(travel, axis=1), rtol=1e-5)
+
+
+def test_tasks_take_their_factor_and_legs_their_delay():
+    chain = straight(600.0, 300.0, task=[100.0, 50.0])
+    factors, delays = [[1.0, 1.0], [0.5, 2.0]], [[0.0, 0.0], [7.0, 3.0]]
+    travel, ends = timed(chain, [0.0, 0.0], factors, delays)
+    np.testing.assert_allclose(ends[:, -1], [10.0 + 450.0 + 150.0, 10.0 + 460.0 + 150.0], rtol=1e-5)
+    np.testing.assert_allclose(travel[1], [307.0, 153.0], rtol=1e-5)
+
+
+def test_a_vehicle_waits_for_a_window_and_goes_on_without_a_task_that_it_missed():
+    chain = straight(600.0, 300.0, task=[100.0, 0.0], opens=[[400.0], [-np.inf]], closes=[[420.0], [np.inf]])
+    _, ends = timed(chain, [0.0, -0.8])
+    assert ends[0, 0] == pytest.approx(500.0, abs=0.1)  # there at 310 s
+    assert ends[1, 0] == pytest.approx(10.0 + 600.0 / 1.2, abs=0.1)  # there at 510 s, too late
+
+
+def test_a_leg_that_waits_for_its_path_is_not_begun_before():
+    _, ends = timed(straight(600.0, 300.0, leaves=[-np.inf, 450.0]), [0.0, -1.0])
+    assert ends[0, 1] == pytest.approx(450.0 + 150.0, abs=0.1)
+    assert ends[1, 1] == pytest.approx(610.0 + 300.0, abs=0.1)
+
+
+def test_seas_together_are_as_each_by_itself():
+    streams = np.asarray([0.4, -0.2, -0.7])
+    together = timed(straight(500.0, 100.0), streams)[1]
+    apart = np.concatenate([timed(straight(500.0, 100.0), [one])[1] for one in streams])
+    np.testing.assert_allclose(together, apart, rtol=1e-6)
+
+
+def test_without_errors_every_sea_is_the_forecast():
+    mission = mission_of(*channel_with())
+    done = mission.fork()
+    complete(done)
+    found = outcomes(mission, done.run.done, jax.random.key(0))
+    np.testing.assert_allclose(found.ends, done.run.t_mission, rtol=1e-4)
+    assert found.share == 1.0
+
+
+def test_members_are_followed_one_by_one():
+    """Four members: one ends as planned, the others the later the more they are against the vehicle."""
+    settings, area = channel_with(STREAMS[1:])
+    mission = mission_of(settings, area)
+    done = mission.fork()
+    complete(done)
+    found = outcomes(mission, done.run.done, jax.random.key(0))
+    means = [found.ends[found.members == k].mean() for k in range(len(STREAMS))]
+    assert means == sorted(means)
+    assert means[0] == pytest.approx(done.run.t_mission, rel=1e-3)
+    speed = float(np.asarray(mission.context.vehicle.speed))
+    for leg in done.run.done:  # tracks lead north for the most part
+        assert leg.positions[-1][0] >= leg.positions[0][0]
+    still = sum(np.linalg.norm(np.diff(leg.positions, axis=0), axis=1).sum() for leg in done.run.done) / speed
+    tasks = sum(leg.t_task for leg in done.run.done)
+    assert means[1] == pytest.approx(still + tasks, rel=0.02)
+
+
+def test_half_a_promise_in_a_sea_that_is_known_is_the_usual_plan_to_the_bit():
+    settings, area = channel_with()
+    usual = plan_scenario(settings, area=area)
+    half = plan_scenario(
+        channel(mission=settings.mission.model_dump(), planning=with_promise(0.5)), area=area
+    )
+    assert half.promise.share == 1.0
+    assert half.promise.left == 0.0
+    assert half.route == usual.route
+    assert half.t_mission == usual.t_mission
+    for one, other in zip(half.legs, usual.legs, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        np.testing.assert_array_equal(one.times, other.times)
+
+
+@pytest.fixture(scope="module")
+def plans(light_search):
+    """Plans by what they were asked to promise; among tasks that scatter and four members."""
+    found = {}
+    for asked in (0.2, 0.7, 0.95):
+        settings, area = channel_with(
+            STREAMS[1:], mission={"duration_error": 0.2}, planning=with_promise(asked)
+        )
+        found[asked] = plan_scenario(settings, area=area)
+    return found
+
+
+def test_plans_keep_what_they_promise_and_pay_for_it(plans):
+    worth = [run.total_priority for run in plans.values()]
+    for asked, run in plans.items():
+        assert run.success
+        assert run.promise.kept
+        assert run.promise.share >= asked
+        assert run.promise.low <= run.promise.share <= run.promise.high
+        assert run.promise.members == len(STREAMS)
+    assert worth == sorted(worth, reverse=True)
+    assert worth[0] > worth[-1]
+
+
+def test_the_promise_is_saved_with_the_plan(tmp_path):
+    run = plan_scenario(scenario(), seed=1)
+    run.promise = Promise(0.7, 0.82, 0.71, 0.9, 1000, 4, (700.0, 750.0, 790.5), 0.05)
+    save_run(run, tmp_path)
+    assert restore_run(tmp_path).promise == run.promise
+    assert run.summary()["promise"]["share"] == 0.82
+
+
+def test_the_promise_stands_on_the_sheet(plans):
+    said = sheet_of(plans[0.7]).facts["promise"]
+    assert said.startswith(plans[0.7].promise.line)
+    assert "asked were 70 %" in said
+
+
+def test_what_no_plan_keeps_is_refused_with_the_surest(light_search):
+    """Two thirds of the members beat the vehicle: no plan is home in them."""
+    settings, area = channel_with((-2.6, -2.7), planning=with_promise(0.9))
+    run = plan_scenario(settings, area=area)
+    assert not run.success
+    assert run.promise.share == pytest.approx(1.0 / 3.0, abs=0.01)
+    assert "planning.promise 0.9 is not kept: home in time in 33." in run.reason
+
+
+def test_surer_plans_are_worth_less():
+    settings, area = channel_with(STREAMS[1:], mission={"duration_error": 0.2})
+    runs = plan_promises(settings, area=area)
+    shares, worth = [run.promise.share for run in runs], [run.total_priority for run in runs]
+    assert shares == sorted(shares)
+    assert worth == sorted(set(worth), reverse=True)
+    assert len(runs) >= 2
+
+
+def test_seas_of_few_members_say_less():
+    """What is alike within members counts once; what scatters there counts for itself."""
+    rng, members = np.random.default_rng(0), np.repeat(np.arange(5), 200)
+    scattered = rng.normal(0.9, 0.1, 1000)
+    alike = np.linspace(0.7, 1.1, 5)[members] + 1e-6 * scattered
+    wide, narrow = (Outcomes(used, used <= 1.0, used, members).interval for used in (alike, scattered))
+    assert wide[1] - wide[0] > 0.5
+    assert narrow[1] - narrow[0] < 0.06
+
+
+def test_a_simulated_mission_keeps_back_what_the_plan_of_its_promise_does():
+    settings, area = channel_with(STREAMS[1:], mission={"duration_error": 0.2}, planning=with_promise(0.7))
+    context = planning_context(settings, None, area, 0.0)
+    mission = start_mission(context, 0, seed_keys([0])[0], 0)
+    settle(mission)
+    left = plan_scenario(settings, area=area).promise.left
+    assert mission.allowance == pytest.approx(left / (1.0 - left))
+    again = start_mission(context, 1, seed_keys([1])[0], 1)
+    settle(again)  # all missions of the channel are planned alike
+    assert again.allowance == mission.allowance
+
+
+def test_tasks_scatter_in_simulated_missions_and_not_in_plans(tmp_path):
+    settings, area = channel_with(available=3000.0, mission={"duration_error": 0.3})
+    run, plan = ap.run_mission(settings, seed=1, area=area), plan_scenario(settings, seed=1, area=area)
+    stays = np.asarray([leg.t_task for leg in run.earning])
+    assert [leg.t_task for leg in plan.earning] == [60.0] * len(plan.earning)
+    assert (stays >= 0.0).all()
+    assert stays.std() > 1.0
+    save_run(run, tmp_path / "run")
+    assert [line for line in check_run(tmp_path / "run").faults if "on tasks" in line] == []
+
+
+def test_members_of_an_ensemble_are_taken_apart(tmp_path):
+    hours = np.datetime64("2026-03-01T06", "ns") + np.arange(3) * np.timedelta64(1, "h")
+    axes = {"time": hours, "latitude": 60.0 + 0.01 * np.arange(4), "longitude": 5.0 + 0.01 * np.arange(4)}
+    speed, about = np.full((3, 4, 4), 0.1), {"units": "m s-1"}
+    parts = [
+        xr.Dataset({name: (tuple(axes), k * speed, about) for name in ("uo", "vo")}, axes) for k in range(4)
+    ]
+    xr.concat(parts, dim="member").to_netcdf(tmp_path / "ensemble.nc")
+    found = open_members(tmp_path / "ensemble.nc")
+    assert len(found) == 4
+    for one, part in zip(found, parts, strict=True):
+        np.testing.assert_array_equal(one["uo"], part["uo"])
+    parts[0].to_netcdf(tmp_path / "one.nc")
+    assert open_members(tmp_path / "one.nc") == [tmp_path / "one.nc"]
+    numbered = xr.concat(parts, dim=xr.Variable("run", range(4), {"standard_name": "realization"}))
+    assert len(open_members(numbered)) == 4
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"current": {"vortices": 0, "members": {"error": 0.1}}}, "source 'file' or 'harmonic' alone"),
+        ({"planning": {"promise": 1.0}}, "promise"),
+        ({"mission": CHANNEL["mission"] | {"duration_error": 2.0}}, "duration_error"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(sections, words):
+    with pytest.raises(ValueError, match=words):
+        Scenario.model_validate(CHANNEL | sections)
+
+
+def test_vortices_that_change_by_windows_have_no_time_to_be_drawn_in():
+    planning = with_promise(0.5) | {"preset": "paper"}
+    del planning["effort"]
+    with pytest.raises(ScenarioError, match="current_updates 'interval'"):
+        plan_scenario(channel(planning=planning))

@@ -1,0 +1,76 @@
+"""Currents that drawn seas are made of."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.ensemble import SteppedCurrent, random_fields
+from auvplan.ocean.vortices import LambVortices, random_vortices
+
+LENGTH, DURATION, ERROR = 2000.0, 7200.0, 0.2
+
+
+@pytest.fixture(scope="module")
+def fields():
+    return random_fields(jax.random.key(3), 4000, ERROR, LENGTH, DURATION)
+
+
+def at(fields, x, y, t):
+    """u and v of all fields at one place and time, m/s."""
+    where = (jnp.asarray(axis, float) for axis in (x, y, 7.0, t))
+    u, v, w = jax.vmap(lambda one, *place: one(*place), in_axes=(0, None, None, None, None))(fields, *where)
+    assert not np.any(w)
+    return np.asarray(u), np.asarray(v)
+
+
+def test_each_component_has_the_error_that_is_asked_for(fields):
+    for component in at(fields, 500.0, -300.0, 100.0):
+        assert abs(component.mean()) < 4.0 * ERROR / np.sqrt(len(component))
+        assert component.std() == pytest.approx(ERROR, rel=0.04)
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
+def test_errors_are_alike_as_far_as_stated(fields, share):
+    here, beside = at(fields, 0.0, 0.0, 0.0), at(fields, share * LENGTH, 0.0, 0.0)
+    later, square = at(fields, 0.0, 0.0, share * DURATION), 2.0 * ERROR**2
+    for there in (beside, later):
+        product = sum((one * other).mean() for one, other in zip(here, there, strict=True))
+        assert product / square == pytest.approx(np.exp(-0.5 * share**2), abs=0.04)
+
+
+def test_it_has_no_divergence_and_is_the_sum_of_its_waves(fields):
+    one = jax.tree.map(lambda leaf: leaf[5], fields)
+    x, y, t = 700.0, -1200.0, 900.0
+
+    def level(place):
+        return jnp.stack(one(place[0], place[1], jnp.zeros(()), jnp.asarray(t))[:2])
+
+    slope = np.asarray(jax.jacfwd(level)(jnp.asarray([x, y])))
+    assert abs(slope[0, 0] + slope[1, 1]) < 1e-6
+    k, m, rate, phase = (np.asarray(leaf, float) for leaf in (one.north, one.east, one.rate, one.phase))
+    waves = float(one.speed[0]) * np.cos(k * x + m * y + rate * t + phase) / np.hypot(k, m)
+    np.testing.assert_allclose(level(jnp.asarray([x, y])), [-(waves * m).sum(), (waves * k).sum()], atol=1e-5)
+
+
+def test_a_current_in_steps_is_each_of_its_fields_in_turn():
+    keys = jax.random.split(jax.random.key(1), 3)
+    parts = [random_vortices(key, (0, 0, 0), (2000, 2000, 20), count=4, layers=2) for key in keys]
+    fields: LambVortices = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *parts)
+    stepped = SteppedCurrent(fields, jnp.asarray(600.0), jnp.asarray(1200.0))
+    places = jnp.asarray([400.0, 900.0]), jnp.asarray([1500.0, 100.0]), jnp.asarray([3.0, 12.0])
+    for time, number in ((0.0, 0), (1200.0, 0), (1799.0, 0), (1801.0, 1), (2500.0, 2), (9e4, 2)):
+        found = stepped(*places, jnp.full(2, time))
+        wanted = parts[number](*places, jnp.full(2, time))
+        for one, other in zip(found, wanted, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+def test_a_steady_current_in_steps_of_one_is_itself():
+    one = SteppedCurrent(
+        UniformCurrent(jnp.asarray([0.3]), jnp.asarray([0.1]), jnp.asarray([0.0])), 60.0, 0.0
+    )
+    u, v, _ = one(jnp.zeros(4), jnp.zeros(4), jnp.zeros(4), jnp.linspace(-1e3, 1e3, 4))
+    np.testing.assert_allclose(u, 0.3)
+    np.testing.assert_allclose(v, 0.1)
