@@ -33,7 +33,7 @@ from benchmarks.harness import SCENARIOS, SHARED, launch, show, track
 
 TRUTHS, TASK_ERROR = 1000, 0.1
 PROMISES = 0.8, 0.95, 0.99
-FIXED = 0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1
+FIXED = 0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.1, 0.2, 0.3, 0.4
 #: h, age of the forecast off Washington, and of its other members.
 AGE, AGES = 24, (36, 48, 60, 72, 84, 96)
 #: m/s and m, of the error in the fjord.
