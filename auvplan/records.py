@@ -257,6 +257,8 @@ class Promise:
         members: of the forecast that they were drawn from.
         ends: s after the departure, when the mission is over in 5, 50 and 95 % of the seas.
         left: share of time and energy that was kept back when its tasks were chosen, beside the reserves.
+        latest: [L] s after the departure, until when each leg and its task have to be over for the rest to be
+            done in time as surely as asked, or in 95 % of the seas.
     """
 
     asked: float | None
@@ -267,6 +269,7 @@ class Promise:
     members: int
     ends: tuple[float, float, float]
     left: float
+    latest: tuple[float, ...] = ()
 
     @property
     def kept(self) -> bool:

@@ -85,7 +85,7 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool) -> Iterator[dict[str, 
     for kept in FIXED if fixed else ():
         one = planned_with(mission, kept, complete)
         if one.found is not None:
-            promise = promise_of(one.found, 0.0, None, kept)
+            promise = promise_of(one.found, mission, None, kept)
             yield row(sea, seed, f"{kept:g} left", one.mission.run, promise, known, rng)
 
 

@@ -36,6 +36,9 @@ _PLANS, _ALIKE = 6, 0.005
 #: Promises that plans are looked for by where their cost is asked for.
 _SHARES = 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999
 
+#: Share of the seas in which the rest of a plan is to be done in time, where no promise is asked for.
+_USUAL = 0.95
+
 #: What the keys of drawn seas are folded with: those that plans are chosen by, and those they are judged in.
 _CHOSEN_BY, _JUDGED_IN = 7001, 7002
 
@@ -46,12 +49,14 @@ class Outcomes:
 
     Attributes:
         ends: [D] s since the epoch, when the mission is over.
+        rest: [D, L] s, that the mission goes on for after each leg and its task.
         home: [D] whether the destination is reached in time, and with the energy that may be used.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
     """
 
     ends: Array
+    rest: Array
     home: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
@@ -99,7 +104,7 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
     rng = np.random.default_rng(np.asarray(jax.random.key_data(chance)).tolist())
     detour = context.rules.detour * scenario.simulation.obstacles.total
     forecast = mission.sea.forecast()
-    travels, ends, members = [], [], []
+    travels, overs, members = [], [], []
     common = context.vehicle.without_transit(), context.path_config.only()
     size, error = len(chain.task), scenario.mission.duration_error
     until = max(run.t_available, legs[-1].ends) if legs else begins
@@ -112,9 +117,10 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
         )
         travel, end = (np.asarray(part, float) for part in jax.device_get(times))
         travels.append(travel[:, :count])
-        ends.append(end[:, count - 1] if count else np.full(seas.count, begins))
+        overs.append(end[:, :count] if count else np.full((seas.count, 1), begins))
         members.append(np.full(seas.count, number))
-    travel, over = np.concatenate(travels), np.concatenate(ends)
+    travel, ends = np.concatenate(travels), np.concatenate(overs)
+    over = ends[:, -1]
     used = (over - begins) / (run.t_available - begins)
     power = run.vehicle.power
     if power is not None and power.battery is not None and legs:
@@ -124,7 +130,7 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
         watts = np.asarray([float(power.power(speed)) for speed in speeds])
         more = ((travel - np.asarray([leg.t_path for leg in legs])) * watts).sum(axis=1) / WATT_HOUR
         used = np.maximum(used, (whole.total + more) / max(whole.total + whole.margin, 1e-9))
-    return Outcomes(over, used <= 1.0, used, np.concatenate(members))
+    return Outcomes(over, over[:, None] - ends, used <= 1.0, used, np.concatenate(members))
 
 
 def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
@@ -213,7 +219,7 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
         if best.found is None:
             return best.mission
         judged = outcomes(mission, run.done, prng.folded(mission.key, _JUDGED_IN))
-        run.promise = promise_of(judged, mission.now, asked, best.kept)
+        run.promise = promise_of(judged, mission, asked, best.kept)
         if run.promise.kept:
             return best.mission
         # The seas that it was chosen by were kind to it.
@@ -252,7 +258,7 @@ def surer_plans(
     for one in tried:
         if one.found is not None:
             run, key = one.mission.run, prng.folded(mission.key, _JUDGED_IN)
-            run.promise = promise_of(outcomes(mission, run.done, key), mission.now, None, one.kept)
+            run.promise = promise_of(outcomes(mission, run.done, key), mission, None, one.kept)
             runs.append((run.promise.share, run))
     runs.sort(key=lambda one: (one[0], one[1].total_priority))
     return [
@@ -274,12 +280,23 @@ def planned_with(mission: Mission, kept: float, complete: Complete) -> Promised:
     return Promised(kept, one, outcomes(mission, one.run.done, prng.folded(mission.key, _CHOSEN_BY)))
 
 
-def promise_of(found: Outcomes, begins: float, asked: float | None, kept: float) -> Promise:
-    """Return what outcomes of a mission that `begins`, s since the epoch, promise."""
+def promise_of(found: Outcomes, mission: Mission, asked: float | None, kept: float) -> Promise:
+    """Return what outcomes of a mission that is about to begin promise."""
     low, high = found.interval
-    ends = np.quantile(found.ends - begins, [0.05, 0.5, 0.95]).tolist()
-    members = int(found.members.max()) + 1
-    return Promise(asked, found.share, low, high, len(found.home), members, tuple(ends), kept)
+    ends = np.quantile(found.ends - mission.now, [0.05, 0.5, 0.95]).tolist()
+    members, available = int(found.members.max()) + 1, mission.run.t_available - mission.now
+    latest = available - np.quantile(found.rest, _USUAL if asked is None else asked, axis=0)
+    return Promise(
+        asked,
+        found.share,
+        low,
+        high,
+        len(found.home),
+        members,
+        tuple(ends),
+        kept,
+        tuple(latest.tolist()),
+    )
 
 
 def _worth(one: Promised, asked: float) -> tuple[bool, float, float]:

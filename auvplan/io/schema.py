@@ -573,7 +573,9 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
             for one in read("known_obstacles")
         ),
         "assumed": tuple(read("assumed")),
-        "promise": promise and Promise(**(promise | {"ends": tuple(promise["ends"])})),
+        "promise": promise and Promise(**{
+            name: tuple(value) if isinstance(value, list) else value for name, value in promise.items()
+        }),
         "zones": tuple(Zone(name, shapely.from_wkt(text)) for name, text in read("closed_areas")),
         "names": [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)],
         "jobs": jobs and Jobs(

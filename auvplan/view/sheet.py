@@ -4,7 +4,7 @@ import html
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,6 +49,8 @@ class Stop:
         travel: s, of the leg to it.
         transit: m, least, mean and greatest depth on the leg to it; None at the start.
         speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
+        latest: s since the departure, until when all here has to be over for the mission to be home in time
+            as surely as it promises; None where it promises nothing.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Stop:
     travel: float = 0.0
     transit: tuple[float, float, float] | None = None
     speed: float | None = None
+    latest: float | None = None
 
     @property
     def done(self) -> str:
@@ -128,8 +131,9 @@ class MissionSheet:
             for stop in self.stops
         ]
         for stop in stops:
-            if stop["speed"] is None:
-                del stop["speed"]
+            for name in ("speed", "latest"):
+                if stop[name] is None:
+                    del stop[name]
         return {
             "facts": self.facts,
             "stops": stops,
@@ -148,7 +152,7 @@ class MissionSheet:
         local = ZoneInfo(self.zone) if self.zone else None
         headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
-        headings += ["depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
+        headings += ["leave by", "depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
         headings += ["through water, m/s", "speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
         for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True)):
@@ -158,7 +162,7 @@ class MissionSheet:
                 str(number), stop.name,
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
                 stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
-                *(f"{moment:%H:%M:%S}" for moment in moments),
+                *(f"{moment:%H:%M:%S}" for moment in moments), self._latest(stop),
                 f"{stop.depth:.0f}", transit, stop.window,
                 *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
                 *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
@@ -168,14 +172,22 @@ class MissionSheet:
             ])  # fmt: skip
         return _filled(headings, rows)
 
+    def _latest(self, stop: Stop) -> str:
+        """Return until when a stop has to be left, as the arrival there is given."""
+        if stop.latest is None:
+            return ""
+        later = timedelta(seconds=stop.latest - stop.arrival)
+        return hours(stop.latest) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
+
     def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
         hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
-        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold]
+        headings = ["", "waypoint", "task", "UTC" if dated else "after", "leave by", "depth", hold]
         headings += ["coast, m", "closed, m", "bed, m"]
         rows = [
             [
                 str(number), stop.name, stop.done,
-                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}", f"{stop.depth:.0f} m",
+                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
+                self._latest(stop), f"{stop.depth:.0f} m",
                 " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
@@ -187,7 +199,7 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    *("latitude, longitude", "transit, m", "window", "wait, s", "hold, s", "through water, m/s"),
+    *("latitude, longitude", "leave by", "transit, m", "window", "wait, s", "hold, s", "through water, m/s"),
     *("closed, m", "bed, m", "obstacle, m"),
 )
 
@@ -205,6 +217,9 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
     for number, leg in enumerate(run.done):
         stops[number] = replace(stops[number], wait=stops[number].wait + leg.t_hold)
+    # Where the vehicle has arrived for good nothing is left to be late for.
+    for number, latest in enumerate(run.promise.latest[:-1] if run.promise else ()):
+        stops[number + 1] = replace(stops[number + 1], latest=latest)
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,

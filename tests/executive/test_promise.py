@@ -211,6 +211,19 @@ def test_the_promise_stands_on_the_sheet(plans):
     assert "asked were 70 %" in said
 
 
+def test_a_stop_has_to_be_left_while_the_rest_still_fits(plans):
+    """As late as that at a stop, it is home in time in the share of the seas that was asked for."""
+    run = plans[0.7]
+    assert len(run.promise.latest) == len(run.done)
+    assert list(run.promise.latest) == sorted(run.promise.latest)
+    assert run.promise.latest[-1] == pytest.approx(run.t_available)
+    ends = [leg.ends for leg in run.done]
+    assert all(latest >= end - 1.0 for latest, end in zip(run.promise.latest, ends, strict=True))
+    stops = sheet_of(run).stops
+    assert [stop.latest for stop in stops[1:-1]] == list(run.promise.latest[:-1])
+    assert stops[0].latest is stops[-1].latest is None
+
+
 def test_what_no_plan_keeps_is_refused_with_the_surest(light_search):
     """Two thirds of the members beat the vehicle: no plan is home in them."""
     settings, area = channel_with((-2.6, -2.7), planning=with_promise(0.9))
@@ -234,7 +247,9 @@ def test_seas_of_few_members_say_less():
     rng, members = np.random.default_rng(0), np.repeat(np.arange(5), 200)
     scattered = rng.normal(0.9, 0.1, 1000)
     alike = np.linspace(0.7, 1.1, 5)[members] + 1e-6 * scattered
-    wide, narrow = (Outcomes(used, used <= 1.0, used, members).interval for used in (alike, scattered))
+    wide, narrow = (
+        Outcomes(used, used[:, None], used <= 1.0, used, members).interval for used in (alike, scattered)
+    )
     assert wide[1] - wide[0] > 0.5
     assert narrow[1] - narrow[0] < 0.06
 
