@@ -563,7 +563,9 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
         rest = {"windows": windows, "falls": tuple(map(tuple, values["falls"]))}
         return kind(**(values | rest | {place: tuple(at)}))
 
-    jobs, promise = read("jobs", "null"), read("promise", "null")
+    jobs = read("jobs", "null")
+    promise: dict[str, Any] = read("promise", "{}")
+    promise |= {name: tuple(values) for name, values in promise.items() if isinstance(values, list)}
     return {
         "obstacles": tuple(
             KnownObstacle(**(one | {
@@ -573,9 +575,7 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
             for one in read("known_obstacles")
         ),
         "assumed": tuple(read("assumed")),
-        "promise": promise and Promise(**{
-            name: tuple(value) if isinstance(value, list) else value for name, value in promise.items()
-        }),
+        "promise": Promise(**promise) if promise else None,
         "zones": tuple(Zone(name, shapely.from_wkt(text)) for name, text in read("closed_areas")),
         "names": [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)],
         "jobs": jobs and Jobs(
