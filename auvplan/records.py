@@ -113,6 +113,10 @@ class LegRecord(ReprMixin):
         current: [n, 2] m/s north and east, the true current from each time to the next; None where it changes
             as vortices do.
         speed: m/s through the water that it is gone at; None where that is the vehicle's.
+        position_std: m, standard deviation of the position along each horizontal axis at its end; None
+            without navigation.
+        risk: chance that the vehicle touches coast or an obstacle on the path that it followed last, at most;
+            None without navigation. See `auvplan.path.risk`.
     """
 
     start: int
@@ -138,6 +142,8 @@ class LegRecord(ReprMixin):
     line: LinePart | None = None
     current: Array | None = None
     speed: float | None = None
+    position_std: float | None = None
+    risk: float | None = None
 
     def _repr_items(self) -> dict[str, str]:
         return {
@@ -574,6 +580,12 @@ class MissionRun(ReprMixin):
         return self.cost_mission(phi1, phi2) + self.replan_compute
 
     @property
+    def risk(self) -> float | None:
+        """Chance of touching coast or an obstacle on the whole way, at most: the sum of the legs' (Boole)."""
+        risks = [leg.risk for leg in self.done if leg.risk is not None]
+        return min(sum(risks), 1.0) if risks else None
+
+    @property
     def collisions(self) -> int:
         """Points about a metre apart on the executed tracks that lie inside a true obstacle or on land."""
         return sum(self._hits(leg) for leg in self.legs)
@@ -642,6 +654,8 @@ class MissionRun(ReprMixin):
                     "priority": leg.priority,
                     "revisit": leg.revisit,
                     **({} if leg.speed is None else {"speed": leg.speed}),
+                    **({} if leg.position_std is None else {"position_std": leg.position_std}),
+                    **({} if leg.risk is None else {"risk": leg.risk}),
                     "line": None if leg.line is None else leg.line.figures(leg.coverage),
                     "path_replans": leg.path_replans,
                     "arrived": leg.arrived,
@@ -658,6 +672,7 @@ class MissionRun(ReprMixin):
                 "compile_s": self.compile_seconds,
             },
             "collisions": self.collisions,
+            **({} if self.risk is None else {"risk": self.risk}),
             "forecast": self.forecast(),
             **({} if (energy := self.energy) is None else {"energy": energy.summary()}),
             **({} if self.promise is None else {"promise": asdict(self.promise)}),

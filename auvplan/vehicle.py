@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from auvplan.energy.power import PowerModel
+from auvplan.navigation import Navigation
 from auvplan.runtime.pytree import register_without_init
 
 SpeedReading = Literal["track", "eq8", "eq11"]
@@ -65,6 +66,8 @@ class Vehicle:
         depth_toll: s/m of change in depth that a path's cost counts beside time (`with_tolls`), or None.
         power: what it draws, and its battery; None where energy does not count. Planners of paths and routes
             do without it.
+        navigation: how well it knows where it is: paths keep the farther off for it; None where it is taken
+            to be where it should.
 
     Raises:
         TypeError: a value is not a number or an array of numbers.
@@ -87,6 +90,7 @@ class Vehicle:
     transit_altitude: ArrayLike | None = None
     depth_toll: ArrayLike | None = None
     power: PowerModel | None = None
+    navigation: Navigation | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -106,6 +110,8 @@ class Vehicle:
 
         if not isinstance(self.power, PowerModel | None | Tracer):
             raise TypeError(f"vehicle power must be a PowerModel, got {type(self.power).__name__}")
+        if not isinstance(self.navigation, Navigation | None | Tracer):
+            raise TypeError(f"vehicle navigation must be a Navigation, got {type(self.navigation).__name__}")
         if self.transit_depth is not None and self.transit_altitude is not None:
             raise ValueError("vehicle transit_depth and transit_altitude exclude each other: leave one out")
 

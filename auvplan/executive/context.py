@@ -19,6 +19,7 @@ from auvplan.executive.belief import ObstacleBelief
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
 from auvplan.mission.survey import LinePart
 from auvplan.mission.travel_times import ONE_PLACE
+from auvplan.navigation import AT_SURFACE, Navigation
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.known import Spheres, spheres
@@ -104,7 +105,8 @@ class MissionContext:
         scenario: settings.
         path_config: of the path planner.
         route_configs: of the mission planner, for the first route and for later ones.
-        vehicle: speed and limits; planners and simulator do without its power.
+        vehicle: speed and limits; planners and simulator do without its power, and all but the planner of
+            paths without its navigation.
         area: what is known of the operating area.
         folder: that relative paths in the scenario start from.
         clock: that planning calls are timed by.
@@ -114,6 +116,7 @@ class MissionContext:
         places: spheres of known obstacles that programs are made for at least, so that those that become
             known need no other ones; where there are more, twice as many. 0 for as many as there are.
         power: what the vehicle draws, or None.
+        navigation: how well it knows where it is, at a fix; or None.
         speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
             alone where its battery is limited and its speed is not free; None where energy does not count.
         saw_tooth: that paths become, for which the vehicle is that of `SawTooth.for_planning`; or None.
@@ -133,6 +136,7 @@ class MissionContext:
     followed: dict[tuple[int, int], Followed] | None = None
     places: int = 0
     power: PowerModel | None = None
+    navigation: Navigation | None = None
     speeds: Array | None = None
     saw_tooth: SawTooth | None = None
     left: float | None = None
@@ -202,9 +206,9 @@ class MissionContext:
 
     @property
     def as_built(self) -> Vehicle:
-        """The vehicle with its power, and as fast as it is through the water."""
+        """The vehicle with power and navigation, and as fast as it is through the water."""
         glides = {"speed": self.scenario.vehicle.speed, "transit_depth": None} if self.saw_tooth else {}
-        return replace(self.vehicle, power=self.power, **glides)
+        return replace(self.vehicle, power=self.power, navigation=self.navigation, **glides)
 
     @property
     def speed(self) -> float:
@@ -366,6 +370,7 @@ class Mission:
         pace: share of its speed through the water that the vehicle made on the last leg.
         faults: injected.
         parts: of survey lines, by the edge (i, j) that follows them.
+        navigation: how well the vehicle knew where it was at `navigated`, s since the epoch; or None.
         ended: whether it is over.
     """
 
@@ -401,6 +406,8 @@ class Mission:
     pace: float = 1.0
     faults: Faults = field(default_factory=Faults)
     parts: dict[tuple[int, int], LinePart] = field(default_factory=dict)
+    navigation: Navigation | None = None
+    navigated: float = 0.0
     ended: bool = False
 
     @property
@@ -430,6 +437,30 @@ class Mission:
     def speed(self) -> float:
         """|v| on the leg that it is on, m/s."""
         return float(self.vehicle.speed)  # type: ignore[arg-type]
+
+    @property
+    def known(self) -> Navigation | None:
+        """How well the vehicle knows where it is now; None where that is exactly.
+
+        Whatever it does counts as a way at its speed. It is in bottom lock as it would be where it is.
+        """
+        if self.navigation is None:
+            return None
+        passed, here = max(self.now - self.navigated, 0.0), self.graph.positions[self.here]
+        place = np.asarray(here if self.leg is None else self.leg.position, float)
+        reach, bed, locked = self.navigation.bottom_lock, self.context.area.seabed, False
+        if reach is not None and bed is not None:
+            locked = float(bed.altitude(place)) <= float(np.asarray(reach))
+        return self.navigation.after(self.speed * passed, 0.0 if locked else passed)
+
+    def navigate(self, known: Navigation | None) -> None:
+        """Keep how well the vehicle knows where it is now."""
+        self.navigation, self.navigated = known, self.now
+
+    @property
+    def at_surface(self) -> bool:
+        """Whether the waypoint reached is at the surface, where there are fixes."""
+        return float(self.graph.positions[self.here][2]) <= AT_SURFACE
 
     @property
     def energy_left(self) -> float:
@@ -559,6 +590,10 @@ def make_context(
     first, later = mission_configs(scenario)
     if speeds is not None or limited:
         first, later = (config.replace(saves=scenario.planning.saves) for config in (first, later))
+    if saw is not None and vehicle.navigation is not None:
+        reason = "does not go with vehicle.saw_tooth, whose surfacings between dives are fixes: leave one out"
+        raise ScenarioError(reason, field="vehicle.navigation")
+    known, vehicle = vehicle.navigation, replace(vehicle, navigation=None)
     return MissionContext(
         scenario,
         path_config(scenario, ahead),
@@ -568,6 +603,7 @@ def make_context(
         home,
         simulated=simulated,
         power=power,
+        navigation=known,
         speeds=fixed if speeds is None else np.linspace(*speeds, _SPEEDS),
         saw_tooth=saw,
     )

@@ -28,6 +28,9 @@ Edge = tuple[int, int]
 #: Number that is folded into a mission's key for the paths that lines are priced by.
 _PRICED = 1_000_003
 
+#: Times the time in still water that a line is taken to last, where margins along it are wider.
+_SLOWLY = 1.3
+
 
 def edges_of_lines(context: MissionContext, names: list[str]) -> dict[Edge, LinePart]:
     """Return the part of a survey line that each edge follows, in either direction.
@@ -62,17 +65,25 @@ def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key
         env: the world of this leg alone, as a batch of one.
         key: consumed.
     """
-    context, vehicle = mission.context, mission.vehicle
-    planned = 0
+    context, vehicle, known = mission.context, mission.vehicle, mission.known
+    planned, config = 0, context.path_config
+    if known is not None:  # the whole line keeps what its end asks for
+        lasts = _SLOWLY * float(np.linalg.norm(np.asarray(line.end) - place)) / mission.speed
+        wider = float(np.asarray(known.after(mission.speed * lasts, lasts).allowance))
+        margins = {name: getattr(config, name) + wider for name in ("coast_margin", "obstacle_margin")}
+        config = config.replace(**margins)
 
     def detour(start: Array, goal: Array, depart: float) -> PathPlan:
         nonlocal planned
         planned += 1
+        passed = depart - mission.now
+        then = None if known is None else known.after(mission.speed * passed, passed)
         return plan_paths(
             np.clip(start, *context.box)[None],
             np.asarray(goal, float)[None],
             env,
-            vehicle.without_transit(),  # lines are surveyed at depths of their own
+            # Lines are surveyed at depths of their own.
+            replace(vehicle.without_transit(), navigation=then),
             depart=np.asarray([depart]),
             key=prng.stacked([prng.folded(key, planned)]),
             config=context.path_config,
@@ -82,7 +93,11 @@ def follow(mission: Mission, line: LinePart, place: Array, env: Environment, key
 
     own = Conditions(env, vehicle, context.path_config, 0).world()
     ends = np.asarray(line.start, float), np.asarray(line.end, float)
-    return follow_line(place, ends, own, vehicle, context.path_config, mission.now, detour)
+    plan = follow_line(place, ends, own, vehicle, config, mission.now, detour)
+    if known is not None:
+        vehicle = replace(vehicle, navigation=known)
+        plan = replace(plan, conditions=replace(plan.conditions, vehicle=vehicle, config=context.path_config))
+    return plan
 
 
 def count_line(mission: Mission, record: LegRecord) -> None:

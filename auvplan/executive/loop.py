@@ -32,6 +32,7 @@ from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.speeds import energy_due, hurries, hurry_home, lacking
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.jobs import edges_off_lines
+from auvplan.path.risk import exposed
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import MISSIONS, expecting
@@ -199,6 +200,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
         graph = graph.without_edges(edges_off_lines(names, np.asarray(graph.adjacency)))
     parts, rng = edges_of_lines(context, names), _generator(chance_key)
     common = {"allowance": context.rules.allowance, "faults": faults, "parts": parts}
+    common |= {"navigation": context.navigation}
     return Mission(context, number, run, sea, planner_key, rng, graph, graph, **common)
 
 
@@ -303,6 +305,9 @@ def _begin(missions: list[Mission]) -> None:
             speed = float(speeds[mission.chosen[i, j]])
         revisit = j in mission.visited
         records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold, speed=speed))
+    for mission in missions:
+        if mission.navigation is not None and mission.at_surface:
+            mission.navigate(mission.navigation.fixed())
     begin_legs(missions, records)
     if late := [mission for mission in missions if hurries(mission)]:
         plan_first_paths(late, "leg")
@@ -382,6 +387,8 @@ def _judge(mission: Mission) -> None:
     run, context, leg = mission.run, mission.context, mission.active_leg
     record, planning = leg.record, context.rules
     finish(leg)
+    if mission.navigation is not None and record.arrived:
+        _navigate(mission)
     if isinstance(mission.sea, ModelSea):
         record.current_difference = mission.sea.difference(record.positions, record.times)
         record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
@@ -411,6 +418,15 @@ def _judge(mission: Mission) -> None:
         mission.end("")
     elif decision.act is Act.REPLAN_REST:
         mission.cause = decision.why
+
+
+def _navigate(mission: Mission) -> None:
+    """Keep how well the vehicle knows where it is at the end of its leg, and what it risked on the way."""
+    leg, record = mission.active_leg, mission.active_leg.record
+    met = None if leg.stays else exposed(leg.followed)
+    mission.navigate(mission.known if met is None else met.end)
+    record.position_std = float(np.asarray(mission.navigation.std))  # type: ignore[union-attr]
+    record.risk = 0.0 if met is None else met.risk
 
 
 def _await_window(mission: Mission, record: LegRecord) -> None:

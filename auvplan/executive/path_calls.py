@@ -162,6 +162,10 @@ def _searched(missions: list[Mission], env: Environment, keys: jax.Array, cold: 
     vehicle = missions[0].vehicle
     legs = [mission.active_leg for mission in missions]
     now = np.asarray([mission.now for mission in missions])
+    if context.navigation is not None:
+        states = [mission.known or context.navigation for mission in missions]
+        since = (np.asarray([float(getattr(one, part)) for one in states]) for part in ("way", "unlocked"))
+        vehicle = replace(vehicle, navigation=context.navigation.since(*since))
     places = np.stack([np.clip(leg.position, *context.box) for leg in legs])
     common: dict[str, Any] = {"key": keys, "config": context.path_config, "world_per_leg": True}
     common["budget"] = context.rules.budget

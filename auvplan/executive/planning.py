@@ -174,7 +174,7 @@ def leaving(context: MissionContext, key: jax.Array, departs: ArrayLike, seed: i
         now = float(departs[number])
         model.sea.advance(now)
         run = replace(model.run, t_available=now + model.run.t_available, routes=[], legs=[])
-        missions[number] = model.fork(number=number, run=run, now=now, sketches={})
+        missions[number] = model.fork(number=number, run=run, now=now, navigated=now, sketches={})
         missions[number].sea.hold()
     return [missions[number] for number in range(len(departs))]
 

@@ -92,7 +92,8 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
 
 def _attributes(run: MissionRun) -> dict[str, Any]:
     limits = {limit.name: getattr(run.vehicle, limit.name) for limit in fields(run.vehicle)}
-    limits.pop("power")
+    for apart in ("power", "navigation"):
+        limits.pop(apart)
     power = run.vehicle.power
     place: dict[str, Any] = {}
     if (site := run.site) is not None:  # the azimuthal equidistant projection about a place

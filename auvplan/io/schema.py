@@ -125,6 +125,12 @@ _ROUTE_MORE = (
     ("speed", "speeds", "speed through the water of the leg from each stop", "m s-1"),
     ("energy", "energies", "energy expected of the leg from each stop with its task", "J"),
 )
+#: What is known of some legs alone: field of the record, what it is, and its unit; NaN of the others.
+_LEG_MORE = (
+    ("speed", "speed through the water that the leg is gone at, none where it is the vehicle's", "m s-1"),
+    ("position_std", "standard deviation of the position along each horizontal axis at the leg's end", "m"),
+    ("risk", "chance of touching coast or an obstacle on the leg, at most", "1"),
+)
 #: What survey lines come to, by the figures of `LinePart`; NaN of legs without one.
 _LINE = {
     "length": "length of the part of a survey line that the leg follows, none of others",
@@ -195,7 +201,7 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
         ),
         "row_size": variable("leg", counts, words, "1", sample_dimension="obs"),
         **{column.name: column.variable(legs) for column in LEG},
-        **_speeds(legs),
+        **_leg_more(legs),
         **_lines(legs),
         **_obstacles(legs),
         **_current(legs),
@@ -203,13 +209,15 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
     }  # fmt: skip
 
 
-def _speeds(legs: Sequence[LegRecord]) -> Variables:
-    """Return the speeds of legs that have their own; nothing where all are gone at the vehicle's."""
-    if all(leg.speed is None for leg in legs):
-        return {}
-    words = "speed through the water that the leg is gone at, none where it is the vehicle's"
-    own = [np.nan if leg.speed is None else leg.speed for leg in legs]
-    return {"leg_speed": variable("leg", own, words, "m s-1")}
+def _leg_more(legs: Sequence[LegRecord]) -> Variables:
+    """Return what some legs alone have, each where there is any."""
+    found = {}
+    for name, words, units in _LEG_MORE:
+        values = [getattr(leg, name) for leg in legs]
+        if any(value is not None for value in values):
+            own = [np.nan if value is None else value for value in values]
+            found[f"leg_{name}"] = variable("leg", own, words, units)
+    return found
 
 
 def _lines(legs: Sequence[LegRecord]) -> Variables:
@@ -274,13 +282,15 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
     codes = dataset.get("obstacle_kind")
     names = [] if codes is None else str(codes.attrs["flag_meanings"]).split()
-    speeds = dataset["leg_speed"].values.tolist() if "leg_speed" in dataset else [np.nan] * len(plans)
+    own = [name for name, *_ in _LEG_MORE if f"leg_{name}" in dataset]
+    more = {name: dataset[f"leg_{name}"].values.tolist() for name in own}
     legs = []
     for row, (begin, end) in enumerate(zip(ends - counts, ends, strict=True)):
         part = slice(int(begin), int(end))
         figures = {name: values[row] for name, values in table.items()}
         leg = LegRecord(**figures, plans=plans[row], refused=refusals[row])
-        leg.speed = None if np.isnan(speeds[row]) else speeds[row]
+        for name, values in more.items():
+            setattr(leg, name, None if np.isnan(values[row]) else values[row])
         leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
         leg.motion, leg.line = motion[part], _line_of(dataset, row)
         leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))

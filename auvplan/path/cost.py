@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.navigation import Navigation
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
@@ -22,6 +23,7 @@ from auvplan.path.kinematics import (
     mean_met,
     middle_times,
     most_met,
+    navigated,
     norm,
     over_ground,
     pace_met,
@@ -88,6 +90,8 @@ class Trajectory:
         obstacles: [S - 1, P] m, the same to collision boundaries.
         altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; infinite without one.
         price: [P] s, charged for uncertain areas, by `Environment.price` and `Vehicle.depth_toll`.
+        known: how well the vehicle knows where it is at the end of each segment, [S - 1, P]; None without
+            `Vehicle.navigation`.
     """
 
     x: jax.Array
@@ -101,6 +105,7 @@ class Trajectory:
     obstacles: jax.Array
     altitude: jax.Array
     price: jax.Array
+    known: Navigation | None = None
 
     @property
     def travel_time(self) -> jax.Array:
@@ -200,8 +205,8 @@ def evaluate(
     Differences from the paper:
         Eq. 11 divides the length by |v|; here each segment has its ground speed in the current that is met
         there, but for the speed reading "eq11". Eq. 12 tests points of the path against obstacles; here the
-        clearance of every segment is certified, against obstacles at the time of arrival. It has no limit in
-        the vertical.
+        clearance of every segment is certified, against obstacles at the time of arrival, and wider by the
+        vehicle's own uncertain position. It has no limit in the vertical.
     """
     (x, y, z), (dx, dy, dz) = track.places, track.way
     starts = x[:-1], y[:-1], z[:-1]
@@ -227,13 +232,14 @@ def evaluate(
         coast_clear = jnp.minimum(coast_clear, closed_clearance(x, y, level, times, env))
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
     altitude = bed_altitude(x, y, z, level, env, count)
+    known = navigated(track.places, duration, env, vehicle)
     turning = turn_rate(dx, dy, duration)
     found = {
         "surge": _beyond(most_met(ground, count), vehicle.surge_max),
         "sway": _beyond(most_met(across, count), vehicle.sway_max),
         "turn_rate": _beyond(turning, vehicle.turn_rate_max),
-        "coast": _too_near(coast_clear, config.coast_margin),
-        "obstacle": _too_near(obstacle_clear, config.obstacle_margin),
+        "coast": _too_near(coast_clear, config.coast_margin, known),
+        "obstacle": _too_near(obstacle_clear, config.obstacle_margin, known),
         "current": most_met(shortfall, count),
         "seabed": _too_low(altitude, env, 0.0),
         **{name: _beyond(most_met(speed, count), limit) for name, (speed, limit) in vertical.items()},
@@ -241,7 +247,8 @@ def evaluate(
     # Zeros cost a compiled program nothing.
     excess = tuple(found.get(name, jnp.zeros_like(gap)) for name in VIOLATIONS)
     length = gap.sum(axis=0)
-    return Trajectory(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
+    clear = coast_clear, obstacle_clear, altitude
+    return Trajectory(x, y, z, times, length, water, excess, *clear, price, known)
 
 
 def toll(rises: jax.Array, depth_toll: jax.typing.ArrayLike) -> jax.Array:
@@ -257,8 +264,10 @@ def _beyond(value: jax.Array, limit: jax.typing.ArrayLike) -> jax.Array:
     return jnp.maximum(value / limit - (1.0 + _ROUNDING), 0.0)
 
 
-def _too_near(clearance: jax.Array, margin: float) -> jax.Array:
-    """Excess of missing clearance."""
+def _too_near(clearance: jax.Array, margin: float, known: Navigation | None = None) -> jax.Array:
+    """Excess of missing clearance, of which more is asked where the vehicle knows less where it is."""
+    if known is not None:
+        clearance = clearance - known.allowance
     return jnp.maximum(margin - clearance, 0.0) / CLEARANCE_SCALE
 
 
@@ -384,8 +393,8 @@ def soft_objective(
     """
     (track, trajectory), straight = followed_by(habitats, problem, config), problem.straight_time
     wider = dict(zip(VIOLATIONS, trajectory.excess, strict=True)) | {
-        "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
-        "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
+        "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN, trajectory.known),
+        "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN, trajectory.known),
         "seabed": _too_low(trajectory.altitude, problem.env, GUIDE_ALTITUDE),
         **_steep_nearby(trajectory, track, problem.vehicle, config),
     }

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.navigation import Navigation
 from auvplan.ocean.currents import Current, Velocity, is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
@@ -194,6 +195,28 @@ def elapsed(durations: jax.Array) -> jax.Array:
     """
     ones = np.tril(np.ones((durations.shape[0] + 1, durations.shape[0])), -1)
     return jnp.matmul(jnp.asarray(ones, durations.dtype), durations, precision=jax.lax.Precision.HIGHEST)
+
+
+def navigated(places: Axes, durations: jax.Array, env: Environment, vehicle: Vehicle) -> Navigation | None:
+    """How well a vehicle knows where it is at the ends of segments, [S - 1, P]; None where it does exactly.
+
+    It is in bottom lock where both ends of a segment are no higher above the sea bed than that reaches.
+
+    Args:
+        places: x, y, z, [S, P] m, samples.
+        durations: [S - 1, P] s, of the segments between them.
+        env: the world.
+        vehicle: its speed and its navigation, at the first samples.
+    """
+    known = vehicle.navigation
+    if known is None:
+        return None
+    passed = unlocked = elapsed(durations)[1:]
+    if known.bottom_lock is not None and env.seabed is not None:
+        above = env.seabed.depth_at(places[0], places[1]) - places[2]
+        locked = jnp.maximum(above[1:], above[:-1]) <= known.bottom_lock
+        unlocked = elapsed(jnp.where(locked, 0.0, durations))[1:]
+    return known.after(vehicle.speed * passed, unlocked)
 
 
 #: Odd polynomial for the arctangent on [0, 1], lowest power first; relative error 1e-7 (least maximum).

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.navigation import Navigation
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
@@ -288,7 +289,7 @@ class _Grid:
             for away, end in zip(_apart(lattice[0], lattice[1], problem), ends, strict=True):
                 z = jnp.clip(z, end[2] - slope * away, end[2] + slope * away)
         places = lattice[0], lattice[1], z
-        room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
+        room = _clearance(places, when, 1e-3 * spacing.min(), env, config, _known(places, when, problem))
         chosen = _clearest(room, _ROOM * spacing.min())
         x, y, z, when, clear = (chosen(plane) for plane in (*lattice, z, when, room))
         source, sink = (
@@ -493,7 +494,12 @@ def _layered(
 
 
 def _clearance(
-    places: Axes, when: jax.Array, slack: jax.Array, env: Environment, config: PathConfig
+    places: Axes,
+    when: jax.Array,
+    slack: jax.Array,
+    env: Environment,
+    config: PathConfig,
+    known: Navigation | None,
 ) -> jax.Array:
     """Find the clearance beyond the margins, [A, B] m; negative where something to keep clear of is too near.
 
@@ -503,20 +509,40 @@ def _clearance(
         slack: m, by which places may lie outside the box.
         env: the world, obstacles resolved.
         config: static settings.
+        known: how well the vehicle knows where it is there, or None.
     """
     x, y, z = places
+    coast_margin, obstacle_margin = (
+        margin if known is None else margin + known.allowance
+        for margin in (config.coast_margin, config.obstacle_margin)
+    )
     inside = [x - env.lower[0], env.upper[0] - x, y - env.lower[1], env.upper[1] - y]
     clear = reduce(jnp.minimum, inside) + slack
     if env.chart is not None:
-        clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - config.coast_margin)
+        clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - coast_margin)
     for closure in env.closures:
-        away = distance_to_land(closure.chart, x, y) - config.coast_margin
+        away = distance_to_land(closure.chart, x, y) - coast_margin
         clear = jnp.minimum(clear, jnp.where(closure.closed(when, when), away, clear))
     if len(env.obstacles):
         still = jnp.zeros_like(x)  # a point is a segment of no length
         near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
-        clear = jnp.minimum(clear, near - config.obstacle_margin)
+        clear = jnp.minimum(clear, near - obstacle_margin)
     return clear
+
+
+def _known(places: Axes, when: jax.Array, problem: Problem) -> Navigation | None:
+    """Return about how well the vehicle knows where it is at places [A, B] m, when it comes by; or None.
+
+    It is taken to have been in bottom lock on all of its way, or none, as it is there.
+    """
+    env, vehicle = problem.env, problem.vehicle
+    if vehicle.navigation is None:
+        return None
+    passed = unlocked = jnp.maximum(when - problem.depart, 0.0)
+    if vehicle.navigation.bottom_lock is not None and env.seabed is not None:
+        above = env.seabed.depth_at(places[0], places[1]) - places[2]
+        unlocked = jnp.where(above <= vehicle.navigation.bottom_lock, 0.0, passed)
+    return vehicle.navigation.after(vehicle.speed * passed, unlocked)
 
 
 def _clearest(room: jax.Array, enough: jax.Array) -> Callable[[jax.Array], jax.Array]:

@@ -1,7 +1,7 @@
 """What the path planner returns."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from datetime import datetime
 from functools import cached_property
 from typing import Any
@@ -326,8 +326,7 @@ class PathPlans(ReprMixin):
         if own is None:
             own = {name: jax.tree.map(lambda a: a[b], getattr(self, name)) for name in _FIELDS}
         own = own | {name: float(own[name]) for name in _NUMBERS}
-        conditions = self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b)
-        return PathPlan(**own, conditions=conditions)
+        return PathPlan(**own, conditions=self.conditions.of_leg(b))
 
     def __iter__(self) -> Iterator[PathPlan]:
         return (self[b] for b in range(len(self)))

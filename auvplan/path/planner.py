@@ -178,7 +178,11 @@ def search_and_polish(
     check_ends(*ends, env, vehicle)
     keys = jax.random.split(key, len(depart)) if key.ndim == 0 else key
     own, shared = split(env, per_leg)
-    batch = Batch.of(Legs(*ends, depart, own), shared, vehicle, conditions.config)
+    since, known = None, vehicle.navigation
+    if known is not None:
+        since = np.broadcast_to(known.way, len(depart)), np.broadcast_to(known.unlocked, len(depart))
+        vehicle = replace(vehicle, navigation=known.fixed())
+    batch = Batch.of(Legs(*ends, depart, own, since), shared, vehicle, conditions.config)
     program = partial(search, config=conditions.config, budget=budget)
     found = _by_legs(program, keys, batch, population)
     found, finer = plan_finely(found, keys, batch, conditions.config, budget)

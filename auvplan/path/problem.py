@@ -104,7 +104,8 @@ def scaled(problem: Problem, config: PathConfig) -> tuple[Problem, PathConfig, j
     world = Environment(current, chart, obstacles, *box, bed, closures, price)
     depths = {name: getattr(vehicle, name) for name in ("transit_depth", "transit_altitude")}
     depths = {name: depth * factor for name, depth in depths.items() if depth is not None}
-    slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor, **depths)
+    known = None if vehicle.navigation is None else vehicle.navigation.scaled(factor)
+    slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor, navigation=known, **depths)
     margins = {name: getattr(config, name) * factor for name in ("coast_margin", "obstacle_margin")}
     leg = Problem(problem.start * factor, problem.goal * factor, problem.depart * factor, world, slower)
     return leg, config.replace(**margins), factor

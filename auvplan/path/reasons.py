@@ -84,6 +84,9 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
     name, unit = _NAMES[limit]
     if limit == "coast" and plan.conditions.env.closures:
         name = "clearance of the coast or of a closed area"
+    if limit != "seabed" and vehicle.navigation is not None:
+        asked = f"{least:g} m and the vehicle's uncertain position ask for"
+        return f"{name} {excess * scale:.1f} {unit} less than {asked}"
     value, least = _apart(least - excess * scale, least)
     return f"{name} {value} {unit} under {least}"
 

@@ -46,6 +46,14 @@ class Conditions:
         vehicle = (vehicle or Vehicle()).without_power()
         return cls(env, vehicle, config or PathConfig(), 0 if world_per_leg else None)
 
+    def of_leg(self, leg: int) -> "Conditions":
+        """Return those of one leg of a batch."""
+        vehicle, known = self.vehicle, self.vehicle.navigation
+        if known is not None and np.ndim(known.way):
+            own = known.since(*(np.asarray(part)[leg] for part in (known.way, known.unlocked)))
+            vehicle = replace(vehicle, navigation=own)
+        return replace(self, vehicle=vehicle, leg=None if self.leg is None else leg)
+
     def world(self) -> Environment:
         """Return the leg's own world."""
         if self.leg is None:

@@ -116,12 +116,15 @@ class Legs:
         start, goal: [B, 3] m.
         depart: [B] s since the epoch.
         own: what of the world differs by leg.
+        since: way and time out of bottom lock since the vehicle's last fix, [B] m and s; None where there is
+            no navigation, or it is the vehicle's own.
     """
 
     start: Any
     goal: Any
     depart: Any
     own: World
+    since: tuple[Any, Any] | None = None
 
 
 @jax.tree_util.register_dataclass
@@ -185,7 +188,10 @@ class Batch:
 
     def problem(self, leg: Legs) -> Problem:
         """Return one leg."""
-        return Problem(leg.start, leg.goal, leg.depart, world_of(leg.own, self.env), self.vehicle)
+        vehicle = self.vehicle
+        if leg.since is not None and vehicle.navigation is not None:
+            vehicle = replace(vehicle, navigation=vehicle.navigation.since(*leg.since))
+        return Problem(leg.start, leg.goal, leg.depart, world_of(leg.own, self.env), vehicle)
 
     def posed(self, leg: Legs, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
         """Return one leg as the search sees it, its settings, and by what factor both are scaled."""

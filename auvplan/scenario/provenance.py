@@ -20,7 +20,7 @@ ORIGIN = "fetched_"
 FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
-    "vehicle": ("power",),
+    "vehicle": ("power", "navigation"),
     "current": ("files", "constituents", "truth", "members.files"),
     "obstacles": ("file",),
     "mission": ("jobs",),
@@ -91,7 +91,7 @@ def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def vehicle_file(given: Any) -> str | None:
-    """Return the path of the file that a vehicle's power is read from; None for others."""
+    """Return the path of the file that a vehicle's power or navigation is read from; None for others."""
     name = given.get("vehicle") if isinstance(given, dict) else given
     return name if isinstance(name, str) and is_file_name(name) else None
 

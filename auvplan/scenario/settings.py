@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
+from auvplan.scenario.navigation import NavigationSettings
 from auvplan.scenario.places import Finite, NotNegative, Point, Positive
 from auvplan.scenario.power import PowerSettings
 from auvplan.scenario.section import Section, optional, setting
@@ -314,6 +315,10 @@ class VehicleSettings(Section):
         "what it draws, and its battery: a mapping, the name of a shipped vehicle, or path of a YAML file; "
         "energy does not count if absent"
     )
+    navigation: NavigationSettings | None = optional(
+        "how well it knows where it is: a mapping, the name of a shipped vehicle, or path of a YAML file; "
+        "exactly if absent"
+    )
     saw_tooth: SawToothSettings | None = optional(
         "the dives of a glider or profiler, whose speed is that along the slope; paths are level or as depth "
         "makes them quickest if absent"
@@ -340,6 +345,11 @@ class VehicleSettings(Section):
     @field_validator("power", mode="before", json_schema_input_type=str | PowerSettings | None)
     @classmethod
     def _named(cls, given: Any) -> Any:
+        return {"vehicle": given} if isinstance(given, str) else given
+
+    @field_validator("navigation", mode="before", json_schema_input_type=str | NavigationSettings | None)
+    @classmethod
+    def _navigated(cls, given: Any) -> Any:
         return {"vehicle": given} if isinstance(given, str) else given
 
 
@@ -441,6 +451,11 @@ class SafetySettings(Section):
     coast: NotNegative = setting(10.0, "m, least distance of paths to the coast")
     obstacles: NotNegative = setting(5.0, "m, least distance of paths to the boundaries of obstacles")
     seabed: NotNegative = setting(5.0, "m, least height of paths above the sea bed")
+    confidence: NotNegative = setting(
+        2.0,
+        "standard deviations of the vehicle's position, by which paths keep the farther off coast and "
+        "obstacles; without effect where vehicle.navigation is absent",
+    )
     closing: NotNegative = setting(
         60.0, "s, how long before an area closes, and after it opens, no path is in it"
     )

@@ -9,6 +9,7 @@ from pydantic import field_validator
 
 from auvplan.errors import ScenarioError, reason_of
 from auvplan.scenario.fields import check_fields, first_of
+from auvplan.scenario.navigation import NavigationSettings
 from auvplan.scenario.places import Positive
 from auvplan.scenario.power import PowerSettings, is_file_name
 from auvplan.scenario.section import Section, optional, setting
@@ -31,6 +32,7 @@ class VehicleFile(Section):
     depth_max: Positive | None = optional("m")
     speeds: tuple[Positive, Positive] | None = optional("m/s through the water, least and greatest")
     power: PowerSettings
+    navigation: NavigationSettings | None = None
 
     @field_validator("speeds")
     @classmethod
@@ -39,12 +41,12 @@ class VehicleFile(Section):
             raise ValueError("must be the least and then the greatest")
         return speeds
 
-    @field_validator("power")
+    @field_validator("power", "navigation")
     @classmethod
-    def _by_itself(cls, power: PowerSettings) -> PowerSettings:
-        if power.vehicle is not None:
+    def _by_itself(cls, part: Any) -> Any:
+        if part is not None and part.vehicle is not None:
             raise ValueError("must be given here, not by another vehicle")
-        return power
+        return part
 
 
 def shipped_vehicles() -> list[str]:
@@ -130,6 +132,26 @@ def power_model(
         **_given(whole, "vehicle", "propulsion", "battery"),
         battery=None if battery is None else Battery(**_given(battery)),
     )
+
+
+def navigation_settings(
+    settings: NavigationSettings | None, folder: str | Path = "."
+) -> NavigationSettings | None:
+    """Return settings of navigation with those of the vehicle that they name; None where there are none.
+
+    Raises:
+        ScenarioError: the vehicle is not there or faulty, or states no navigation.
+    """
+    if settings is None or settings.vehicle is None:
+        return settings
+    try:
+        known = load_vehicle(settings.vehicle, folder).navigation
+    except ScenarioError as error:
+        raise ScenarioError(error.reason, field="vehicle.navigation") from None
+    if known is None:
+        reason = f"vehicle {settings.vehicle} states no navigation: give drift, current_error and fix"
+        raise ScenarioError(reason, field="vehicle.navigation")
+    return known.model_copy(update=settings.given())
 
 
 def _given(section: Section, *apart: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import TransitAltitude
-from auvplan.scenario.vehicles import power_model
+from auvplan.scenario.vehicles import navigation_settings, power_model
 from auvplan.simulation.sea import ModelSea, Sea, VortexSea
 from auvplan.vehicle import Vehicle
 
@@ -67,15 +67,17 @@ def make_vehicle(scenario: Scenario, folder: str | Path | None = None) -> Vehicl
     """Return the scenario's vehicle; `folder` is what relative paths start from, its own if absent.
 
     Raises:
-        ScenarioError: its power is not known.
+        ScenarioError: its power or its navigation is not known.
     """
-    apart = {"depth_min", "depth_max", "transit_depth", "power", "saw_tooth", "speed_range"}
+    apart = {"depth_min", "depth_max", "transit_depth", "power", "saw_tooth", "speed_range", "navigation"}
     stated: dict[str, Any] = scenario.vehicle.model_dump(exclude=apart)
     home, power = scenario.folder if folder is None else folder, scenario.vehicle.power
     fastest = (scenario.vehicle.speed_range or (scenario.vehicle.speed,))[-1]
     stated["power"] = model = power_model(power, home, fastest)
     if model is not None and model.pump and scenario.vehicle.saw_tooth is None:
         raise ScenarioError("has a pump, which goes with vehicle.saw_tooth alone", field="vehicle.power")
+    if (known := navigation_settings(scenario.vehicle.navigation, home)) is not None:
+        stated["navigation"] = known.made(scenario.safety.confidence)
     stated["pitch_max"] = scenario.pitch_max
     transit = scenario.vehicle.transit_depth
     if isinstance(transit, TransitAltitude):
