@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy.optimize
 
 from auvplan.errors import AuvplanError
 from benchmarks.harness import SHARED, Array, launch, screen, show_markdown
@@ -18,6 +19,10 @@ from benchmarks.harness import SHARED, Array, launch, screen, show_markdown
 PERCENT = 1.32
 #: Factors on planned transit and dive energy, and J per rad of planned turns.
 CONSTANTS = ("transit factor", "dive factor", "J per rad of turns")
+#: s and m, stretches under water that last and go deep enough to tell of a position's error.
+SHORTEST, UNDER_WATER = 240.0, 5.0
+#: s, at which rates of growth are stated.
+HOUR = 3600.0
 #: Dives of this length, s, tell of a glider's usual use.
 LONG_DIVE = 3000.0
 
@@ -133,6 +138,90 @@ def pumps(table: pd.DataFrame) -> list[dict[str, Any]]:
     return found
 
 
+def submerged(positions: pd.DataFrame, unsure: Sequence[str]) -> pd.DataFrame:
+    """Glider, s from fix to fix and error of dead reckoning, m east and north, of each stretch under water.
+
+    The error is the fix at its end less the last dead-reckoned position, carried on with its last velocity.
+
+    Args:
+        positions: fixes and dead-reckoned positions by time.
+        unsure: moments, UTC, at which stretches begin that are to be left out.
+    """
+    rows = []
+    for glider, own in positions.groupby("glider", sort=False):
+        fixes, reckoned = (own[own.kind == kind] for kind in ("gps", "dead_reckoned"))
+        metres = np.radians(6_371_000.0) * np.array([np.cos(np.radians(own.lat.mean())), 1.0])
+        for before, after in zip(fixes.index[:-1], fixes.index[1:], strict=True):
+            t0, t1 = own.elapsed_s[before], own.elapsed_s[after]
+            began = pd.Timestamp(own.time_utc[before])
+            part = reckoned[(reckoned.elapsed_s > t0) & (reckoned.elapsed_s < t1)]
+            out = any(abs(began - pd.Timestamp(moment)) < pd.Timedelta(60.0, "s") for moment in unsure)
+            if out or t1 - t0 < SHORTEST or len(part) < 3 or part.depth_m.max() < UNDER_WATER:
+                continue
+            last = part.iloc[-2:]
+            places, rate = last[["lon", "lat"]].to_numpy(float), np.diff(last.elapsed_s)
+            reached = places[1] + (places[1] - places[0]) / rate * (t1 - last.elapsed_s.iloc[1])
+            error = (own.loc[after, ["lon", "lat"]].to_numpy(float) - reached) * metres
+            rows.append((glider, t1 - t0, *error))
+    return pd.DataFrame(rows, columns=["glider", "seconds", "east", "north"])
+
+
+def fitted_growth(seconds: Array, square: Array, fixed: Sequence[float | None]) -> Array:
+    """Fix, m, m/s at `HOUR` and exponent of growth of greatest likelihood.
+
+    Errors along both axes are normal, of variance fix^2 + (rate HOUR (t / HOUR)^exponent)^2.
+
+    Args:
+        seconds: [n] s since the fix.
+        square: [n] m2, of the errors.
+        fixed: the three, None for those that are fitted.
+    """
+    free = [k for k, value in enumerate(fixed) if value is None]
+
+    def whole(logs: Array) -> Array:
+        found = np.array([np.nan if value is None else value for value in fixed])
+        found[free] = np.exp(logs)
+        return found
+
+    def unlikely(logs: Array) -> float:
+        fix, rate, exponent = whole(logs)
+        variance = fix**2 + (rate * HOUR * (seconds / HOUR) ** exponent) ** 2
+        return float((np.log(variance) + 0.5 * square / variance).sum())
+
+    start = np.log(np.array([10.0, 0.03, 1.0])[free])
+    return whole(scipy.optimize.minimize(unlikely, start, method="Nelder-Mead").x)
+
+
+def growth(dives: pd.DataFrame, draws: int = 400) -> list[dict[str, Any]]:
+    """The growth of each glider's position error, fitted, with intervals of 95 % by drawing dives again.
+
+    With them comes which share of errors lies within two standard deviations of a model of the other dives;
+    of normal errors in the plane 86.5 % do.
+    """
+    found, rng, fix = [], np.random.default_rng(0), None
+    for glider, own in dives.groupby("glider", sort=False):
+        seconds, square = own.seconds.to_numpy(), (own.east**2 + own.north**2).to_numpy()
+        wide = seconds.max() > 5.0 * seconds.min()  # dives of one length tell one number
+
+        def fit(rows: Any, linear: bool, known: Any = fix if not wide else None, of: Any = (seconds, square)):
+            return fitted_growth(of[0][rows], of[1][rows], (known, None, 1.0 if linear else None))
+
+        every = np.arange(len(seconds))
+        again = [rng.choice(every, len(every)) for _ in range(draws)]
+        line, lines = fit(every, True), np.array([fit(rows, True) for rows in again])
+        power = np.array([fit(rows, False) for rows in [every, *again]])[:, 2] if wide else np.full(1, np.nan)
+        fix = line[0]
+        others = np.array([fit(every != k, True) for k in every])
+        std = np.hypot(others[:, 0], others[:, 1] * seconds)
+        found.append({
+            "glider": glider, "dives": len(own), "fix": line[0], "rate": line[1],
+            "rate_range": np.quantile(lines[:, 1], [0.025, 0.975]).tolist(), "exponent": power[0],
+            "exponent_range": np.quantile(power[1:] if wide else power, [0.025, 0.975]).tolist(),
+            "within": float((square < 4.0 * std**2).mean()),
+        })  # fmt: skip
+    return found
+
+
 def draw(missions: Missions, file: Path) -> None:
     """Draw predictions against what was measured."""
     from auvplan.plot import style
@@ -170,6 +259,12 @@ PUMPS = {
     "error by mean power": "{error_by_mean:.0%}",
 }  # fmt: skip
 
+GROWTH = {
+    "glider": "{glider}", "dives": "{dives}", "fix, m": "{fix:.0f}", "m/s along each axis": "{rate:.4f}",
+    "95 %": "{rate_range[0]:.4f}-{rate_range[1]:.4f}", "exponent": "{exponent:.2f}",
+    "95 % ": "{exponent_range[0]:.2f}-{exponent_range[1]:.2f}", "within two sigma": "{within:.0%}",
+}  # fmt: skip
+
 
 def main(folder: str, picture: str) -> dict[str, Any]:
     missions = Missions(read(Path(folder) / "jaiabot_missions.csv"))
@@ -180,11 +275,14 @@ def main(folder: str, picture: str) -> dict[str, Any]:
     show_markdown([{"constant": name, "values": values} for name, values in constants.items()], FITTED)
     slocum = read(Path(folder) / "slocum.csv")
     dived, pumped = gliders(slocum), pumps(slocum)
+    unsure = slocum[slocum.check_residual_m >= 200.0].dive_start_utc.tolist()
+    grown = growth(submerged(read(Path(folder) / "slocum_positions.csv"), unsure))
     show_markdown(dived, DIVES)
     show_markdown(pumped, PUMPS)
+    show_markdown(grown, GROWTH)
     if picture:
         draw(missions, Path(picture))
-    return {"scores": scores, "constants": constants, "gliders": dived, "pumps": pumped}
+    return {"scores": scores, "constants": constants, "gliders": dived, "pumps": pumped, "growth": grown}
 
 
 if __name__ == "__main__":
