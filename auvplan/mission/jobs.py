@@ -39,6 +39,7 @@ class JobPoint:
         duration: s spent there, >= 0.
         windows: intervals in which the task may begin, s since the departure; any time where there are none.
         falls: moments, s since the departure, after which the priority is another, lower one.
+        max_error: m, standard deviation of the vehicle's position on arrival, at most; None for any.
     """
 
     name: str
@@ -47,6 +48,7 @@ class JobPoint:
     duration: float = 0.0
     windows: tuple[tuple[float, float], ...] = ()
     falls: tuple[tuple[float, float], ...] = ()
+    max_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ class JobLine:
     duration: float = 0.0
     windows: tuple[tuple[float, float], ...] = ()
     falls: tuple[tuple[float, float], ...] = ()
+    max_error: float | None = None
 
     @property
     def parts(self) -> list[tuple[Position, Position]]:

@@ -31,7 +31,7 @@ from auvplan.site import Site, is_place
 
 #: When a job may be done and when it is worth less; a survey line states it in any of its rows.
 _HOURS = ("from", "to", "windows", "window", "priority_after")
-_PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name", *_HOURS)}
+_PROPERTIES = {name: name for name in ("depth", "priority", "duration", "max_error", "name", *_HOURS)}
 _HEADINGS = {
     "lon": "lon", "longitude": "lon", "lat": "lat", "latitude": "lat",
     "x": "north", "north": "north", "y": "east", "east": "east", **_PROPERTIES, "line": "line",
@@ -53,6 +53,7 @@ _WORDS = {
     "duration": ("s", "dwell dwell_time hold hold_time holdtime loiter loiter_time wait wait_time stay time "
                       "time_on_site time_on_station service_time bottom_time seconds secs minutes hours"),
     "priority": ("a number, 0 or more", "weight importance value reward rank score rho profit urgency"),
+    "max_error": ("m", "position_error position_std"),
     "depth": ("m, positive down", "z down altitude alt elevation elev height level"),
     "name": ("", "id fid label title job job_name job_id task task_name waypoint wp site station"),
     "from": ("a moment, a time of day or seconds", "earliest start_time not_before begin after opens open"),
@@ -95,7 +96,8 @@ def read_jobs(
     read in either case; other ones are left. A name that is missing is the job's number in the file; priority
     is 1 and duration 0 s by default, which is noted of formats for places. A task may have a time window,
     `from` and `to`, or several `windows`: see `Hours.windows`. `priority_after` says at which moments the
-    priority falls, and to what: see `Hours.falls`.
+    priority falls, and to what: see `Hours.falls`. `max_error` is the standard deviation, m, that the
+    vehicle's position may have on arrival.
 
     Args:
         source: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON; or features (`Features`).
@@ -184,7 +186,7 @@ class _Mission:
         name = str(stated.get("name", "")).strip() or str(feature.number)
         job = where if repr(name) in where else f"{where}, job {name!r}"
         hours = Hours(job, stated, self.site, self.until)
-        places = self._places(feature, numbers["depth"])
+        places, error = self._places(feature, numbers["depth"]), numbers["max_error"]
         falls = ()
         with faults.kept():
             falls = hours.falls(priority)
@@ -193,10 +195,12 @@ class _Mission:
                 if a == b:
                     raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
             windows = hours.windows(None, self._fastest(places))
-            return [JobLine(name, tuple(places), priority, duration, windows, falls)]
+            return [JobLine(name, tuple(places), priority, duration, windows, falls, error)]
         names = [name] if feature.kind == "Point" else [f"{name} {k + 1}" for k in range(len(places))]
         return [
-            JobPoint(one, place, priority, duration, hours.windows(duration, self._fastest([place])), falls)
+            JobPoint(
+                one, place, priority, duration, hours.windows(duration, self._fastest([place])), falls, error
+            )
             for one, place in zip(names, places, strict=True)
         ]
 
@@ -349,7 +353,8 @@ def _point_decimals(rows: list[_Row], faults: Faults) -> None:
     numbers = [
         (where, cells, name)
         for where, cells in rows
-        for name in cells.keys() & {"lon", "lat", "north", "east", "depth", "priority", "duration"}
+        for name in cells.keys()
+        & {"lon", "lat", "north", "east", "depth", "priority", "duration", "max_error"}
     ]
     commas = any("," in cells[name] for _, cells, name in numbers)
     for where, cells, name in numbers:
@@ -373,8 +378,8 @@ def _place(where: str, row: dict[str, str], axes: tuple[str, str]) -> list[float
 
 
 def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:
-    """Return a job's depth, priority and duration; None of what is absent or at fault."""
-    found: dict[str, float | None] = dict.fromkeys(("depth", "priority", "duration"))
+    """Return a job's depth, priority, duration and greatest error; None of what is absent or at fault."""
+    found: dict[str, float | None] = dict.fromkeys(("depth", "priority", "duration", "max_error"))
     for name in found:
         with faults.kept():
             found[name] = _number(where, stated, name)
