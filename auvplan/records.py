@@ -106,7 +106,8 @@ class LegRecord(ReprMixin):
         obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
         arrived: whether the goal was reached.
         refused: why it was planned and not begun, or empty.
-        t_hold: s that the vehicle waited at the waypoint left, for the way to open.
+        t_hold: s that the vehicle waited at the waypoint left, for the way to open, or surfaced there.
+        t_fix: s of these that it surfaced for a fix, up and down included; None where it did not.
         t_wait: s that it waited at the waypoint reached, for the task's window.
         missed: whether it came too late for the task's window.
         line: the part of a survey line that it follows, or None.
@@ -144,6 +145,7 @@ class LegRecord(ReprMixin):
     speed: float | None = None
     position_std: float | None = None
     risk: float | None = None
+    t_fix: float | None = None
 
     def _repr_items(self) -> dict[str, str]:
         return {
@@ -654,6 +656,7 @@ class MissionRun(ReprMixin):
                     "priority": leg.priority,
                     "revisit": leg.revisit,
                     **({} if leg.speed is None else {"speed": leg.speed}),
+                    **({"t_fix": leg.t_fix} if leg.t_fix else {}),
                     **({} if leg.position_std is None else {"position_std": leg.position_std}),
                     **({} if leg.risk is None else {"risk": leg.risk}),
                     "line": None if leg.line is None else leg.line.figures(leg.coverage),

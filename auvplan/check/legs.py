@@ -291,7 +291,7 @@ def route_faults(run: Saved) -> Iterator[str]:
     for leg in run.legs:
         # A leg that begins when its route is made expects what the route says.
         for number in np.flatnonzero(np.abs(made_at + leg.t_hold - leg.begins) <= TIME_TOLERANCE)[-1:]:
-            expected = routes[number, 0] - waits[number, 0] - leg.t_hold
+            expected = routes[number, 0] - waits[number, 0] - (leg.t_hold - leg.t_fix)
             same = tuple(nodes[number, :2]) == (leg.start, leg.goal) and np.isfinite(expected)
             if same and not _same(expected, leg.t_expected):
                 yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"

@@ -63,6 +63,7 @@ class Leg:
     t_expected: float = np.nan
     speed: float = np.nan  # m/s through the water that it is said to be gone at
     rows: slice = field(default_factory=lambda: slice(0))  # of the observations in the file
+    t_fix: float = 0.0  # s of t_hold that it surfaced
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
@@ -126,6 +127,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
     missed, expected = table.get("leg_missed", still), table["leg_t_expected"]
     speeds = np.asarray(table.get("leg_speed", np.full(len(still), np.nan)), float)
     speeds = np.where(np.isnan(speeds), float(dataset.attrs["vehicle_speed"]), speeds)
+    rises = np.nan_to_num(np.asarray(table.get("leg_t_fix", still), float))
     for k, end in enumerate(ends):
         part = slice(int(end - table["row_size"][k]), int(end))
         real = np.isfinite(radii[k])
@@ -134,7 +136,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
             obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]),
-            bool(missed[k]), float(expected[k]), float(speeds[k]), part,
+            bool(missed[k]), float(expected[k]), float(speeds[k]), part, float(rises[k]),
         )  # fmt: skip
 
 

@@ -31,8 +31,10 @@ from auvplan.runtime import prng
 from auvplan.runtime.compiled import compilations, compile_seconds
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder
+from auvplan.scenario.navigation import NavigationSettings
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import PlanningSettings
+from auvplan.scenario.vehicles import navigation_settings
 from auvplan.simulation.faults import Fault, Faults, Obstacle
 from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import TrueObstacles, make_vehicle
@@ -117,6 +119,7 @@ class MissionContext:
             known need no other ones; where there are more, twice as many. 0 for as many as there are.
         power: what the vehicle draws, or None.
         navigation: how well it knows where it is, at a fix; or None.
+        fixes: what fixes take and are for, or None.
         speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
             alone where its battery is limited and its speed is not free; None where energy does not count.
         saw_tooth: that paths become, for which the vehicle is that of `SawTooth.for_planning`; or None.
@@ -137,6 +140,7 @@ class MissionContext:
     places: int = 0
     power: PowerModel | None = None
     navigation: Navigation | None = None
+    fixes: NavigationSettings | None = None
     speeds: Array | None = None
     saw_tooth: SawTooth | None = None
     left: float | None = None
@@ -604,6 +608,7 @@ def make_context(
         simulated=simulated,
         power=power,
         navigation=known,
+        fixes=navigation_settings(scenario.vehicle.navigation, home),
         speeds=fixed if speeds is None else np.linspace(*speeds, _SPEEDS),
         saw_tooth=saw,
     )

@@ -16,6 +16,7 @@ from auvplan.executive.decide import Act, Facts, Phase, decide
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
+from auvplan.executive.surfacing import lost
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
@@ -117,10 +118,11 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
 def unfit(mission: Mission) -> str:
     """Return why a mission's leg cannot be begun whatever time is left, or an empty string.
 
-    That is a limit that its path breaks, or a known obstacle that comes to its goal during its task.
+    That is a limit that its path breaks, a position that is not known well enough at its end, or a known
+    obstacle that comes to its goal during its task.
     """
     context, leg = mission.context, mission.active_leg
-    if why := refusal(leg, context.epoch):
+    if why := refusal(leg, context.epoch) or lost(mission):
         return why
     record, timetable, margin = leg.record, mission.graph.timetable, context.scenario.safety.obstacles
     for obstacle in (known for known in context.area.obstacles if known.moves):

@@ -15,6 +15,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from auvplan.executive import surfacing
 from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
 from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import (
@@ -292,7 +293,9 @@ def _begin(missions: list[Mission]) -> None:
         if mission.timed.options is not None and mission.rest[1:] == [mission.run.goal]:
             hurry_home(mission)
     expected, records = [mission.timed.leg_times(mission.context.speed) for mission in missions], []
-    for mission, times in zip(missions, expected, strict=True):
+    before = [(mission.navigation, mission.navigated) for mission in missions]
+    rises = [surfacing.surface(mission) if surfacing.due(mission) else 0.0 for mission in missions]
+    for mission, times, rise in zip(missions, expected, rises, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
         if mission.context.scenario.tasks_under_way:
@@ -304,19 +307,34 @@ def _begin(missions: list[Mission]) -> None:
         if speeds is not None and len(speeds) > 1 and mission.chosen is not None:
             speed = float(speeds[mission.chosen[i, j]])
         revisit = j in mission.visited
-        records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold, speed=speed))
+        own = {"revisit": revisit, "t_hold": rise + hold, "t_fix": rise or None, "speed": speed}
+        records.append(LegRecord(i, j, expects, task, rho, **own))
     for mission in missions:
         if mission.navigation is not None and mission.at_surface:
             mission.navigate(mission.navigation.fixed())
     begin_legs(missions, records)
+    _surface_instead(missions)
     if late := [mission for mission in missions if hurries(mission)]:
         plan_first_paths(late, "leg")
-    for mission, times, record in zip(missions, expected, records, strict=True):
+    for mission, times, record, known in zip(missions, expected, records, before, strict=True):
         mission.run.legs.append(record)
         if why := why_refused(mission, times):
             mission.now -= record.t_hold
-            record.t_hold = 0.0
+            record.t_hold, record.t_fix = 0.0, None
+            mission.navigation, mission.navigated = known
             _reject_leg(mission, why)
+
+
+def _surface_instead(missions: list[Mission]) -> None:
+    """Let vehicles whose legs cannot be begun as they are surface for a fix first, where that may help."""
+    wanting = [one for one in missions if one.navigation is not None and not one.active_leg.record.t_fix]
+    again = [mission for mission in wanting if unfit(mission) and surfacing.helps(mission)]
+    for mission in again:
+        record = mission.active_leg.record
+        record.t_fix = surfacing.surface(mission)
+        record.t_hold += record.t_fix
+    if again:
+        begin_legs(again, [mission.active_leg.record for mission in again])
 
 
 def _by_the_clock(mission: Mission, i: int, j: int, least: float) -> tuple[float, float]:

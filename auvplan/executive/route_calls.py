@@ -11,6 +11,7 @@ from auvplan.executive.context import AtSpeed, ByDeparture, Mission
 from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
 from auvplan.executive.speeds import drawn, offer_speeds, travel_times, way_home, with_still_water
+from auvplan.executive.surfacing import charged
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_path
 from auvplan.mission.jobs import edges_off_lines
@@ -77,6 +78,7 @@ def _time(mission: Mission) -> None:
         mission.timed = replace(mission.timed, timetable=timetable)
     elif mission.pace != 1.0 and mission.timed.travel_time is not None:
         mission.timed = replace(mission.timed, travel_time=mission.timed.travel_time / mission.pace)
+    mission.timed = charged(mission, mission.timed)
     if context.speeds is None:
         for (i, j), seconds in mission.learnt.items():
             mission.timed = mission.timed.with_travel_time(i, j, seconds)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 #: Fields of a scenario that name files in place of which objects can be given.
 GIVEN = (
     "current.files", "current.truth", "bathymetry.file", "chart.file", "chart.uncertain", "chart.no_go",
+    "chart.no_surfacing",
     "obstacles.file", "mission.jobs",
 )  # fmt: skip
 
@@ -225,6 +226,7 @@ class AreaFiles:
         "jobs": "mission",
         "obstacles": "obstacles",
         "closures": "chart",
+        "no_surfacing": "chart",
     }
 
     def __init__(
@@ -275,6 +277,7 @@ class AreaFiles:
             land.coast,
             (*land.closed, *(zone for zone in self.no_go if not zone.hours)),
             tuple(member.field for member in self.members),
+            self.no_surfacing,
         )
 
     def readable(self, part: str) -> Any:
@@ -352,6 +355,14 @@ class AreaFiles:
             return tuple(zones)
         common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
         return tuple(zone if zone.hours else replace(zone, **common) for zone in zones)
+
+    @_Part
+    def no_surfacing(self) -> tuple[Zone, ...]:
+        """Areas in which no vehicle surfaces for a fix."""
+        if self.scenario.chart.no_surfacing is None:
+            return ()
+        with error_context("chart", "no_surfacing"):
+            return tuple(geo.read_zones(self._source("chart.no_surfacing"), self._on_earth, self._extent()))
 
     @_Part
     def closures(self) -> tuple[Closure, ...]:

@@ -15,7 +15,7 @@ from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
 from auvplan.scenario.provenance import FILE_FIELDS, vehicle_file
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.vehicles import power_model
+from auvplan.scenario.vehicles import navigation_settings, power_model
 from auvplan.scenario.yaml_lines import Document
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.
@@ -30,6 +30,7 @@ _PARTS = {
     ("chart", "image"): "land",
     ("chart", "file"): "land",
     ("chart", "no_go"): "no_go",
+    ("chart", "no_surfacing"): "no_surfacing",
     ("bathymetry", "file"): "seabed",
     ("current", "files"): "current",
     ("current", "constituents"): "tide",
@@ -118,11 +119,15 @@ def examine_scenario(source: str | Path) -> Examination:
         found += _misplaced(files, area, document)
         if short := unreachable(sound):
             found.append(finding_at(("mission", "time_available"), short, document))
-        if ("vehicle", "power") not in missing:
-            try:
-                power_model(sound.vehicle.power, folder, sound.vehicle.speed)
-            except AuvplanError as error:
-                found += _errors(error, "vehicle", document)
+        for part, read in (
+            ("power", lambda: power_model(sound.vehicle.power, folder, sound.vehicle.speed)),
+            ("navigation", lambda: navigation_settings(sound.vehicle.navigation, folder)),
+        ):
+            if ("vehicle", part) not in missing:
+                try:
+                    read()
+                except AuvplanError as error:
+                    found += _errors(error, "vehicle", document)
         if not found:
             try:
                 _check_graph(files)

@@ -128,6 +128,7 @@ _ROUTE_MORE = (
 #: What is known of some legs alone: field of the record, what it is, and its unit; NaN of the others.
 _LEG_MORE = (
     ("speed", "speed through the water that the leg is gone at, none where it is the vehicle's", "m s-1"),
+    ("t_fix", "time surfaced for a fix at the waypoint left, part of the time waited there", "s"),
     ("position_std", "standard deviation of the position along each horizontal axis at the leg's end", "m"),
     ("risk", "chance of touching coast or an obstacle on the leg, at most", "1"),
 )

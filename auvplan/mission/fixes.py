@@ -54,7 +54,7 @@ def surfacings(known: Navigation, order: Order) -> Surfacings:
 
     A fix makes what was before it count no more: the cheapest way to have one at a waypoint goes on from the
     cheapest way to have the last one before it. So n (n + 1) / 2 pairs of fixes are looked at, and the result
-    is exact (dynamic programming). Of equally cheap ways that with its last fix the earliest is taken. Where a
+    is exact (dynamic programming). Of equally cheap ways that with the earliest last fix is taken. Where a
     limit cannot be met the vehicle surfaces as is cheapest up to the waypoint before, and there as well if
     that is how it comes nearest to the limit.
 

@@ -28,6 +28,7 @@ class OperatingArea:
         jobs: from a file; None where waypoints are drawn.
         obstacles: that are known before the mission.
         closures: areas that are closed at some hours.
+        no_surfacing: areas in which no vehicle surfaces for a fix.
         notes: assumptions that were made in reading the files, a line each.
     """
 
@@ -43,3 +44,4 @@ class OperatingArea:
     coast: Chart | None = None
     zones: tuple[Zone, ...] = ()
     members: tuple[GriddedCurrent, ...] = ()
+    no_surfacing: tuple[Zone, ...] = ()

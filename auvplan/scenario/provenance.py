@@ -18,7 +18,7 @@ from auvplan.scenario.scenario import Scenario
 ORIGIN = "fetched_"
 #: Fields that name files, by section.
 FILE_FIELDS: dict[str, tuple[str, ...]] = {
-    "chart": ("image", "file", "uncertain", "no_go"),
+    "chart": ("image", "file", "uncertain", "no_go", "no_surfacing"),
     "bathymetry": ("file",),
     "vehicle": ("power", "navigation"),
     "current": ("files", "constituents", "truth", "members.files"),

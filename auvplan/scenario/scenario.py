@@ -139,6 +139,7 @@ class Scenario(Section):
         for field, source, placed in (
             ("chart.source", chart.source, chart.source in ("raster", "polygons", "enc")),
             ("chart.no_go", None, chart.no_go is not None),
+            ("chart.no_surfacing", None, chart.no_surfacing is not None),
             ("bathymetry.source", bed.source, bed.source == "file"),
             ("current.source", current.source, current.source in ("file", "harmonic")),
             ("obstacles.file", None, self.obstacles.file is not None),

@@ -201,6 +201,10 @@ class ChartSettings(SourcedSection):
         "when polygons of no_go that have no hours are closed, 'from/to, from/to' as "
         "windows of jobs; always if absent"
     )
+    no_surfacing: str | None = optional(
+        "path of GeoJSON polygons in which no vehicle surfaces for a fix, such as lanes; nor does one "
+        "in areas of no_go"
+    )
     pixel_size: Positive = setting(10.0, "m")
     accuracy: NotNegative = setting(0.0, "m, of the coast; distances to it are stated no finer. 0: not known")
     window: tuple[int, int, int, int] | None = optional(

@@ -149,7 +149,7 @@ def navigation_settings(
     except ScenarioError as error:
         raise ScenarioError(error.reason, field="vehicle.navigation") from None
     if known is None:
-        reason = f"vehicle {settings.vehicle} states no navigation: give drift, current_error and fix"
+        reason = f"names {settings.vehicle}, which states none: give drift, current_error and fix"
         raise ScenarioError(reason, field="vehicle.navigation")
     return known.model_copy(update=settings.given())
 

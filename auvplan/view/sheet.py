@@ -51,6 +51,10 @@ class Stop:
         speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
         latest: s since the departure, until when all here has to be over for the mission to be home in time
             as surely as it promises; None where it promises nothing.
+        position_std: m, standard deviation of the position along each horizontal axis on arrival; None where
+            it is known exactly.
+        risk: chance of touching coast or an obstacle on the leg to it, at most; None without that.
+        fix: s that the vehicle surfaces here for a fix, before the next leg; None where it does not.
     """
 
     name: str
@@ -74,11 +78,15 @@ class Stop:
     transit: tuple[float, float, float] | None = None
     speed: float | None = None
     latest: float | None = None
+    position_std: float | None = None
+    risk: float | None = None
+    fix: float | None = None
 
     @property
     def done(self) -> str:
         """What is done here, in words: the task, whose name is not repeated where it is the waypoint's."""
-        return "done" if self.task and self.task == self.name else self.task
+        task = "done" if self.task and self.task == self.name else self.task
+        return ", ".join(filter(None, [task, "surfaces for a fix" if self.fix else ""]))
 
 
 @dataclass(frozen=True)
@@ -131,7 +139,7 @@ class MissionSheet:
             for stop in self.stops
         ]
         for stop in stops:
-            for name in ("speed", "latest"):
+            for name in ("speed", "latest", "position_std", "risk", "fix"):
                 if stop[name] is None:
                     del stop[name]
         return {
@@ -154,6 +162,7 @@ class MissionSheet:
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
         headings += ["leave by", "depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
         headings += ["through water, m/s", "speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
+        headings += ["fix, s", "position, m", "risk"]
         rows = []
         for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True)):
             moments = [] if stop.utc is None else [stop.utc, *([stop.utc.astimezone(local)] if local else [])]
@@ -169,6 +178,9 @@ class MissionSheet:
                 "" if stop.speed is None else f"{stop.speed:.2f}", speeds if number else "",
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
+                f"{stop.fix:.0f}" if stop.fix else "",
+                "" if stop.position_std is None else f"{stop.position_std:.0f}",
+                "" if stop.risk is None else share(stop.risk),
             ])  # fmt: skip
         return _filled(headings, rows)
 
@@ -200,7 +212,7 @@ class MissionSheet:
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
     *("latitude, longitude", "leave by", "transit, m", "window", "wait, s", "hold, s", "through water, m/s"),
-    *("closed, m", "bed, m", "obstacle, m"),
+    *("closed, m", "bed, m", "obstacle, m", "fix, s", "position, m", "risk"),
 )
 
 
@@ -216,7 +228,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
     for number, leg in enumerate(run.done):
-        stops[number] = replace(stops[number], wait=stops[number].wait + leg.t_hold)
+        waits = leg.t_hold - (leg.t_fix or 0.0)
+        stops[number] = replace(stops[number], wait=stops[number].wait + waits, fix=leg.t_fix)
     # Where the vehicle has arrived for good nothing is left to be late for.
     for number, latest in enumerate(run.promise.latest[:-1] if run.promise else ()):
         stops[number + 1] = replace(stops[number + 1], latest=latest)
@@ -236,6 +249,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "in depth": _steepest(run),
         "speed": f"{run.speeds} through the water" if run.speeds else "",
         "paths": _bounded(run),
+        "position": _uncertain(run, stops),
         "survey lines": "; ".join(_lines(run)),
         "promise": "" if run.promise is None else _promised(run.promise),
         "energy": "" if (energy := run.energy) is None else energy.line.removeprefix("energy "),
@@ -325,6 +339,31 @@ def _bounded(run: MissionRun) -> str:
     )
 
 
+def _uncertain(run: MissionRun, stops: Sequence[Stop]) -> str:
+    """Return how well the position is known on the way, and the risk of contact; empty where exactly."""
+    known = [stop for stop in stops if stop.position_std is not None]
+    if not known or run.risk is None:
+        return ""
+    worst = max(known, key=lambda stop: stop.position_std or 0.0)
+    risky = max(known, key=lambda stop: stop.risk or 0.0)
+    fixes = sum(1 for stop in stops if stop.fix)
+    times = ["", ", surfaces once for a fix"][fixes] if fixes < 2 else f", surfaces {fixes} times for a fix"
+    return (
+        f"known to {worst.position_std:.0f} m (1 sigma along each axis) at worst, on arrival at {worst.name}"
+        f"{times}; touches coast or an obstacle in {share(run.risk)} at most"
+        + (f", on the way to {risky.name} in {share(risky.risk or 0.0)}" if run.risk > _NO_RISK else "")
+    )
+
+
+def share(risk: float) -> str:
+    """Return a chance in words, such as "0.3 %"; what is less than one in ten thousand as that."""
+    return "< 0.01 %" if risk < _NO_RISK else f"{100.0 * risk:.2g} %"
+
+
+#: A chance that is not told apart from none.
+_NO_RISK = 1e-4
+
+
 def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     """Return the end of a leg, or the start."""
     node = run.start if leg is None else leg.goal
@@ -359,6 +398,8 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         travel=float(times[-1] - times[0]),
         transit=None if leg is None else leg_depths(times, places),
         speed=float(np.asarray(run.vehicle_on(leg).speed)) if leg is not None and run.speeds else None,
+        position_std=None if leg is None else leg.position_std,
+        risk=None if leg is None else leg.risk,
     )
 
 
@@ -563,6 +604,7 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
         _html_table(headings, rows),
         "<p>Transit: least and greatest depth on the way and, in brackets, the mean. Speed over ground: the "
         "mean on the way and, in brackets, the least. Distances: the least.</p>",
+        *([_POSITION] if "position, m" in headings else []),
     ]
     if left:
         parts += ["<h2>Left out</h2>", _html_table(["job", "priority", "why"], left)]
@@ -587,6 +629,11 @@ def _html_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     body = "".join(row(cells, "td") for cells in rows)
     return f"<table><thead>{row(headings, 'th')}</thead><tbody>{body}</tbody></table>"
 
+
+_POSITION = (
+    "<p>Position: its standard deviation along each horizontal axis on arrival. Risk: the chance of touching "
+    "coast or an obstacle on the way, at most.</p>"
+)
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">

@@ -1,0 +1,170 @@
+"""Surfacing for a fix: whether before the next leg, what it takes, and how well a leg's end must be known."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from auvplan.executive.context import Mission
+from auvplan.mission import MissionGraph
+from auvplan.mission.fixes import Order, surfacings
+from auvplan.navigation import AT_SURFACE
+from auvplan.path.clearance import distance_to_land
+from auvplan.path.risk import exposed
+
+Array = NDArray[np.floating]
+
+#: Places on the straight line between two waypoints at which it is asked whether there is bottom lock.
+_PROBES = 16
+
+#: Times the error of a fix from which on one helps.
+_HELPS = 1.2
+
+
+def limits(mission: Mission, near_coast: bool = False) -> Array:
+    """Return the standard deviation that the position may have on arrival at each waypoint, [N] m.
+
+    Args:
+        mission: whose waypoints they are.
+        near_coast: whether those count, too, beyond which no path keeps off the coast near its goal.
+    """
+    context, graph = mission.context, mission.run.graph
+    most = None if context.fixes is None else context.fixes.most
+    found = np.full(graph.size, np.inf if most is None else most)
+    if (jobs := context.area.jobs) is not None:
+        errors = [job.max_error for job in jobs.points]
+        errors += [line.max_error for line in jobs.lines for _ in line.positions]
+        stated = np.array([np.inf if error is None else error for error in errors], float)
+        found[1 : 1 + len(stated)] = np.minimum(found[1 : 1 + len(stated)], stated)
+    chart, known = context.area.chart, context.navigation
+    if near_coast and chart is not None and known is not None and float(np.asarray(known.confidence)):
+        x, y, _ = np.asarray(graph.positions, np.float32).T
+        room = np.asarray(distance_to_land(chart, x, y), float) - context.path_config.coast_margin
+        found = np.minimum(found, np.maximum(room, 0.0) / float(np.asarray(known.confidence)))
+    return found
+
+
+def way_down(mission: Mission, node: int) -> tuple[float, float]:
+    """Return s that a vehicle takes from a waypoint up to the surface, and from there down."""
+    vehicle, depth = mission.vehicle, float(mission.run.graph.positions[node][2])
+    pitch = 0.5 * np.pi if vehicle.pitch_max is None else float(np.asarray(vehicle.pitch_max))
+    rates = [mission.speed * float(np.sin(pitch))] * 2
+    for k, most in enumerate((vehicle.climb_rate_max, vehicle.dive_rate_max)):
+        rates[k] = rates[k] if most is None else min(rates[k], float(np.asarray(most)))
+    up, down = (depth / rate for rate in rates)
+    return up, down
+
+
+def takes(mission: Mission, node: int) -> float:
+    """Return s that surfacing at a waypoint takes: up, for a fix, and down again."""
+    fixes = mission.context.fixes
+    seconds = 60.0 if fixes is None or fixes.fix_time is None else fixes.fix_time
+    return sum(way_down(mission, node)) + seconds
+
+
+def allowed(mission: Mission, node: int) -> bool:
+    """Return whether a vehicle may surface at a waypoint: in no area where that is forbidden, or closed."""
+    area, (north, east, _) = mission.context.area, np.asarray(mission.run.graph.positions[node], float)
+    zones = *area.no_surfacing, *area.zones
+    return not any(shapely.intersects_xy(zone.polygon, north, east) for zone in zones)
+
+
+def helps(mission: Mission) -> bool:
+    """Return whether the vehicle may surface where it is, and would know better where that is."""
+    known = mission.known
+    if known is None or mission.at_surface or not allowed(mission, mission.here):
+        return False
+    return float(np.asarray(known.std)) > _HELPS * float(np.asarray(known.fixed().std))
+
+
+def due(mission: Mission) -> bool:
+    """Return whether the vehicle surfaces before its next leg, so that the rest of its route keeps limits."""
+    rest, known = mission.rest, mission.known
+    if known is None or len(rest) < 2 or not helps(mission):
+        return False
+    most = limits(mission, near_coast=True)[rest[1:]]
+    return bool(np.isfinite(most).any()) and 0 in surfacings(known, _order(mission, rest, most)).at
+
+
+def _order(mission: Mission, rest: list[int], most: Array) -> Order:
+    """Return the rest of a route by the times that its legs are expected to take."""
+    graph, speed, fixes = mission.run.graph, mission.speed, mission.context.fixes
+    risk = 0.0 if fixes is None or fixes.surfacing_price is None else fixes.surfacing_price
+    places, edges = np.asarray(graph.positions, float), list(pairwise(rest))
+    lasts = mission.timed.leg_times(mission.context.speed) - np.asarray(graph.duration)
+    still = np.linalg.norm(np.diff(places[rest], axis=0), axis=1) / speed
+    travel = [max(float(lasts[edge]), straight) for edge, straight in zip(edges, still, strict=True)]
+    share = np.linspace(0.0, 1.0, _PROBES)[:, None]
+    legs = [
+        _drift(mission, seconds, (1.0 - share) * places[i] + share * places[j])
+        for (i, j), seconds in zip(edges, travel, strict=True)
+    ]
+    stays = [(0.0, 0.0)]
+    stays += [_drift(mission, float(graph.duration[i, j]), places[[j]]) for i, j in edges[:-1]]
+    dives, price = [], []
+    for node in rest[:-1]:
+        surface = places[node, 2] <= AT_SURFACE
+        dives.append(_drift(mission, 0.0 if surface else way_down(mission, node)[1], places[[node]]))
+        price.append(0.0 if surface else takes(mission, node) + risk if allowed(mission, node) else np.inf)
+    return Order(np.array(legs), np.array(stays), np.array(dives), np.array(price), most)
+
+
+def _drift(mission: Mission, seconds: float, places: Array) -> tuple[float, float]:
+    """Return m through the water and s out of bottom lock, of a time that is spent along places [n, 3] m."""
+    reach = None if mission.navigation is None else mission.navigation.bottom_lock
+    bed, share = mission.context.area.seabed, 1.0
+    if reach is not None and bed is not None:
+        share = float((bed.altitude(places) > float(np.asarray(reach))).mean())
+    return mission.speed * seconds, share * seconds
+
+
+def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
+    """Return a timed graph whose edges take longer by the share of a surfacing that they use up.
+
+    An edge that takes as long as the error needs to grow to what its end allows, from a fix on and out of
+    bottom lock, is charged with a whole one at its beginning, others with less: routes have time for about
+    the fixes that they need, whose places are chosen once their order is known.
+    """
+    known = mission.navigation
+    if known is None or (most := limits(mission, near_coast=True)).min() == np.inf:
+        return graph
+    fix, drift, current = (float(np.asarray(part)) for part in (known.fix, known.drift, known.current_error))
+    growth = max(np.hypot(drift * mission.context.speed, current), 1e-12)
+    reach = np.maximum(np.sqrt(np.maximum(most**2 - fix**2, 0.0)) / growth, 1e-3)
+    places = np.asarray(graph.positions)[:, 2]
+    price = np.array([
+        takes(mission, node) if depth > AT_SURFACE and allowed(mission, node) else 0.0
+        for node, depth in enumerate(places)
+    ])  # fmt: skip
+
+    def longer(times: Array) -> Array:
+        return times + price[:, None] * np.minimum(times / reach, 1.0)
+
+    if (table := graph.timetable) is not None:
+        return replace(graph, timetable=replace(table, travel_time=longer(np.asarray(table.travel_time))))
+    own = graph.travel_time
+    if own is None:
+        own = graph.leg_times(mission.context.speed) - np.asarray(graph.duration)
+    return replace(graph, travel_time=longer(np.asarray(own)))
+
+
+def surface(mission: Mission) -> float:
+    """Let the vehicle surface where it is; return s that it takes."""
+    seconds, down = takes(mission, mission.here), way_down(mission, mission.here)[1]
+    mission.now += seconds
+    assert mission.navigation is not None
+    place = np.asarray(mission.run.graph.positions[[mission.here]], float)
+    mission.navigate(mission.navigation.since(*_drift(mission, down, place)))
+    return seconds
+
+
+def lost(mission: Mission) -> str:
+    """Return why the end of a leg's path is not known well enough, or an empty string."""
+    leg = mission.active_leg
+    met = None if leg.stays or mission.navigation is None else exposed(leg.followed)
+    most = float(limits(mission)[leg.record.goal]) if met is not None else np.inf
+    if met is None or met.std[-1] <= most:
+        return ""
+    return f"its end would be known to {met.std[-1]:.0f} m (1 sigma) only, {most:g} m are asked for"

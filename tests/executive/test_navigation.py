@@ -1,0 +1,147 @@
+"""Plans of vehicles that dead-reckon: how well they know where they are, where they surface, what is said."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+
+from auvplan.check.run import check_dataset
+from auvplan.errors import ScenarioError
+from auvplan.executive import plan_scenario, run_mission
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run, to_dataset
+from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.ocean.closures import Zone
+from auvplan.records import MissionRun
+from auvplan.scenario.scenario import Scenario
+from auvplan.view.sheet import sheet_of
+from tests.executive.small import scenario
+from tests.executive.tide import CHANNEL, channel, tidal_area
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+KNOWN = {"drift": 0.02, "current_error": 0.02, "fix": 3.0, "fix_time": 45.0}
+#: m/s, of a vehicle of 2.5 m/s in still water along its way.
+GROWTH = float(np.hypot(0.02 * 2.5, 0.02))
+
+
+def sea(navigation: object = KNOWN, **sections) -> Scenario:
+    """Open water without a current."""
+    return channel(
+        vehicle={} if navigation is None else {"navigation": navigation},
+        area={"lower": [-500, -1500, 0], "upper": [2500, 1500, 40]},
+        mission=CHANNEL["mission"] | {"goal": [2000, 0, 20], "start": [0, 0, 20], "time_available": 4000},
+        **sections,
+    )
+
+
+def jobs(limit: float | None = None) -> Jobs:
+    """Two tasks on the way, the second with a limit on the error."""
+    return Jobs((
+        JobPoint("first", (700.0, 0.0, 20.0), 3.0, 60.0),
+        JobPoint("second", (1400.0, 0.0, 20.0), 3.0, 60.0, max_error=limit),
+    ))  # fmt: skip
+
+
+@cache
+def planned(limit: float | None = None, forbidden: bool = False, known: bool = True) -> MissionRun:
+    zones = (Zone("lane", shapely.box(600.0, -100.0, 800.0, 100.0)),) if forbidden else ()
+    area = replace(tidal_area(0.0, 0.0), jobs=jobs(limit), no_surfacing=zones)
+    return plan_scenario(sea(KNOWN if known else None), area=area, seed=1)
+
+
+def test_the_error_grows_from_leg_to_leg_by_the_closed_form():
+    run = planned()
+    assert [run.called(leg.goal) for leg in run.done] == ["first", "second", "goal"]
+    assert all(leg.t_fix is None for leg in run.done)
+    for leg in run.done:
+        passed = float(leg.times[-1])  # tasks count as under way
+        assert leg.position_std == pytest.approx(np.hypot(3.0, GROWTH * passed), rel=1e-3)
+        assert leg.risk == 0.0
+    assert run.summary()["risk"] == 0.0
+
+
+def test_it_surfaces_where_a_task_asks_for_it():
+    run = planned(25.0)
+    first, second, home = run.done
+    up = down = 20.0 / (2.5 * 0.5)  # s, at 30 degrees
+    assert (first.t_fix, home.t_fix) == (None, None)
+    assert second.t_fix == second.t_hold == pytest.approx(up + 45.0 + down, rel=1e-5)
+    assert second.times[0] == pytest.approx(first.ends + second.t_fix, abs=0.01)
+    assert second.position_std == pytest.approx(np.hypot(3.0, GROWTH * (down + second.t_path)), rel=1e-3)
+    assert second.position_std < 25.0 < planned().done[1].position_std
+    assert home.position_std > second.position_std
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
+def test_a_task_that_cannot_be_met_is_left_out_and_why_is_said():
+    run = planned(25.0, forbidden=True)
+    assert "second" not in [run.called(leg.goal) for leg in run.done]
+    assert all(leg.t_fix is None for leg in run.done if run.called(leg.start) == "first")
+    refused = [leg.refused for leg in run.legs if leg.refused]
+    assert any("25 m are asked for" in why for why in refused)
+    strict = planned(1.0)  # less than a fix has
+    assert any("1 m are asked for" in leg.refused for leg in strict.legs)
+
+
+def test_sheet_and_summary_say_it():
+    run = planned(25.0)
+    sheet = sheet_of(run)
+    stops = {stop.name: stop for stop in sheet.stops}
+    assert stops["first"].done == "done, surfaces for a fix"
+    assert stops["first"].wait == 0.0
+    assert stops["first"].fix == run.done[1].t_fix
+    assert "surfaces once for a fix" in sheet.facts["position"]
+    headings, rows = sheet.table()
+    column = [row[headings.index("position, m")] for row in rows]
+    assert column == ["", *(f"{leg.position_std:.0f}" for leg in run.done)]
+    assert "risk" in headings
+    figures = run.summary()["legs"][1]
+    assert {figures["t_fix"], figures["position_std"]} == {run.done[1].t_fix, run.done[1].position_std}
+
+
+def test_nothing_of_it_is_said_of_a_vehicle_that_knows_where_it_is():
+    run = planned(25.0, known=False)
+    assert run.summary().keys() & {"risk"} == set()
+    assert not any(leg.keys() & {"risk", "position_std", "t_fix"} for leg in run.summary()["legs"])
+    names = {"leg_position_std", "leg_risk", "leg_t_fix"}
+    assert not names & set(to_dataset(run).variables)
+    assert "position" not in sheet_of(run).facts
+    assert not {"risk", "position_std", "fix"} & set(sheet_of(run).plain()["stops"][1])
+
+
+def test_waypoints_at_the_surface_are_fixes():
+    area = replace(tidal_area(0.0, 0.0), jobs=Jobs((JobPoint("buoy", (1000.0, 0.0, 0.0), 3.0, 60.0),)))
+    run = plan_scenario(sea(), area=area, seed=1)
+    buoy, home = run.done
+    assert buoy.position_std == pytest.approx(np.hypot(3.0, GROWTH * buoy.t_path), rel=1e-3)
+    assert home.position_std == pytest.approx(np.hypot(3.0, GROWTH * home.t_path), rel=1e-3)
+    assert home.t_fix is None
+
+
+def test_simulated_missions_have_it_too_and_files_keep_it(tmp_path):
+    run = run_mission(scenario(vehicle={"navigation": KNOWN}), seed=2)
+    assert run.done
+    assert all(leg.position_std is not None and leg.position_std > 3.0 for leg in run.done)
+    assert all(0.0 <= leg.risk <= 1.0 for leg in run.done if leg.risk is not None)
+    again = restore_run(save_run(run, tmp_path))
+    for name in ("position_std", "risk", "t_fix"):
+        assert [getattr(leg, name) for leg in again.legs] == [
+            None if (value := getattr(leg, name)) is None else pytest.approx(value) for leg in run.legs
+        ]
+
+
+def test_navigation_of_a_vehicle_by_name_and_what_is_refused(tmp_path):
+    known = plan_scenario(sea({"vehicle": "slocum-g3", "fix": 7.0}), area=tidal_area(0.0, 0.0), seed=1)
+    assert known.vehicle.navigation.fix == 7.0
+    assert known.vehicle.navigation.current_error == 0.018
+    with pytest.raises(ScenarioError, match=r"^vehicle\.navigation names jaiabot, which states none"):
+        plan_scenario(sea("jaiabot"), area=tidal_area(0.0, 0.0))
+    with pytest.raises(ScenarioError, match=r"^vehicle\.navigation .*no shipped vehicle"):
+        plan_scenario(sea("nautilus"), area=tidal_area(0.0, 0.0))
+    file = tmp_path / "mine.yaml"
+    file.write_text("power: {propulsion: {constant: 10, factor: 5}}\nnavigation: {drift: 0.004}\n")
+    own = plan_scenario(sea(str(file)), area=tidal_area(0.0, 0.0), seed=1)
+    assert own.vehicle.navigation.drift == 0.004
