@@ -157,6 +157,14 @@ class Vehicle:
             limits["pitch"] = jnp.asarray(self.speed * jnp.sin(limits["pitch"]))
         return limits
 
+    def vertical_times(self, depth: float) -> tuple[float, float]:
+        """Return s that it takes from a depth, m, up to the surface, and back down, as steeply as it may."""
+        pitch = 0.5 * np.pi if self.pitch_max is None else float(np.asarray(self.pitch_max))
+        steepest = float(np.asarray(self.speed)) * float(np.sin(pitch))
+        limits = self.climb_rate_max, self.dive_rate_max
+        rates = [steepest if most is None else min(steepest, float(np.asarray(most))) for most in limits]
+        return depth / rates[0], depth / rates[1]
+
     def stricter(self, share: float, *names: str) -> "Vehicle":
         """Return a copy with some limits multiplied by a share; absent limits stay absent.
 

@@ -48,13 +48,7 @@ def limits(mission: Mission, near_coast: bool = False) -> Array:
 
 def way_down(mission: Mission, node: int) -> tuple[float, float]:
     """Return s that a vehicle takes from a waypoint up to the surface, and from there down."""
-    vehicle, depth = mission.vehicle, float(mission.run.graph.positions[node][2])
-    pitch = 0.5 * np.pi if vehicle.pitch_max is None else float(np.asarray(vehicle.pitch_max))
-    rates = [mission.speed * float(np.sin(pitch))] * 2
-    for k, most in enumerate((vehicle.climb_rate_max, vehicle.dive_rate_max)):
-        rates[k] = rates[k] if most is None else min(rates[k], float(np.asarray(most)))
-    up, down = (depth / rate for rate in rates)
-    return up, down
+    return mission.vehicle.vertical_times(float(mission.run.graph.positions[node][2]))
 
 
 def takes(mission: Mission, node: int) -> float:

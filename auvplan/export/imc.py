@@ -71,8 +71,9 @@ def imc_text(itinerary: Itinerary) -> bytes:
     """Return an XML document of one PlanSpecification.
 
     The vehicle goes to the first waypoint, follows each leg's path and then does its task: it loiters at the
-    task's depth, or keeps station where that is the surface, because IMC's station keeping surfaces. At the
-    end it does so for good: at the surface, or at depth, where keeping station is loitering too.
+    task's depth, or keeps station where that is the surface, because IMC's station keeping surfaces. Where
+    the plan surfaces for a fix it pops up after the task. At the end it stays for good: at the surface, or at
+    depth, where keeping station is loitering too.
 
     Raises:
         ExportError: a leg or task is longer than IMC's fields can hold.
@@ -134,12 +135,14 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
     for leg in itinerary.legs:
         parts, begun = commanded(itinerary, leg, begun)
         found += _leg(itinerary, leg, parts)
-        if leg.hold > 0.0:
-            seconds, what = math.ceil(leg.hold), f"task of leg {leg.number}"
+        if leg.hold > leg.rise:
+            seconds, what = math.ceil(leg.hold - leg.rise), f"task of leg {leg.number}"
             if seconds > _LONGEST:
                 raise ExportError(f"IMC plan: the {what} takes {seconds} s, at most {_LONGEST}")
             task = _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
             found.append((f"task{leg.number}", task))
+        if leg.rise > 0.0:
+            found.append((f"fix{leg.number}", _surfacing(itinerary, leg)))
     end = itinerary.legs[-1].waypoints[-1].copy()
     if itinerary.end == "surface":
         end[2] = 0.0
@@ -203,6 +206,16 @@ def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> 
         "timeout": str(timeout), **place, "duration": str(seconds), **speed,
         "type": "CIRCULAR", "radius": radius, "length": "1.0", "bearing": "0.0", "direction": "VDEP",
         "custom": "",
+    })  # fmt: skip
+
+
+def _surfacing(itinerary: Itinerary, leg: PlannedLeg) -> Element:
+    """Surface at a leg's end and keep station there for a fix; the next manoeuvre leads down again."""
+    timeout = _timeout(leg.rise, f"surfacing after leg {leg.number}")
+    return _message("PopUp", {
+        "timeout": str(timeout), **_place(itinerary, leg.waypoints[-1]), **_speed(itinerary.speed),
+        "duration": str(math.ceil(leg.fix)), "radius": metres(RADIUS),
+        "flags": "WAIT_AT_SURFACE|STATION_KEEP", "custom": "",
     })  # fmt: skip
 
 
@@ -297,7 +310,7 @@ def _longer(leg: PlannedLeg, part: Stretch, begun: Begun) -> float:
 def _after_task(itinerary: Itinerary, leg: PlannedLeg, learnt: float) -> Begun:
     """Return how the leg after a task is begun; the circle is gone clockwise."""
     hold, radius = math.ceil(leg.hold), _WIDER * RADIUS
-    if hold > _LOST or leg.waypoints[-1][2] <= 0.0 or len(leg.waypoints) < 2:
+    if leg.rise or hold > _LOST or leg.waypoints[-1][2] <= 0.0 or len(leg.waypoints) < 2:
         return Begun(0.0, leg.waypoints[-1][:2])
     current, step = _current(itinerary, leg), leg.waypoints[-1] - leg.waypoints[-2]
     right = np.array([-step[1], step[0]]) / max(float(np.hypot(step[0], step[1])), 1e-9)

@@ -65,6 +65,8 @@ class PlannedLeg:
             leg begins there.
         charge: [n], share of the battery's usable energy that is left; None where it is not known.
         speed: m/s through the water; None where it is the itinerary's.
+        rise: s of the hold, at its end, in which the vehicle surfaces for a fix, up and down included.
+        fix: s of these at the surface.
     """
 
     number: int
@@ -84,6 +86,8 @@ class PlannedLeg:
     led: tuple[float, float] = (np.nan, np.nan)
     charge: Array | None = None
     speed: float | None = None
+    rise: float = 0.0
+    fix: float = 0.0
 
     @classmethod
     def of(

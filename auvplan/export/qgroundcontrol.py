@@ -119,6 +119,11 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
             f".plan: {len(shallow)} waypoints lie at altitude 0, the surface, which ArduSub may not hold "
             f"(ArduPilot issue 30823); the first is {shallow[0]}"
         )
+    if rises := [leg.goal_name for leg in itinerary.legs if leg.rise > 0.0]:
+        notes.append(
+            f".plan: where it is planned to surface for a fix, at {', '.join(rises)}, the vehicle holds at "
+            "depth for as long: let it surface by hand"
+        )
     if itinerary.end == "loiter":
         notes.append(".plan: ArduSub loiters on the spot, as it keeps station")
     return notes

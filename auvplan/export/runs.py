@@ -44,6 +44,7 @@ def itinerary_of(
     done = run.done
     # The wait before the next leg is spent where the vehicle is.
     onward = [leg.t_hold for leg in done[1:]] + [0.0]
+    rises = [leg.t_fix or 0.0 for leg in done[1:]] + [0.0]
     holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
     legs, energy = [], run.energy
     metered = energy is not None and energy.power.battery is not None
@@ -60,7 +61,8 @@ def itinerary_of(
             few = thin(*path, tolerance=tolerance, margin=margin, line=leg.line)
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
-            clearance=few.clearance, speed=leg.speed,
+            clearance=few.clearance, speed=leg.speed, rise=rises[number - 1],
+            fix=max(rises[number - 1] - sum(run.vehicle.vertical_times(float(plan.positions[-1, 2]))), 0.0),
             charge=energy.charge_at(whole.times) if energy is not None and metered else None,
         ))  # fmt: skip
     executed = run.legs if run.simulated else []

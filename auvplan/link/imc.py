@@ -60,7 +60,9 @@ def as_message(element: Element) -> Any:
         elif text:
             names = {"z_units": "ZUnits", "speed_units": "SpeedUnits"}.get(name)
             own = {"type": "LoiterTypeEnum", "direction": "DirectionEnum"}.get(name)
-            if names or own:  # which stand for numbers
+            if name == "flags":  # names of bits
+                value = sum(int(getattr(message.FlagsBits, bit)) for bit in text.split("|"))
+            elif names or own:  # which stand for numbers
                 value = getattr(getattr(imcpy, names) if names else getattr(message, str(own)), text)
             else:
                 default = getattr(message, name)
@@ -259,11 +261,11 @@ class ImcVehicle(ListeningLink):
         steps, manoeuvre = plan.steps, state.man_id
         if manoeuvre == "end" or (state.state == states.READY and state.last_outcome == outcomes.SUCCESS):
             done = len(steps)
-        elif found := re.fullmatch(r"(leg|task)(\d+)(?:_last(\d+))?", manoeuvre):
+        elif found := re.fullmatch(r"(leg|task|fix)(\d+)(?:_last(\d+))?", manoeuvre):
             number = int(found[2])
             done = sum(step.leg < number for step in steps)
             own = sum(step.leg == number for step in steps)
-            left = 1 if found[1] == "task" else int(found[3] or own)
+            left = 1 if found[1] != "leg" else int(found[3] or own)
             done += max(own - left, 0)
             if done <= self._offset and not steps[self._offset].ends_leg:
                 done = self._offset + 1  # it has been at the plan's first place

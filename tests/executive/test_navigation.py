@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,8 +11,12 @@ import shapely
 from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario, run_mission
+from auvplan.export import itinerary_of
+from auvplan.export.imc import imc_text
+from auvplan.export.qgroundcontrol import qgc_notes
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
+from auvplan.link.imc import as_message
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.closures import Zone
 from auvplan.records import MissionRun
@@ -100,6 +105,24 @@ def test_sheet_and_summary_say_it():
     assert "risk" in headings
     figures = run.summary()["legs"][1]
     assert {figures["t_fix"], figures["position_std"]} == {run.done[1].t_fix, run.done[1].position_std}
+
+
+def test_an_imc_vehicle_pops_up_and_a_plan_says_that_it_does_not():
+    run = planned(25.0)
+    itinerary = itinerary_of(run)
+    root = ElementTree.fromstring(imc_text(itinerary))
+    steps = {step.findtext("maneuver_id"): step.find("data")[0] for step in root.iter("PlanManeuver")}
+    assert [name for name in steps if name.startswith(("task", "fix"))] == ["task1", "fix1", "task2"]
+    assert steps["task1"].findtext("duration") == "60"
+    rise = steps["fix1"]
+    assert (rise.tag, rise.findtext("duration"), rise.findtext("z")) == ("PopUp", "45", "20.0000")
+    assert rise.findtext("flags") == "WAIT_AT_SURFACE|STATION_KEEP"
+    assert rise.findtext("lat") == steps["task1"].findtext("lat")
+    assert any("planned to surface for a fix, at first" in note for note in qgc_notes(itinerary))
+    imcpy = pytest.importorskip("imcpy")
+    message = as_message(rise)
+    assert message.flags == int(imcpy.PopUp.FlagsBits.WAIT_AT_SURFACE) | 4
+    assert (message.duration, message.z, message.radius) == (45, 20.0, 10.0)
 
 
 def test_nothing_of_it_is_said_of_a_vehicle_that_knows_where_it_is():
