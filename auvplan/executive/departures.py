@@ -194,7 +194,7 @@ def _plan_legs(missions: list[Mission], progress: Progress | None) -> Departures
         start,
         goal,
         context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles),
-        context.vehicle,
+        replace(context.vehicle, navigation=context.navigation),
         key=prng.stacked([mission.path_key() for mission in missions]),
         config=context.path_config,
         depart=common["departs"],

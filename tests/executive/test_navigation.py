@@ -10,15 +10,17 @@ import shapely
 
 from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
-from auvplan.executive import plan_scenario, run_mission
+from auvplan.executive import plan_departures, plan_scenario, run_mission
+from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
 from auvplan.export.imc import imc_text
 from auvplan.export.qgroundcontrol import qgc_notes
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.link.imc import as_message
-from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.closures import Zone
+from auvplan.path.risk import exposed
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
 from auvplan.view.sheet import sheet_of
@@ -142,6 +144,18 @@ def test_waypoints_at_the_surface_are_fixes():
     assert buoy.position_std == pytest.approx(np.hypot(3.0, GROWTH * buoy.t_path), rel=1e-3)
     assert home.position_std == pytest.approx(np.hypot(3.0, GROWTH * home.t_path), rel=1e-3)
     assert home.t_fix is None
+
+
+def test_survey_lines_and_departures_have_it():
+    line = JobLine("line", ((500.0, -200.0, 20.0), (900.0, -200.0, 20.0)), 5.0)
+    area = replace(tidal_area(0.0, 0.0), jobs=Jobs((), (line,)))
+    run = plan_scenario(sea(), area=area, seed=1)
+    (surveyed,) = (leg for leg in run.done if leg.line is not None)
+    assert surveyed.position_std == pytest.approx(np.hypot(3.0, GROWTH * surveyed.times[-1]), rel=1e-3)
+    common = {"area": tidal_area(0.0, 0.0), "key": seed_keys([1])[0]}
+    departures = plan_departures(sea(), [0.0, 1800.0, 3600.0], **common)
+    known = [exposed(plan).std[-1] for plan in departures.plans]
+    assert known == pytest.approx([np.hypot(3.0, GROWTH * 800.0)] * 3, rel=0.01)
 
 
 def test_simulated_missions_have_it_too_and_files_keep_it(tmp_path):

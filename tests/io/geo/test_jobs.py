@@ -40,6 +40,19 @@ def test_geojson(tmp_path):
     close(line.positions, [(*C[:2], 7.5), (*D[:2], 7.5)])
 
 
+def test_greatest_error_on_arrival(tmp_path):
+    own = (
+        feature("Point", lonlat(A), max_error=15),
+        feature("LineString", [lonlat(C), lonlat(D)], max_error="8"),
+    )
+    jobs = read_jobs(write_geojson(tmp_path / "jobs.geojson", *own, feature("Point", lonlat(B))), SITE)
+    assert [job.max_error for job in (*jobs.points, *jobs.lines)] == [15.0, None, 8.0]
+    table = written(tmp_path / "jobs.csv", "longitude,latitude,depth,max_error\n" + rows(A) + ",20\n")
+    assert read_jobs(table, SITE).points[0].max_error == 20.0
+    with pytest.raises(GeoError, match=r"row 2: max_error must be at least 0, got -3"):
+        read_jobs(written(table, "longitude,latitude,depth,max_error\n" + rows(A) + ",-3\n"), SITE)
+
+
 def rows(*places):
     return "\n".join(",".join(f"{c:.9f}" for c in (*lonlat(p), p[2])) for p in places)
 
