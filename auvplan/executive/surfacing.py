@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvplan.executive.context import Mission
 from auvplan.mission import MissionGraph
 from auvplan.mission.fixes import Order, surfacings
-from auvplan.navigation import AT_SURFACE
+from auvplan.navigation import AT_SURFACE, Navigation
 from auvplan.path.clearance import distance_to_land
 from auvplan.path.risk import exposed
 
@@ -146,12 +146,17 @@ def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
 
 def surface(mission: Mission) -> float:
     """Let the vehicle surface where it is; return s that it takes."""
-    seconds, down = takes(mission, mission.here), way_down(mission, mission.here)[1]
+    seconds = takes(mission, mission.here)
     mission.now += seconds
-    assert mission.navigation is not None
-    place = np.asarray(mission.run.graph.positions[[mission.here]], float)
-    mission.navigate(mission.navigation.since(*_drift(mission, down, place)))
+    mission.navigate(after_fix(mission))
     return seconds
+
+
+def after_fix(mission: Mission) -> Navigation | None:
+    """Return how well a vehicle knows where it is when it leaves the waypoint reached, of a fix there."""
+    down = way_down(mission, mission.here)[1]
+    place = np.asarray(mission.run.graph.positions[[mission.here]], float)
+    return mission.navigation and mission.navigation.since(*_drift(mission, down, place))
 
 
 def lost(mission: Mission) -> str:

@@ -16,6 +16,7 @@ from auvplan.executive.evasion import escape_track
 from auvplan.executive.legs import finish, go_as_planned, plan_first_paths, set_out, unfit
 from auvplan.executive.loop import seed_keys, settle, step
 from auvplan.executive.planning import leaving, load_area_at, planning_context
+from auvplan.executive.surfacing import after_fix
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
@@ -162,8 +163,10 @@ class RollingPlan:
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
         state = before.fork(now=now, cause="", **route)
         state.run.routes[:] = after.run.routes
+        if state.navigation is not None and (old.t_fix or state.at_surface):  # it had a fix as it left
+            state.navigation, state.navigated = after_fix(state), float(old.times[0])
         none = {"times": np.zeros(0), "positions": np.zeros((0, 3))}
-        record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0)
+        record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0, t_fix=None)
         back = old.start == old.goal  # it is on such a way already
         if not back and self._set_out_from(state, record, position):
             state.run.legs.append(record)

@@ -18,6 +18,7 @@ from auvplan.export.qgroundcontrol import qgc_notes
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.link.imc import as_message
+from auvplan.link.rolling import RollingPlan
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.closures import Zone
 from auvplan.path.risk import exposed
@@ -182,3 +183,18 @@ def test_navigation_of_a_vehicle_by_name_and_what_is_refused(tmp_path):
     file.write_text("power: {propulsion: {constant: 10, factor: 5}}\nnavigation: {drift: 0.004}\n")
     own = plan_scenario(sea(str(file)), area=tidal_area(0.0, 0.0), seed=1)
     assert own.vehicle.navigation.drift == 0.004
+
+
+def test_the_rest_of_a_leg_is_planned_from_the_fix_at_its_beginning():
+    area = replace(tidal_area(0.0, 0.0), jobs=jobs(25.0))
+    rolling = RollingPlan(sea(), seed=1, area=area)
+    assert rolling.plan()
+    leg = rolling.legs[1]
+    assert leg.t_fix is not None
+    half = len(leg.times) // 2
+    here, now = np.asarray(leg.positions[half], float), float(leg.times[half])
+    found = rolling.from_position(1, here, now)
+    assert found is not None
+    rest = found.legs[1]
+    assert (rest.t_fix, rest.t_hold) == (None, 0.0)
+    assert rest.position_std == pytest.approx(leg.position_std, rel=0.05)
