@@ -151,15 +151,17 @@ def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
         for row, leg in enumerate(legs):
             opens[row, :count] = table.opens[leg.start, leg.goal]
             closes[row, :count] = table.closes[leg.start, leg.goal]
+    rises = [leg.t_fix or 0.0 for leg in legs]  # which take their time in any sea, as tasks do
+    waits = [leg.t_hold > rise for leg, rise in zip(legs, rises, strict=True)]
     rows: dict[str, Any] = {
         "positions": np.stack([thinned(leg) for leg in legs]) if legs else np.zeros((0, _SAMPLES, 3)),
         "departs": [float(leg.times[0]) for leg in legs],
         "takes": [leg.t_path for leg in legs],
         "speed": [speed if leg.speed is None else leg.speed for leg in legs],
-        "leaves": [float(leg.times[0]) if leg.t_hold > 0.0 else -np.inf for leg in legs],
+        "leaves": [float(leg.times[0]) if wait else -np.inf for leg, wait in zip(legs, waits, strict=True)],
         "opens": opens,
         "closes": closes,
-        "task": [leg.t_task for leg in legs],
+        "task": [leg.t_task + rise for leg, rise in zip(legs, [*rises[1:], 0.0], strict=False)],
     }
     fill: dict[str, float] = {"speed": speed, "leaves": -np.inf, "opens": -np.inf, "closes": np.inf}
     padded: dict[str, Any] = {

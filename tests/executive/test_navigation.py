@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 from xml.etree import ElementTree
 
+import jax
 import numpy as np
 import pytest
 import shapely
@@ -12,6 +13,8 @@ from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario, run_mission
 from auvplan.executive.loop import seed_keys
+from auvplan.executive.planning import complete, leaving, planning_context
+from auvplan.executive.promise import outcomes
 from auvplan.export import itinerary_of
 from auvplan.export.imc import imc_text
 from auvplan.export.qgroundcontrol import qgc_notes
@@ -198,3 +201,13 @@ def test_the_rest_of_a_leg_is_planned_from_the_fix_at_its_beginning():
     rest = found.legs[1]
     assert (rest.t_fix, rest.t_hold) == (None, 0.0)
     assert rest.position_std == pytest.approx(leg.position_std, rel=0.05)
+
+
+def test_drawn_seas_take_the_time_of_a_surfacing():
+    area = replace(tidal_area(0.0, 0.0), jobs=jobs(25.0))
+    (mission,) = leaving(planning_context(sea(), None, area, 0.0), seed_keys([1])[0], [0.0])
+    before = mission.fork()
+    complete(mission)
+    assert [leg.t_fix is not None for leg in mission.run.legs] == [False, True, False]
+    found = outcomes(before, mission.run.legs, jax.random.key(0))
+    np.testing.assert_allclose(found.ends, mission.run.t_mission, atol=0.5)
