@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.ocean.currents import Current, Velocity
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, forecast_of
 from auvplan.runtime.compiled import compiled
 
 #: Waves that a random field is made of.
@@ -98,3 +99,42 @@ class SteppedCurrent:
 
         u, v, w = jax.vmap(met)(steps, *places)
         return u.reshape(shape), v.reshape(shape), w.reshape(shape)
+
+
+@partial(compiled, static_argnames=("update", "steps", "count"), quick=True)
+def changing_vortices(
+    key: jax.Array,
+    field: LambVortices,
+    error: jax.Array,
+    when: tuple[jax.Array, jax.Array],
+    update: CurrentUpdate,
+    steps: int,
+    count: int,
+) -> SteppedCurrent:
+    """Draw fields that change by Eq. 2, from such as a forecast with an error may stand for.
+
+    Args:
+        key: PRNG key, consumed.
+        field: the forecast.
+        error: of it, see `forecast_of`.
+        when: s between changes, and when the first field takes effect.
+        update: sizes of the changes.
+        steps: changes of each.
+        count: of the fields that are drawn.
+
+    Returns:
+        Currents, whose leaves have a leading axis of `count`.
+    """
+
+    def one(key: jax.Array) -> SteppedCurrent:
+        first = forecast_of(jax.random.fold_in(key, 0), field, error)
+
+        def change(field: LambVortices, key: jax.Array) -> tuple[LambVortices, LambVortices]:
+            changed = evolve(key, field, update)
+            return changed, changed
+
+        later = jax.lax.scan(change, first, jax.random.split(jax.random.fold_in(key, 1), steps))[1]
+        fields = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, later)
+        return SteppedCurrent(fields, *when)
+
+    return jax.vmap(one)(jax.random.split(key, count))

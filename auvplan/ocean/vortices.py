@@ -448,6 +448,22 @@ def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> Lam
     )
 
 
+def forecast_of(key: jax.Array, vortices: LambVortices, error: ArrayLike) -> LambVortices:
+    """Return a forecast of a field: centres off by shares of the radius, strengths by shares of themselves.
+
+    Args:
+        key: PRNG key, consumed.
+        vortices: the true field.
+        error: standard deviation of these shares.
+    """
+    noise = error * jax.random.normal(key, (vortices.strength.shape[-1], 3))
+    return replace(
+        vortices,
+        centers=vortices.centers + noise[:, :2] * vortices.radius[..., None],
+        strength=vortices.strength * (1.0 + noise[:, 2]),
+    )
+
+
 def padded(current: Any) -> Any:
     """A current, a pytree, whose vortices, if it has any, are padded to a number that many fields share."""
 

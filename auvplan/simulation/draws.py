@@ -1,22 +1,18 @@
 """Seas that may be the true one, drawn from what a scenario says of the errors of its forecast."""
 
 from collections.abc import Iterator
-from functools import partial
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from auvplan.errors import ScenarioError
 from auvplan.ocean.currents import Current, partition
-from auvplan.ocean.ensemble import SteppedCurrent, random_fields
-from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
+from auvplan.ocean.ensemble import changing_vortices, random_fields
+from auvplan.ocean.vortices import LambVortices
 from auvplan.runtime import prng
-from auvplan.runtime.compiled import compiled
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.simulation.sea import forecast_of
 from auvplan.simulation.world import current_update
 
 
@@ -68,7 +64,7 @@ def drawn_seas(
         interval = settings.update_interval
         first = np.floor(begins / interval)
         steps = max(int(np.floor(ends / interval) - first), 0)
-        own = _changing(
+        own = changing_vortices(
             key,
             forecast,
             settings.forecast_error,
@@ -88,29 +84,3 @@ def drawn_seas(
         if errs is not None and errs.error > 0.0:
             own = random_fields(part, share, errs.error, errs.length, errs.duration)
         yield DrawnSeas(member, own, share)
-
-
-@partial(compiled, static_argnames=("update", "steps", "count"), quick=True)
-def _changing(
-    key: jax.Array,
-    field: LambVortices,
-    error: jax.Array,
-    when: tuple[jax.Array, jax.Array],
-    update: CurrentUpdate,
-    steps: int,
-    count: int,
-) -> SteppedCurrent:
-    """Fields that change by Eq. 2 from one that a forecast with an error may stand for."""
-
-    def one(key: jax.Array) -> SteppedCurrent:
-        first = forecast_of(key, 0, field, error)
-
-        def change(field: LambVortices, key: jax.Array) -> tuple[LambVortices, LambVortices]:
-            changed = evolve(key, field, update)
-            return changed, changed
-
-        later = jax.lax.scan(change, first, jax.random.split(jax.random.fold_in(key, 1), steps))[1]
-        fields = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, later)
-        return SteppedCurrent(fields, *when)
-
-    return jax.vmap(one)(jax.random.split(key, count))

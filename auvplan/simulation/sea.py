@@ -1,15 +1,13 @@
 """The true current of one mission, and its forecast."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from auvplan.ocean.currents import Current, SumCurrent, combine, evaluated, partition
-from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, padded
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, forecast_of, padded
 from auvplan.runtime import prng
 from auvplan.runtime.compiled import compiled
 
@@ -90,7 +88,7 @@ class VortexSea(Sea):
     def forecast(self) -> LambVortices:
         """Return the field as planners get it, with a new error at every call."""
         self._forecasts += 1
-        return jax.device_get(forecast_of(self._forecast_key, self._forecasts, self.field, self._error))
+        return jax.device_get(_forecast_of(self._forecast_key, self._forecasts, self.field, self._error))
 
 
 class ModelSea(Sea):
@@ -139,11 +137,5 @@ def _changed(key: jax.Array, count: int, field: LambVortices, update: CurrentUpd
 
 
 @compiled
-def forecast_of(key: jax.Array, count: ArrayLike, field: LambVortices, error: ArrayLike) -> LambVortices:
-    """Return the forecast by its number `count` of a field, with a relative `error`."""
-    noise = error * jax.random.normal(jax.random.fold_in(key, count), (field.strength.shape[-1], 3))
-    return replace(
-        field,
-        centers=field.centers + noise[:, :2] * field.radius[..., None],
-        strength=field.strength * (1.0 + noise[:, 2]),
-    )
+def _forecast_of(key: jax.Array, count: int, field: LambVortices, error: float) -> LambVortices:
+    return forecast_of(jax.random.fold_in(key, count), field, error)
