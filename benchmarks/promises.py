@@ -2,7 +2,7 @@
 
 Three seas, plans of several promises in each, and every plan followed in a thousand true seas by code of this
 file alone. Where vortices change by Eq. 2 the true ones are drawn again here, in NumPy. Off Washington the
-truth is RTOFS itself; its forecast is the same a day earlier, and its members are as much as four days old.
+truth is RTOFS itself; its forecast is the same a lunar day earlier, and its members are up to four days old.
 In the fjord the truth is ROMS with an error made of vortices, the forecast ROMS, and what is known of the
 error its size and length. Tasks last longer or shorter by a tenth. With `--fixed`, shares of the time that
 are kept back are compared, the same for all missions.
@@ -34,8 +34,9 @@ from benchmarks.harness import SCENARIOS, SHARED, launch, show, track
 TRUTHS, TASK_ERROR = 1000, 0.1
 PROMISES = 0.8, 0.95, 0.99
 FIXED = 0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.1, 0.2, 0.3, 0.4
-#: h, age of the forecast off Washington, and of its other members.
-AGE, AGES = 24, (36, 48, 60, 72, 84, 96)
+#: h, age of the forecast off Washington, and of its other members: lunar days and halves of them, so that
+#: tides are in phase.
+AGE, AGES = 24.84, (37.26, 49.68, 62.1, 74.52, 86.94, 99.36)
 #: m/s and m, of the error in the fjord.
 ERROR, LENGTH = 0.1, 500.0
 #: m, steps that true tracks are followed in; of a leg there are so many at most.
@@ -191,7 +192,7 @@ def ocean(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
             if not path.exists():
                 later = data["time"].values + age / (1.0 if "hour" in data["time"].units else 24.0)
                 data.assign_coords(time=("time", later, data["time"].attrs)).to_netcdf(path)
-    hour = 96 + 6 * (seed % 12)
+    hour = 100 + 5 * (seed % 13)
     moment = np.datetime64("2024-10-28T03:00") + np.timedelta64(hour, "h")
     scenario = ap.load_scenario(SCENARIOS / "ocean.yaml").with_({
         "current.files": str(folder / f"{AGE}.nc"), "current.truth": str(RTOFS),
