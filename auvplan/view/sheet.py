@@ -273,11 +273,9 @@ def sheet_of(run: MissionRun) -> MissionSheet:
 def _promised(promise: Promise) -> str:
     """Return how sure a plan is to be home in time, and when."""
     first, middle, last = (hours(end) for end in promise.ends)
-    asked = "" if promise.asked is None else f"; asked were {100.0 * promise.asked:g} %"
-    back = f", for which {100.0 * promise.left:.1f} % of the time is kept back" if promise.left else ""
-    return (
-        f"{promise.line}{asked}{back}; over after {first} to {last} in 90 % of them, {middle} in the median"
-    )
+    asked = "" if promise.asked is None else f"; {100.0 * promise.asked:g} % was asked for"
+    back = f", and {100.0 * promise.left:.1f} % of the time is kept back for it" if promise.left else ""
+    return f"{promise.line}{asked}{back}; over after {first} to {last} in 90 % of them, {middle} in the median"
 
 
 def _lines(run: MissionRun) -> list[str]:

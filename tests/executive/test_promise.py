@@ -208,7 +208,7 @@ def test_the_promise_is_saved_with_the_plan(tmp_path):
 def test_the_promise_stands_on_the_sheet(plans):
     said = sheet_of(plans[0.7]).facts["promise"]
     assert said.startswith(plans[0.7].promise.line)
-    assert "asked were 70 %" in said
+    assert "70 % was asked for" in said
 
 
 def test_a_stop_has_to_be_left_while_the_rest_still_fits(plans):
