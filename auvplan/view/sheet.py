@@ -275,7 +275,8 @@ def _promised(promise: Promise) -> str:
     first, middle, last = (hours(end) for end in promise.ends)
     asked = "" if promise.asked is None else f"; {100.0 * promise.asked:g} % was asked for"
     back = f", and {100.0 * promise.left:.1f} % of the time is kept back for it" if promise.left else ""
-    return f"{promise.line}{asked}{back}; over after {first} to {last} in 90 % of them, {middle} in the median"
+    over = f"over after {first} to {last} in 90 % of them, {middle} in the median"
+    return f"{promise.line}{asked}{back}; {over}"
 
 
 def _lines(run: MissionRun) -> list[str]:
