@@ -319,7 +319,8 @@ def _next(tried: list[Promised], asked: float) -> float | None:
         return _between(max([_needed(least, asked), *short]), least.kept) if short else None
     if last.found is None:
         return _between(max(short), last.kept) if short else None
-    return max(_needed(last, asked), last.kept + _ALIKE)
+    # Where few members decide, a little more time kept back changes nothing: steps grow.
+    return max(_needed(last, asked), last.kept + _ALIKE * 2.0 ** len(short))
 
 
 def _needed(one: Promised, asked: float) -> float:
