@@ -162,6 +162,7 @@ def test_survey_lines_and_departures_have_it():
     assert known == pytest.approx([np.hypot(3.0, GROWTH * 800.0)] * 3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_simulated_missions_have_it_too_and_files_keep_it(tmp_path):
     run = run_mission(scenario(vehicle={"navigation": KNOWN}), seed=2)
     assert run.done
