@@ -172,7 +172,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     """Build a mission's world; nothing is planned yet."""
     scenario, area = context.scenario, context.area
     graph_key, field_key, sea_key, planner_key, chance_key = prng.parts(key, 5)
-    graph, names = make_graph(scenario, area, _generator(graph_key), context.around)
+    graph, names = make_graph(scenario, area, prng.generator(graph_key), context.around)
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
@@ -199,7 +199,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
         sea = FaultySea(sea, faults)
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(edges_off_lines(names, np.asarray(graph.adjacency)))
-    parts, rng = edges_of_lines(context, names), _generator(chance_key)
+    parts, rng = edges_of_lines(context, names), prng.generator(chance_key)
     common = {"allowance": context.rules.allowance, "faults": faults, "parts": parts}
     common |= {"navigation": context.navigation}
     return Mission(context, number, run, sea, planner_key, rng, graph, graph, **common)
@@ -224,10 +224,6 @@ def settle(mission: Mission) -> None:
         if not context.scenario.differs_by_seed and context.scenario.current.forecast_error == 0.0:
             context.left = left
     mission.allowance = max(mission.allowance, left / (1.0 - left))
-
-
-def _generator(key: jax.Array) -> np.random.Generator:
-    return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
 
 
 def step(missions: list[Mission]) -> None:

@@ -101,7 +101,7 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array) -> Outcome
     own = float(np.asarray(context.vehicle.speed))
     chain, count = _chain(mission, legs, own), len(legs)
     sea_key, chance = prng.parts(key, 2)
-    rng = np.random.default_rng(np.asarray(jax.random.key_data(chance)).tolist())
+    rng = prng.generator(chance)
     detour = context.rules.detour * scenario.simulation.obstacles.total
     forecast = mission.sea.forecast()
     travels, overs, members = [], [], []
@@ -151,17 +151,18 @@ def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
         for row, leg in enumerate(legs):
             opens[row, :count] = table.opens[leg.start, leg.goal]
             closes[row, :count] = table.closes[leg.start, leg.goal]
-    rises = [leg.t_fix or 0.0 for leg in legs]  # which take their time in any sea, as tasks do
+    rises = [leg.t_fix or 0.0 for leg in legs]
     waits = [leg.t_hold > rise for leg, rise in zip(legs, rises, strict=True)]
     rows: dict[str, Any] = {
         "positions": np.stack([thinned(leg) for leg in legs]) if legs else np.zeros((0, _SAMPLES, 3)),
         "departs": [float(leg.times[0]) for leg in legs],
         "takes": [leg.t_path for leg in legs],
         "speed": [speed if leg.speed is None else leg.speed for leg in legs],
+        "rises": rises,
         "leaves": [float(leg.times[0]) if wait else -np.inf for leg, wait in zip(legs, waits, strict=True)],
         "opens": opens,
         "closes": closes,
-        "task": [leg.t_task + rise for leg, rise in zip(legs, [*rises[1:], 0.0], strict=False)],
+        "task": [leg.t_task for leg in legs],
     }
     fill: dict[str, float] = {"speed": speed, "leaves": -np.inf, "opens": -np.inf, "closes": np.inf}
     padded: dict[str, Any] = {
@@ -188,7 +189,7 @@ class Promised:
 
     @property
     def share(self) -> float:
-        """Of the seas, in which it is home in time; minus 1 where it is not even as planned."""
+        """Of the drawn seas, in which it is home in time; minus 1 where it is not even as planned."""
         return -1.0 if self.found is None else self.found.share
 
 
@@ -224,7 +225,7 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
         run.promise = promise_of(judged, mission, asked, best.kept)
         if run.promise.kept:
             return best.mission
-        # The seas that it was chosen by were kind to it.
+        # It was chosen for doing well in those drawn first.
         tried[tried.index(best)] = replace(best, found=judged)
         assert safely is not None
         kept = _next(tried, safely)

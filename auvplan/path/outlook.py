@@ -111,6 +111,7 @@ class Chain:
         departs: [L] s since the epoch, as planned.
         takes: [L] s, the same.
         speed: [L] m/s through the water.
+        rises: [L] s, that the vehicle surfaces for a fix before it.
         leaves: [L] s, before which a leg is not begun; minus infinity where the vehicle does not wait.
         opens, closes: [L, W] s, windows in which the task at its end may begin.
         task: [L] s, that it takes.
@@ -120,6 +121,7 @@ class Chain:
     departs: jax.Array
     takes: jax.Array
     speed: jax.Array
+    rises: jax.Array
     leaves: jax.Array
     opens: jax.Array
     closes: jax.Array
@@ -179,7 +181,7 @@ def chain_times(
 
         def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
             leg, expects, factor, delay = row
-            leaves = jnp.maximum(time, leg.leaves)
+            leaves = jnp.maximum(time + leg.rises, leg.leaves)
             travel = leg.takes * taken(current, leg, leaves) / jnp.maximum(expects, 1e-3) + delay
             arrives = leaves + travel
             waits = jnp.where(arrives > leg.closes, jnp.inf, jnp.maximum(leg.opens - arrives, 0.0))

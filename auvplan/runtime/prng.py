@@ -53,6 +53,11 @@ def single(keys: jax.Array) -> list[jax.Array]:
     return [jax.random.wrap_key_data(jax.device_put(row), impl=kind) for row in data]
 
 
+def generator(key: jax.Array) -> np.random.Generator:
+    """Return NumPy's source of chance made from a key."""
+    return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
+
+
 def stacked(keys: list[jax.Array]) -> jax.Array:
     """[B] keys from B single ones."""
     data = np.stack([np.asarray(jax.random.key_data(key)) for key in keys])

@@ -26,6 +26,9 @@ from auvplan.view import timeline
 from auvplan.view.margins import Margins
 from auvplan.view.scene import waypoint_name
 
+#: A chance that is stated no finer.
+_NO_RISK = 1e-4
+
 
 @dataclass(frozen=True)
 class Stop:
@@ -357,10 +360,6 @@ def _uncertain(run: MissionRun, stops: Sequence[Stop]) -> str:
 def share(risk: float) -> str:
     """Return a chance in words, such as "0.3 %"; what is less than one in ten thousand as that."""
     return "< 0.01 %" if risk < _NO_RISK else f"{100.0 * risk:.2g} %"
-
-
-#: A chance that is not told apart from none.
-_NO_RISK = 1e-4
 
 
 def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:

@@ -67,7 +67,8 @@ def straight(*lengths, **more):
     )
     usual = {
         "departs": np.zeros(count), "takes": np.asarray(lengths) / 2.0, "speed": np.full(count, 2.0),
-        "leaves": np.full(count, -np.inf), "opens": np.full((count, 1), -np.inf),
+        "leaves": np.full(count, -np.inf), "rises": np.zeros(count),
+        "opens": np.full((count, 1), -np.inf),
         "closes": np.full((count, 1), np.inf), "task": np.zeros(count),
     }  # fmt: skip
     return Chain(
@@ -122,6 +123,15 @@ def test_a_leg_that_waits_for_its_path_is_not_begun_before():
     _, ends = timed(straight(600.0, 300.0, leaves=[-np.inf, 450.0]), [0.0, -1.0])
     assert ends[0, 1] == pytest.approx(450.0 + 150.0, abs=0.1)
     assert ends[1, 1] == pytest.approx(610.0 + 300.0, abs=0.1)
+
+
+def test_surfacings_take_their_time_whatever_becomes_of_tasks():
+    """Before each leg, also where the task at the last one was missed; and beside what tasks scatter."""
+    chain = straight(600.0, 300.0, rises=[40.0, 70.0], task=[100.0, 0.0], closes=[[400.0], [np.inf]])
+    _, ends = timed(chain, [0.0, -0.8], factors=[[2.0, 1.0]] * 2)
+    np.testing.assert_allclose(ends[0], [550.0, 550.0 + 70.0 + 150.0], rtol=1e-5)
+    missed = 10.0 + 40.0 + 600.0 / 1.2
+    np.testing.assert_allclose(ends[1], [missed, missed + 70.0 + 300.0 / 1.2], rtol=1e-4)
 
 
 def test_seas_together_are_as_each_by_itself():
