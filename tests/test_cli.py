@@ -34,6 +34,30 @@ def write(tmp_path, name="scenario.yaml", **sections):
     return path
 
 
+def test_promise_says_what_it_costs_in_a_table_a_picture_and_json(tmp_path, call):
+    scenario, out = write(tmp_path), tmp_path / "promise"
+    code, said, err = call("promise", scenario, "--out", out)
+    assert code == 0, err
+    assert "home in time, and what it costs" in said
+    assert (out / "promise.png").stat().st_size > 1000
+    found = json.loads((out / "promise.json").read_text())
+    assert found["scenario"] == "leg"
+    shares = [plan["share"] for plan in found["plans"]]
+    assert shares == sorted(shares)
+    assert all(plan["low"] <= plan["share"] <= plan["high"] for plan in found["plans"])
+    assert found["plans"][0]["gives_up"] == []
+    code, said, _ = call("promise", scenario, "--out", out, "--json")
+    assert (code, json.loads(said)) == (0, found)
+
+
+@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
+def test_promise_without_a_plan_says_why(tmp_path, call):
+    mission = LEG["mission"] | {"time_available": 300}
+    code, _, err = call("promise", write(tmp_path, mission=mission), "--out", tmp_path / "promise")
+    assert code == 1
+    assert "no plan: " in err
+
+
 def test_mission_check_and_files(tmp_path, call):
     code, said, err = call("mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3, "--certify")
     assert code == 0, err

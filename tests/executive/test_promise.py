@@ -150,6 +150,22 @@ def test_without_errors_every_sea_is_the_forecast():
     assert found.share == 1.0
 
 
+def test_a_battery_that_just_does_for_the_plan_does_in_no_sea_that_takes_longer():
+    """There is time for all; with a large battery the mission is home in every member."""
+    power = {"hotel": 100.0, "propulsion": {"constant": 0.0, "factor": 10.0}}
+    shares, planned = [], None
+    for spare in (2.0, 1.0):
+        capacity = 1000.0 if planned is None else spare * planned
+        vehicle = {"power": power | {"battery": {"capacity": capacity, "reserve": 0.0}}}
+        settings, area = channel_with(STREAMS[1:], available=3000.0, vehicle=vehicle)
+        mission = mission_of(settings, area)
+        done = mission.fork()
+        complete(done)
+        planned = done.run.energy.total * 1.001
+        shares.append(outcomes(mission, done.run.done, jax.random.key(0)).share)
+    assert shares == [1.0, 0.25]  # three of four members take longer than the forecast
+
+
 def test_members_are_followed_one_by_one():
     """Four members: one ends as planned, the others the later the more they are against the vehicle."""
     settings, area = channel_with(STREAMS[1:])
