@@ -320,8 +320,9 @@ def _next(tried: list[Promised], asked: float) -> float | None:
         return _between(max([_needed(least, asked), *short]), least.kept) if short else None
     if last.found is None:
         return _between(max(short), last.kept) if short else None
-    # Where few members decide, a little more time kept back changes nothing: steps grow.
-    return max(_needed(last, asked), last.kept + _ALIKE * 2.0 ** len(short))
+    # Where a few members decide, a little more time kept back changes nothing: steps grow.
+    several = bool(last.found.members.max())
+    return max(_needed(last, asked), last.kept + _ALIKE * 2.0 ** (len(short) if several else 0))
 
 
 def _needed(one: Promised, asked: float) -> float:
