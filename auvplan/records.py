@@ -254,6 +254,25 @@ class RouteRecord:
 
 
 @dataclass(frozen=True)
+class TurnBack:
+    """What a plan's rule says of one stop: left later than that, the vehicle goes to the destination.
+
+    Attributes:
+        leg: number of the leg that ends at the stop, from 0.
+        latest: s after the departure, until when the stop is left to go on as planned.
+        share: of the drawn seas, in which the vehicle turns back there.
+        takes: s, of the way from there to the destination, as planned.
+        positions: [S, 3] m along it.
+    """
+
+    leg: int
+    latest: float
+    share: float
+    takes: float
+    positions: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
 class Promise:
     """How sure a plan is to reach its destination in time, and with the energy that it may use.
 
@@ -266,7 +285,9 @@ class Promise:
         ends: s after the departure, when the mission is over in 5, 50 and 95 % of the seas.
         left: share of time and energy that was kept back when its tasks were chosen, beside the reserves.
         latest: [L] s after the departure, until when each leg and its task have to be over for the rest to be
-            done in time as surely as asked, or in 95 % of the seas.
+            done in time as surely as asked, or in 95 % of the seas; with a rule, for the vehicle to go on.
+        priority: that is won in the mean of the seas, with a rule; None without one.
+        turns: the rule, of each stop that has one.
     """
 
     asked: float | None
@@ -278,6 +299,8 @@ class Promise:
     ends: tuple[float, float, float]
     left: float
     latest: tuple[float, ...] = ()
+    priority: float | None = None
+    turns: tuple[TurnBack, ...] = ()
 
     @property
     def kept(self) -> bool:

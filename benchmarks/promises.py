@@ -5,12 +5,14 @@ file alone. Where vortices change by Eq. 2 the true ones are drawn again here, i
 truth is RTOFS itself; its forecast is the same a lunar day earlier, and its members are up to four days old.
 In the fjord the truth is ROMS with an error made of vortices, the forecast ROMS, and what is known of the
 error its size and length. Tasks last longer or shorter by a tenth. With `--fixed`, shares of the time that
-are kept back are compared, the same for all missions.
+are kept back are compared, the same for all missions; with `--turning`, plans with a rule to turn back. The
+priority is what is won in the true seas.
 """
 
 import math
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -57,13 +59,13 @@ KEPT = {
 }  # fmt: skip
 
 
-def main(seas: list[str], seeds: range, fixed: bool, picture: Path | None) -> dict[str, Any]:
+def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Path | None) -> dict[str, Any]:
     """Plan and follow; return the rows and their means."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for sea in seas:
             for seed in track(seeds, sea):
-                rows += list(cases(sea, seed, Path(folder), fixed))
+                rows += list(cases(sea, seed, Path(folder), fixed, turning))
     kept = [
         summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
     ]
@@ -73,7 +75,7 @@ def main(seas: list[str], seeds: range, fixed: bool, picture: Path | None) -> di
     return {"promises": kept, "plans": rows}
 
 
-def cases(sea: str, seed: int, folder: Path, fixed: bool) -> Iterator[dict[str, Any]]:
+def cases(sea: str, seed: int, folder: Path, fixed: bool, turning: bool) -> Iterator[dict[str, Any]]:
     """Yield the plans of one mission, each with the share of true seas that it is home in time in."""
     mission, truth = WORLDS[sea](seed, folder)
     rng = np.random.default_rng(10_000 + seed)
@@ -83,6 +85,12 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool) -> Iterator[dict[str, 
         promise = run.promise
         assert promise is not None
         yield row(sea, seed, f"{asked:g}", run, promise, known, rng)
+    for asked in PROMISES if turning else ():
+        rules = mission.context.scenario.with_({"planning.turn_back": True})
+        run = plan_with_promise(
+            mission.fork(context=replace(mission.context, scenario=rules)), asked, complete
+        ).run
+        yield row(sea, seed, f"{asked:g}, turning back", run, run.promise, known, rng)
     for kept in FIXED if fixed else ():
         one = planned_with(mission, kept, complete)
         if one.found is not None:
@@ -92,11 +100,12 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool) -> Iterator[dict[str, 
 
 def row(sea: str, seed: int, asked: str, run: Any, promise: Any, truth: Truth, rng: Any) -> dict[str, Any]:
     """Return figures of a plan, and how it goes in the true seas."""
-    home = follow(run, truth, rng) <= run.t_available
+    ends, won = follow(run, truth, rng)
+    home = ends <= run.t_available
     return {
         "sea": sea, "seed": seed, "asked": asked, "refused": not promise.kept, "stated": promise.share,
-        "low": promise.low, "high": promise.high, "kept": float(home.mean()), "priority": run.total_priority,
-        "left": promise.left,
+        "low": promise.low, "high": promise.high, "kept": float(home.mean()),
+        "priority": float(won.mean()), "left": promise.left,
     }  # fmt: skip
 
 
@@ -111,27 +120,44 @@ def summary(sea: str, asked: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {"sea": sea, "asked": asked, "plans": len(those), "refused": len(those) - len(good), **means}
 
 
-def follow(run: Any, truth: Truth, rng: np.random.Generator) -> np.ndarray:
-    """Follow the legs of a plan in D true seas, [D] s at the end; the vehicle crabs to hold its track."""
-    now = np.zeros(TRUTHS)
-    for leg in run.done:
-        places = np.asarray(leg.positions, float)
-        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
-        marks = np.linspace(0.0, along[-1], int(np.clip(math.ceil(along[-1] / STEP), 1, STEPS)) + 1)
-        points = np.stack([np.interp(marks, along, axis) for axis in places.T], axis=1)
-        speed = float(np.asarray(run.vehicle_on(leg).speed))
-        pace = np.full(TRUTHS, speed)
-        for a, b in pairwise(points):
-            gap = float(np.linalg.norm(b - a))
-            if gap == 0.0:
-                continue
-            north, east = truth(*(0.5 * (a + b)), now + 0.5 * gap / pace)
-            tangent = (b - a) / gap
-            with_it = north * tangent[0] + east * tangent[1]
-            across = np.maximum(north**2 + east**2 - with_it**2, 0.0)
-            pace = np.maximum(with_it + np.sqrt(np.maximum(speed**2 - across, 0.0)), 0.02 * speed)
-            now = now + gap / pace
+def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Follow a plan in D true seas; the vehicle crabs to hold its track, and turns back by the plan's rule.
+
+    Returns:
+        ``(end [D] s, priority [D])``.
+    """
+    now, won, ends = np.zeros(TRUTHS), np.zeros(TRUTHS), np.full(TRUTHS, np.nan)
+    turns = {turn.leg: turn for turn in run.promise.turns}
+    for number, leg in enumerate(run.done):
+        now = _gone(
+            np.asarray(leg.positions, float), float(np.asarray(run.vehicle_on(leg).speed)), now, truth
+        )
         now = now + leg.t_task * np.maximum(1.0 + TASK_ERROR * rng.standard_normal(TRUTHS), 0.0)
+        going = np.isnan(ends)
+        won = won + np.where(going, leg.priority, 0.0)
+        if (turn := turns.get(number)) is not None:
+            speed = float(np.asarray(run.vehicle.speed))
+            home = _gone(np.asarray(turn.positions), speed, now, truth)
+            ends = np.where(going & (now > turn.latest), home, ends)
+    return np.where(np.isnan(ends), now, ends), won
+
+
+def _gone(places: np.ndarray, speed: float, now: np.ndarray, truth: Truth) -> np.ndarray:
+    """Return when a vehicle that begins a path [S, 3] m at times [D] s is at its end in D seas, [D] s."""
+    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
+    marks = np.linspace(0.0, along[-1], int(np.clip(math.ceil(along[-1] / STEP), 1, STEPS)) + 1)
+    points = np.stack([np.interp(marks, along, axis) for axis in places.T], axis=1)
+    pace = np.full(TRUTHS, speed)
+    for a, b in pairwise(points):
+        gap = float(np.linalg.norm(b - a))
+        if gap == 0.0:
+            continue
+        north, east = truth(*(0.5 * (a + b)), now + 0.5 * gap / pace)
+        tangent = (b - a) / gap
+        with_it = north * tangent[0] + east * tangent[1]
+        across = np.maximum(north**2 + east**2 - with_it**2, 0.0)
+        pace = np.maximum(with_it + np.sqrt(np.maximum(speed**2 - across, 0.0)), 0.02 * speed)
+        now = now + gap / pace
     return now
 
 
@@ -227,12 +253,14 @@ def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
         strength = rng.standard_normal((TRUTHS, count))
         # Far and wide the mean square of a component is what was asked for.
         places = rng.uniform(low[:2], high[:2], (64, 2))
-        squares = [np.mean(np.square(_turning(*place, centers, strength))) for place in places]
+        squares = [
+            np.mean(np.square(gaussian_vortices(*place, centers, strength, LENGTH))) for place in places
+        ]
         strength *= ERROR / math.sqrt(float(np.mean(squares)))
 
         def truth(x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             u, v = looked_up(known, x, y, z, t)
-            du, dv = _turning(x, y, centers, strength)
+            du, dv = gaussian_vortices(x, y, centers, strength, LENGTH)
             return u + du, v + dv
 
         return truth
@@ -246,10 +274,12 @@ def looked_up(current: Any, x: float, y: float, z: float, t: np.ndarray) -> tupl
     return u, v
 
 
-def _turning(x: float, y: float, centers: np.ndarray, strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gaussian vortices [D, K], summed."""
+def gaussian_vortices(
+    x: float | np.ndarray, y: float | np.ndarray, centers: np.ndarray, strength: np.ndarray, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the current of Gaussian vortices [D, K] of one length, m, summed: m/s north and east [D]."""
     north, east = x - centers[..., 0], y - centers[..., 1]
-    turn = strength * np.exp(-(north**2 + east**2) / (2.0 * LENGTH**2)) / LENGTH
+    turn = strength * np.exp(-(north**2 + east**2) / (2.0 * length**2)) / length
     return -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
 
 
@@ -281,5 +311,6 @@ if __name__ == "__main__":
         seas=(list(WORLDS), "seas", list(WORLDS)),
         seeds=(range(20), "missions in each"),
         fixed=(False, "compare shares of the time that are kept back, too"),
+        turning=(False, "compare plans that turn back where they are late, too"),
         picture=(Path, "PNG of what was promised against what was kept"),
     )

@@ -70,7 +70,7 @@ def plan_scenario(
     (mission,) = leaving(context, keyed, [depart], seed)
     asked = context.rules.promise
     with expecting(PLANS, scenario.fingerprint):
-        if asked is not None or scenario.current.members is not None:
+        if asked is not None or scenario.current.members is not None or context.rules.turn_back:
             mission = plan_with_promise(mission, asked, partial(complete, progress=progress))
         else:
             complete(mission, progress)

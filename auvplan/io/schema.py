@@ -29,7 +29,7 @@ from auvplan.ocean.closures import Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.path.motion import Motion
-from auvplan.records import LegRecord, MissionRun, PlanRecord, Promise, RouteRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord, Promise, RouteRecord, TurnBack
 from auvplan.scenario.power import PowerSettings
 from auvplan.scenario.vehicles import power_model
 
@@ -577,6 +577,11 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
     jobs = read("jobs", "null")
     promise: dict[str, Any] = read("promise", "{}")
     promise |= {name: tuple(values) for name, values in promise.items() if isinstance(values, list)}
+    if promise:
+        promise["turns"] = tuple(
+            TurnBack(**(one | {"positions": tuple(map(tuple, one["positions"]))}))
+            for one in promise.get("turns", ())
+        )
     return {
         "obstacles": tuple(
             KnownObstacle(**(one | {

@@ -159,21 +159,7 @@ def chain_times(
     Returns:
         ``(travel [D, L] s, ends [D, L] s since the epoch)``: of each leg, and when its task is over.
     """
-
-    def taken(current: Current, leg: Chain, depart: jax.Array) -> jax.Array:
-        way = jnp.diff(leg.positions, axis=0)
-        gap = norm(*way.T)
-        own_speed = replace(vehicle, speed=leg.speed)
-
-        def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, None]:
-            (time, speed), ((x, y, z), way, gap) = carry, segment
-            water = current(x, y, z, time + 0.5 * gap / speed)
-            ground = over_ground(water, tuple(way), gap, own_speed, config)[0]
-            return (time + gap / ground, ground), None
-
-        segments = leg.positions[:-1] + 0.5 * way, way, gap
-        return jax.lax.scan(step, (depart, leg.speed), segments)[0][0] - depart
-
+    taken = partial(_taken, vehicle=vehicle, config=config)
     expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
 
     def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -193,3 +179,53 @@ def chain_times(
         return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
 
     return jax.vmap(followed)(own, factors, delays)
+
+
+@partial(compiled, static_argnames=("config",), quick=True)
+def leg_times(
+    chain: Chain,
+    leaves: jax.Array,
+    forecast: Current,
+    shared: Current | None,
+    own: Current | None,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> jax.Array:
+    """Follow L legs in D drawn currents, each from a moment of its own; travel times [D, L] s.
+
+    Args:
+        chain: the legs; what is not of their paths does not count.
+        leaves: [D, L] s since the epoch, when they are begun.
+        forecast, shared, own, vehicle, config: as for `chain_times`.
+    """
+    taken = partial(_taken, vehicle=vehicle, config=config)
+    expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
+
+    def followed(own: Current | None, leaves: jax.Array) -> jax.Array:
+        current = combine(shared, own)
+
+        def go(row: tuple) -> jax.Array:
+            leg, expects, depart = row
+            return leg.takes * taken(current, leg, depart) / jnp.maximum(expects, 1e-3)
+
+        return jax.lax.map(go, (chain, expected, leaves))
+
+    return jax.vmap(followed)(own, leaves)
+
+
+def _taken(
+    current: Current, leg: Chain, depart: jax.Array, vehicle: Vehicle, config: PathConfig
+) -> jax.Array:
+    """S that the path of one leg takes in a current."""
+    way = jnp.diff(leg.positions, axis=0)
+    gap = norm(*way.T)
+    own_speed = replace(vehicle, speed=leg.speed)
+
+    def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, None]:
+        (time, speed), ((x, y, z), way, gap) = carry, segment
+        water = current(x, y, z, time + 0.5 * gap / speed)
+        ground = over_ground(water, tuple(way), gap, own_speed, config)[0]
+        return (time + gap / ground, ground), None
+
+    segments = leg.positions[:-1] + 0.5 * way, way, gap
+    return jax.lax.scan(step, (depart, leg.speed), segments)[0][0] - depart

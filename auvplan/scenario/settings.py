@@ -679,6 +679,11 @@ class PlanningSettings(Section):
         "least probability that the destination is reached in time, over seas drawn by what is known of the "
         "forecast's errors: as much time and energy is kept back as that takes"
     )
+    turn_back: bool = setting(
+        False,
+        "whether a plan has a rule by which the vehicle goes straight to the destination from a stop that is "
+        "left too late; the promise is then that of plan and rule together",
+    )
     return_margin: Preset[NotNegative] = optional(
         "share by which the way back is taken to last longer than expected; default 0.2 with travel times "
         "of the sea, 0.4 by distance; paper 0"

@@ -13,8 +13,8 @@ from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario, run_mission
 from auvplan.executive.loop import seed_keys
+from auvplan.executive.outcomes import outcomes
 from auvplan.executive.planning import complete, leaving, planning_context
-from auvplan.executive.promise import outcomes
 from auvplan.export import itinerary_of
 from auvplan.export.imc import imc_text
 from auvplan.export.qgroundcontrol import qgc_notes

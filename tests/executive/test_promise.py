@@ -13,8 +13,8 @@ from auvplan.check.run import check_run
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
+from auvplan.executive.outcomes import Outcomes, outcomes
 from auvplan.executive.planning import leaving, plan_promises, planning_context
-from auvplan.executive.promise import Outcomes, outcomes
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
