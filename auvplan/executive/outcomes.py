@@ -34,7 +34,7 @@ class Outcomes:
 
     Attributes:
         ends: [D] s since the epoch, when the mission is over.
-        rest: [D, L] s, that the mission goes on for after each leg and its task.
+        stops: [D, L] s since the epoch, when each leg and its task are over, all of them done.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
         home_travel, home_used: [D, K] s, and shares as `used`, where the vehicle goes straight to the
@@ -42,7 +42,7 @@ class Outcomes:
     """
 
     ends: Array
-    rest: Array
+    stops: Array
     used: Array
     members: NDArray[np.integer]
     home_travel: Array
@@ -54,9 +54,9 @@ class Outcomes:
         return self.used <= 1.0
 
     @property
-    def stops(self) -> Array:
-        """[D, L] s since the epoch, when each leg and its task are over."""
-        return self.ends[:, None] - self.rest
+    def rest(self) -> Array:
+        """[D, L] s, that the plan goes on for after each leg and its task."""
+        return self.stops[:, -1:] - self.stops
 
     @property
     def share(self) -> float:
@@ -145,7 +145,7 @@ def outcomes(
                 spent = _energy_used(run, own, [*legs[: k + 1], way], lasts)
                 home_used[:, k] = home_used[:, k] if spent is None else np.maximum(home_used[:, k], spent)
     members = np.concatenate(members)
-    return Outcomes(over, over[:, None] - stops, used, members, home_travel, home_used)
+    return Outcomes(over, stops, used, members, home_travel, home_used)
 
 
 def _energy_used(run: MissionRun, speed: float, legs: list[LegRecord], travel: Array) -> Array | None:

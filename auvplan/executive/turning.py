@@ -14,6 +14,7 @@ from auvplan.executive.context import Mission
 from auvplan.executive.legs import begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.outcomes import Outcomes
 from auvplan.records import LegRecord, MissionRun, TurnBack
+from auvplan.runtime import prng
 
 Array = NDArray[np.floating]
 
@@ -21,8 +22,8 @@ Array = NDArray[np.floating]
 #: the promise serves.
 _SHARES = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.965, 0.98, 0.99, 0.995, 0.999, 1.0)
 
-#: Samples that ways home are kept with.
-_SAMPLES = 33
+#: Samples that ways home are kept with, and what the keys of their plans are folded with.
+_SAMPLES, _WAYS = 33, 7003
 
 
 def ways_home(mission: Mission, run: MissionRun) -> list[LegRecord | None]:
@@ -46,10 +47,12 @@ def ways_home(mission: Mission, run: MissionRun) -> list[LegRecord | None]:
     stops = run.done[:-2]
     if not stops:
         return []
-    forks = [mission.fork(now=stop.ends, here=stop.goal, run=run) for stop in stops]
+    keys = [prng.folded(prng.folded(mission.key, _WAYS), number) for number in range(len(stops))]
+    forks = [
+        mission.fork(now=stop.ends, here=stop.goal, run=run, key=key)
+        for stop, key in zip(stops, keys, strict=True)
+    ]
     records = [LegRecord(stop.goal, run.goal, np.nan, 0.0, 0.0) for stop in stops]
-    for number, fork in enumerate(forks):
-        fork.path_calls += 1000 + number  # keys of their own
     begin_legs(forks, records)
     fit = [not unfit(fork) for fork in forks]
     go_as_planned(forks)
@@ -89,9 +92,7 @@ def turned(found: Outcomes, latest: Array, priorities: Array) -> Turned:
     ends = np.concatenate([stops[:, :count] + found.home_travel, found.ends[:, None]], axis=1)[rows, at]
     used = np.concatenate([found.home_used, found.used[:, None]], axis=1)[rows, at]
     won = np.cumsum(priorities)[np.where(at < count, at, len(priorities) - 1)]
-    return Turned(
-        latest, at, replace(found, ends=ends, rest=ends[:, None] - stops, used=used), float(won.mean())
-    )
+    return Turned(latest, at, replace(found, ends=ends, used=used), float(won.mean()))
 
 
 def latest_to_go_on(found: Outcomes, share: float, available: float) -> Array:

@@ -39,6 +39,13 @@ def geojson_text(itinerary: Itinerary) -> bytes:
         } | ({} if np.isnan(row.charge) else {"charge": round(row.charge, 4)}))  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
         add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
+    for turn in itinerary.turns:
+        add("turn back", _line(np.asarray(turn.positions), site), {
+            "leg": turn.leg + 1, "from": itinerary.legs[turn.leg].goal_name,
+            "leave_later_than_s": round(turn.latest, 3),
+            "leave_later_than": moment(site, turn.latest) if site.epoch else None,
+            "takes_s": round(turn.takes, 3),
+        })  # fmt: skip
     for fence in itinerary.fences:
         about: dict[str, Any] = {}
         if isinstance(fence, Circle):

@@ -13,6 +13,7 @@ from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around, nearest_fences
 from auvplan.ocean.chart import Chart
 from auvplan.path.motion import Motion
+from auvplan.records import TurnBack
 from auvplan.runtime.formatting import between, counted, figure, plain
 from auvplan.site import Site, as_utc
 from auvplan.view.timeline import END_BEHAVIOURS
@@ -159,6 +160,7 @@ class Itinerary:
         warnings: what a vehicle may not be able to follow, a line each.
         fence_points: points of fences that the autopilot holds.
         assumed: what was assumed or warned of in the scenario and its files, a line each.
+        turns: ways to the destination from stops that are left too late.
         over_ground: whether vehicles are given the speed over ground that each line is planned to make, see
             `auvplan.export.speeds`; otherwise that through the water.
 
@@ -182,6 +184,7 @@ class Itinerary:
     warnings: tuple[str, ...] = ()
     fence_points: int = FENCE_POINTS
     assumed: tuple[str, ...] = ()
+    turns: tuple[TurnBack, ...] = ()
     over_ground: bool = True
 
     def __post_init__(self) -> None:

@@ -88,7 +88,8 @@ def itinerary_of(
     pitch = run.vehicle.pitch_max
     turn, most = float(np.asarray(run.vehicle.turn_rate_max)), None if pitch is None else float(pitch)  # type: ignore[arg-type]
     warnings = track_notes(legs, speed, turn, slow, most)
-    return replace(found, sources=_sources(run), warnings=tuple(warnings), assumed=run.assumed)
+    ways = () if run.promise is None else run.promise.turns
+    return replace(found, sources=_sources(run), warnings=tuple(warnings), assumed=run.assumed, turns=ways)
 
 
 def _sources(run: MissionRun) -> tuple[str, ...]:
@@ -119,6 +120,8 @@ def _notes(run: MissionRun) -> list[str]:
         for name, unit in (("pitch_max", "rad"), ("climb_rate_max", "m/s"), ("dive_rate_max", "m/s"))
         if (limit := getattr(run.vehicle, name)) is not None and stated.get(name) is not None
     ]
+    if run.promise is not None and run.promise.turns:
+        notes.append("of the ways home from stops that are left too late GeoJSON alone has the lines")
     if limits:
         notes.append(f"no file carries {', '.join(limits)}: the paths keep them, the vehicle must be set to")
     return notes

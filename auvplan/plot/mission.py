@@ -43,6 +43,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         bar = axes.figure.colorbar(_draw_track(pen, executed), ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
     _draw_refused(pen, run)
+    _draw_turns(pen, run)
     pen.known(run.obstacles, run.t_mission)
     pen.end(waypoints[run.start], style.START, "start")
     pen.end(waypoints[run.goal], style.GOAL, "destination")
@@ -114,6 +115,16 @@ def _draw_refused(pen: Map, run: MissionRun) -> None:
         pen.axes.plot(*line.T, markevery=[_middle(line)], zorder=1.8, **kind)
     if lines:
         pen.handles.append(style.line("planned and refused", **kind))
+
+
+def _draw_turns(pen: Map, run: MissionRun) -> None:
+    """Draw the ways to the destination that a plan's rule takes where the vehicle is late."""
+    kind: dict[str, Any] = {"color": style.ORANGE, "ls": "--", "lw": 1.0}
+    turns = () if run.promise is None else run.promise.turns
+    for turn in turns:
+        pen.axes.plot(*pen.flat(np.asarray(turn.positions)).T, zorder=1.7, alpha=0.8, **kind)
+    if turns:
+        pen.handles.append(style.line("way home where it is late", **kind))
 
 
 def _middle(line: Array) -> int:

@@ -54,6 +54,8 @@ class Stop:
         speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
         latest: s since the departure, until when all here has to be over for the mission to be home in time
             as surely as it promises; None where it promises nothing.
+        way_home: s, of the way from here to the destination, that the vehicle takes when it leaves later;
+            None without such a rule.
         position_std: m, standard deviation of the position along each horizontal axis on arrival; None where
             it is known exactly.
         risk: chance of touching coast or an obstacle on the leg to it, at most; None without that.
@@ -81,6 +83,7 @@ class Stop:
     transit: tuple[float, float, float] | None = None
     speed: float | None = None
     latest: float | None = None
+    way_home: float | None = None
     position_std: float | None = None
     risk: float | None = None
     fix: float | None = None
@@ -142,7 +145,7 @@ class MissionSheet:
             for stop in self.stops
         ]
         for stop in stops:
-            for name in ("speed", "latest", "position_std", "risk", "fix"):
+            for name in ("speed", "latest", "way_home", "position_std", "risk", "fix"):
                 if stop[name] is None:
                     del stop[name]
         return {
@@ -163,7 +166,17 @@ class MissionSheet:
         local = ZoneInfo(self.zone) if self.zone else None
         headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
-        headings += ["leave by", "depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
+        headings += [
+            "leave by",
+            "else home, s",
+            "depth, m",
+            "transit, m",
+            "window",
+            "wait, s",
+            "hold, s",
+            "leg, s",
+            "leg, m",
+        ]
         headings += ["through water, m/s", "speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         headings += ["fix, s", "position, m", "risk"]
         rows = []
@@ -175,6 +188,7 @@ class MissionSheet:
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
                 stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
                 *(f"{moment:%H:%M:%S}" for moment in moments), self._latest(stop),
+                "" if stop.way_home is None else f"{stop.way_home:,.0f}",
                 f"{stop.depth:.0f}", transit, stop.window,
                 *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
                 *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
@@ -214,8 +228,8 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    *("latitude, longitude", "leave by", "transit, m", "window", "wait, s", "hold, s", "through water, m/s"),
-    *("closed, m", "bed, m", "obstacle, m", "fix, s", "position, m", "risk"),
+    *("latitude, longitude", "leave by", "else home, s", "transit, m", "window", "wait, s", "hold, s"),
+    *("through water, m/s", "closed, m", "bed, m", "obstacle, m", "fix, s", "position, m", "risk"),
 )
 
 
@@ -236,6 +250,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     # Where the vehicle has arrived for good nothing is left to be late for.
     for number, latest in enumerate(run.promise.latest[:-1] if run.promise else ()):
         stops[number + 1] = replace(stops[number + 1], latest=latest)
+    for turn in run.promise.turns if run.promise else ():
+        stops[turn.leg + 1] = replace(stops[turn.leg + 1], way_home=turn.takes)
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
@@ -279,7 +295,12 @@ def _promised(promise: Promise) -> str:
     asked = "" if promise.asked is None else f"; {100.0 * promise.asked:g} % was asked for"
     back = f", and {100.0 * promise.left:.1f} % of the time is kept back for it" if promise.left else ""
     over = f"over after {first} to {last} in 90 % of them, {middle} in the median"
-    return f"{promise.line}{asked}{back}; {over}"
+    rule = ""
+    if promise.priority is not None:
+        often = 100.0 * sum(turn.share for turn in promise.turns)
+        rule = "; from a stop that cannot be left in time straight to the destination, "
+        rule += f"in {often:.1f} % of them; priority {promise.priority:.1f} in the mean"
+    return f"{promise.line}{asked}{back}; {over}{rule}"
 
 
 def _lines(run: MissionRun) -> list[str]:

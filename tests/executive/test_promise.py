@@ -1,12 +1,15 @@
 """Promises: how sure a plan is to be home in time, and plans that keep back what that takes."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.check.run import check_run
@@ -15,14 +18,15 @@ from auvplan.executive import plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
 from auvplan.executive.outcomes import Outcomes, outcomes
 from auvplan.executive.planning import leaving, plan_promises, planning_context
+from auvplan.executive.turning import latest_to_go_on, turned
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.path import PathConfig
-from auvplan.path.outlook import Chain, chain_times
-from auvplan.records import Promise
+from auvplan.path.outlook import Chain, chain_times, leg_times
+from auvplan.records import Promise, TurnBack
 from auvplan.scenario.scenario import Scenario
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of
@@ -225,7 +229,8 @@ def test_plans_keep_what_they_promise_and_pay_for_it(plans):
 
 def test_the_promise_is_saved_with_the_plan(tmp_path):
     run = plan_scenario(scenario(), seed=1)
-    run.promise = Promise(0.7, 0.82, 0.71, 0.9, 1000, 4, (700.0, 750.0, 790.5), 0.05)
+    turns = (TurnBack(0, 310.5, 0.25, 80.0, ((0.0, 1.0, 5.0), (40.0, 2.5, 5.0))),)
+    run.promise = Promise(0.7, 0.82, 0.71, 0.9, 1000, 4, (700.0, 750.0, 790.5), 0.05, (310.5,), 12.5, turns)
     save_run(run, tmp_path)
     assert restore_run(tmp_path).promise == run.promise
     assert run.summary()["promise"]["share"] == 0.82
@@ -271,10 +276,10 @@ def test_surer_plans_are_worth_less():
 def test_seas_of_few_members_say_less():
     """What is alike within members counts once; what scatters there counts for itself."""
     rng, members = np.random.default_rng(0), np.repeat(np.arange(5), 200)
-    scattered = rng.normal(0.9, 0.1, 1000)
+    scattered, none = rng.normal(0.9, 0.1, 1000), np.zeros((2, 1000, 0))
     alike = np.linspace(0.7, 1.1, 5)[members] + 1e-6 * scattered
     wide, narrow = (
-        Outcomes(used, used[:, None], used <= 1.0, used, members).interval for used in (alike, scattered)
+        Outcomes(used, used[:, None], used, members, *none).interval for used in (alike, scattered)
     )
     assert wide[1] - wide[0] > 0.5
     assert narrow[1] - narrow[0] < 0.06
@@ -339,3 +344,95 @@ def test_vortices_that_change_by_windows_have_no_time_to_be_drawn_in():
     del planning["effort"]
     with pytest.raises(ScenarioError, match="current_updates 'interval'"):
         plan_scenario(channel(planning=planning))
+
+
+def drawn(stops, ways, available=100.0):
+    """Outcomes of a plan whose stops [D, L] s are left at those times, and whose ways home [D, K] s take."""
+    stops, ways = np.asarray(stops, float), np.asarray(ways, float)
+    home = (stops[:, : ways.shape[1]] + ways) / available
+    members = np.zeros(len(stops), int)
+    return Outcomes(stops[:, -1], stops, stops[:, -1] / available, members, ways, home)
+
+
+def test_late_vehicles_turn_back_at_the_first_stop_that_is_left_too_late():
+    found = drawn([[20, 50, 80, 95], [30, 70, 105, 130], [20, 65, 100, 120]], [[30, 25]] * 3)
+    rule = turned(found, np.asarray([25.0, 60.0]), np.asarray([1.0, 2.0, 4.0, 0.0]))
+    assert rule.at.tolist() == [2, 0, 1]
+    assert rule.found.ends.tolist() == [95.0, 60.0, 90.0]
+    assert rule.found.home.tolist() == [True, True, True]
+    assert rule.priority == pytest.approx((7.0 + 1.0 + 3.0) / 3.0)
+    assert found.home.tolist() == [True, False, False]
+
+
+@given(st.integers(0, 10_000))
+def test_rules_that_want_more_time_turn_back_earlier_and_are_home_in_it(seed):
+    rng = np.random.default_rng(seed)
+    legs = rng.uniform(5.0, 30.0, 5) * rng.uniform(0.5, 2.0, (200, 5))
+    ways = rng.uniform(5.0, 30.0, 3) * rng.uniform(0.5, 2.0, (200, 3))
+    found = drawn(np.cumsum(legs, axis=1), ways)
+    shares = 0.0, 0.5, 0.9, 1.0
+    times = [latest_to_go_on(found, share, 100.0) for share in shares]
+    assert np.isinf(times[0]).all()
+    assert all((later <= sooner).all() for sooner, later in pairwise(times))
+    assert (turned(found, times[0], np.ones(5)).found.ends == found.ends).all()
+    # Who goes on at a stop by the last rule is home in time from the next one.
+    rule = turned(found, times[-1], np.ones(5))
+    on = found.stops[:, 0] <= times[-1][0]
+    assert (rule.found.ends[on & (rule.at == 1)] <= 100.0 + 1e-9).all()
+
+
+def test_past_a_stop_without_a_way_home_the_time_is_that_to_the_next():
+    ways = np.asarray([[30.0, np.inf, 10.0]] * 2)
+    found = drawn([[10, 20, 40, 60, 80], [12, 24, 48, 70, 85]], ways)
+    latest = latest_to_go_on(found, 1.0, 100.0)
+    assert latest[0] == pytest.approx(100.0 - (36.0 + 10.0))
+    assert np.isinf(latest[1])
+
+
+@pytest.fixture(scope="module")
+def turning(light_search):
+    """The plan of the highest promise in the channel, with a rule."""
+    settings, area = channel_with(
+        STREAMS[1:], mission={"duration_error": 0.2}, planning=with_promise(0.95) | {"turn_back": True}
+    )
+    return plan_scenario(settings, area=area), area
+
+
+def test_a_plan_that_turns_back_does_more_and_keeps_its_promise(plans, turning):
+    run, _ = turning
+    assert run.success
+    assert run.promise.share >= 0.95
+    assert run.promise.turns
+    assert plans[0.95].total_priority - 0.1 <= run.promise.priority < run.total_priority
+    for turn in run.promise.turns:
+        stop = run.done[turn.leg]
+        np.testing.assert_allclose(turn.positions[0], run.graph.positions[stop.goal], atol=0.1)
+        np.testing.assert_allclose(turn.positions[-1], run.graph.positions[run.goal], atol=0.1)
+        assert turn.latest == run.promise.latest[turn.leg] < run.t_available
+        assert 0.0 <= turn.share <= 1.0
+
+
+def test_rules_stand_on_the_sheet_and_in_files(turning):
+    run, _ = turning
+    sheet = sheet_of(run)
+    assert "straight to the destination" in sheet.facts["promise"]
+    homes = {turn.leg + 1: turn.takes for turn in run.promise.turns}
+    assert {k: stop.way_home for k, stop in enumerate(sheet.stops) if stop.way_home is not None} == homes
+    assert "else home, s" in sheet.table()[0]
+
+
+def test_a_way_home_is_followed_as_a_leg_is():
+    """From the moment at which it is begun, in every drawn sea."""
+    streams = jnp.asarray([0.5, 0.0, -1.0], jnp.float32)
+    own, chain = UniformCurrent(streams, 0.0 * streams, 0.0 * streams), straight(600.0, 300.0)
+    common = UniformCurrent(), None, own, Vehicle(speed=2.0)
+    leaves = np.full((3, 2), 10.0, np.float32)
+    travel = leg_times(chain, leaves, *common, config=PathConfig().only())
+    np.testing.assert_allclose(travel, timed(chain, streams)[0], rtol=1e-5)
+
+
+def test_no_rule_is_made_where_the_position_grows_uncertain():
+    vehicle = {"navigation": {"drift": 0.01}}
+    settings, area = channel_with(planning=with_promise(0.9) | {"turn_back": True}, vehicle=vehicle)
+    with pytest.raises(ScenarioError, match=r"planning.turn_back.*vehicle.navigation"):
+        plan_scenario(settings, area=area)
