@@ -39,6 +39,7 @@ Rng = np.random.Generator
 
 PACKAGES = (
     "auvplan", "jax", "jaxlib", "numpy", "scipy", "numba", "mealpy", "evosax", "cma", "ortools", "pyvrp",
+    "hj_reachability",
 )  # fmt: skip
 COMPILERS = ("cc", "gcc", "clang")
 

@@ -17,6 +17,7 @@ import xarray as xr
 from pyproj import Geod
 
 from auvplan.export import Itinerary, Track
+from auvplan.records import TurnBack
 from tests.export.compare import kept, kept_seconds, near, same_times, written
 from tests.export.sample import EPOCH, SITE, make_itinerary
 
@@ -56,6 +57,17 @@ def test_geojson(itinerary: Itinerary, tmp_path: Path):
     assert len(kinds["exclusion"]) == 3
     for feature, fence in zip(kinds["exclusion"], itinerary.fences, strict=True):
         area(itinerary, feature["geometry"], fence)
+
+
+def test_ways_home_are_lines_of_geojson(itinerary: Itinerary, tmp_path: Path):
+    way = itinerary.legs[1].positions[:2]
+    turn = TurnBack(0, 300.0, 0.1, 45.0, tuple(map(tuple, way.tolist())))
+    data = json.loads(written(replace(itinerary, turns=(turn,)), tmp_path, "geojson").read_text("utf-8"))
+    (found,) = [one for one in data["features"] if one["properties"]["kind"] == "turn back"]
+    near(itinerary, joined(found["geometry"]), way)
+    about = found["properties"]
+    assert about["from"] == itinerary.legs[0].goal_name
+    assert (about["leg"], about["leave_later_than_s"], about["takes_s"]) == (1, 300.0, 45.0)
 
 
 def joined(geometry: dict) -> list[list[float]]:
