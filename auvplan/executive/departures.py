@@ -25,6 +25,7 @@ from auvplan.executive.planning import (
     planning_context,
     require_known,
 )
+from auvplan.executive.promise import planned
 from auvplan.executive.route_calls import effort
 from auvplan.mission.graph import shortest_path
 from auvplan.ocean.currents import Current
@@ -150,7 +151,9 @@ def plan_departures(
     if area is None:
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
-    if scenario.mission.waypoints == 2 and area.jobs is None and scenario.vehicle.saw_tooth is None:
+    asked = scenario.planning.promise is not None or scenario.planning.turn_back
+    alone = scenario.mission.waypoints == 2 and area.jobs is None and scenario.vehicle.saw_tooth is None
+    if alone and not asked:
         legs = leaving(planning_context(scenario, folder, area), key, moments)
         return replace(_plan_legs(legs, progress), least=least)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]
@@ -230,7 +233,7 @@ def _plan_missions(missions: list[Mission], progress: Progress | None) -> Depart
     for number, mission in enumerate(missions):
         if progress:
             progress(number, len(missions), "planning missions")
-        complete(mission)
+        missions[number] = planned(mission, complete)
     runs, energy = [mission.run for mission in missions], None
     if runs[0].vehicle.power is not None:
         used = [run.energy for run in runs]

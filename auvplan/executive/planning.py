@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
 from auvplan.executive.loop import complete, seed_keys, start_mission
-from auvplan.executive.promise import plan_with_promise, surer_plans
+from auvplan.executive.promise import planned, surer_plans
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
@@ -68,12 +68,9 @@ def plan_scenario(
     context = planning_context(scenario, folder, area, depart)
     keyed = seed_keys([seed])[0] if key is None else key
     (mission,) = leaving(context, keyed, [depart], seed)
-    asked = context.rules.promise
+    judged = scenario.current.members is not None
     with expecting(PLANS, scenario.fingerprint):
-        if asked is not None or scenario.current.members is not None or context.rules.turn_back:
-            mission = plan_with_promise(mission, asked, partial(complete, progress=progress))
-        else:
-            complete(mission, progress)
+        mission = planned(mission, partial(complete, progress=progress), judged)
     return _from_departure(mission.run, depart)
 
 

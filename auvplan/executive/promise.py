@@ -53,6 +53,20 @@ class Promised:
 Complete = Callable[[Mission], None]
 
 
+def planned(mission: Mission, complete: Complete, judged: bool = False) -> Mission:
+    """Plan a mission as its scenario asks, with a promise or without one; return it at its end.
+
+    Args:
+        mission, complete: as for `plan_with_promise`.
+        judged: whether the plan says how sure it is also where no promise is asked for.
+    """
+    rules = mission.context.rules
+    if judged or rules.promise is not None or rules.turn_back:
+        return plan_with_promise(mission, rules.promise, complete)
+    complete(mission)
+    return mission
+
+
 def plan_with_promise(mission: Mission, asked: float | None, complete: Complete) -> Mission:
     """Plan a mission that keeps back as little as keeps a promise, and say how sure it is.
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.errors import ScenarioError
-from auvplan.executive import plan_scenario
+from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
 from auvplan.executive.outcomes import Outcomes, outcomes
 from auvplan.executive.planning import leaving, plan_promises, planning_context
@@ -344,6 +344,18 @@ def test_vortices_that_change_by_windows_have_no_time_to_be_drawn_in():
     del planning["effort"]
     with pytest.raises(ScenarioError, match="current_updates 'interval'"):
         plan_scenario(channel(planning=planning))
+
+
+def test_departures_are_compared_by_plans_that_keep_the_promise():
+    settings, area = channel_with(STREAMS[1:], planning=with_promise(0.7))
+    key, departs = jax.random.key(3), (0.0, 600.0)
+    found = plan_departures(settings, departs, key=key, area=area)
+    for number, depart in enumerate(departs):
+        run = plan_scenario(settings, key=key, depart=depart, area=area)
+        assert run.promise.kept
+        assert found.priority[number] == run.total_priority
+        assert found.time[number] == pytest.approx(run.t_mission)
+        assert found.routes[number] == run.route
 
 
 def drawn(stops, ways, available=100.0):
