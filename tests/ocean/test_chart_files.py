@@ -69,7 +69,7 @@ def test_palettes_and_see_through_pixels(tmp_path):
     assert (np.asarray(half.passability)[10:] == 0).all()
     assert (np.asarray(half.passability)[:10] == 1).all()
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", UserWarning)  # as Pillow has it of palettes with transparency
         Image.fromarray(render(50)).convert("P").save(
             tmp_path / "palette.png", transparency=bytes(range(256))
         )
