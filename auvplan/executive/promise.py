@@ -19,6 +19,9 @@ from auvplan.runtime import prng
 #: Plans at most that a promise is looked for with, and shares kept back that are much the same.
 _PLANS, _ALIKE = 6, 0.005
 
+#: The same where few members decide, once a plan keeps the promise: a little less kept back gains little.
+_FEW_PLANS, _MUCH_ALIKE = 4, 0.02
+
 #: Promises that plans are looked for by where their cost is asked for.
 _SHARES = 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999
 
@@ -229,14 +232,17 @@ def _next(tried: list[Promised], asked: float) -> float | None:
     """Return the next share to keep back, or None where it is found or there is none."""
     last = tried[-1]
     short = [one.kept for one in tried if 0.0 <= one.share < asked]
+    several = any(one.found is not None and one.found.members.max() for one in tried)
     if enough := [one for one in tried if one.share >= asked]:
         least = min(enough, key=lambda one: one.kept)
-        return _between(max([_needed(least, asked), *short]), least.kept) if short else None
+        if not short or (several and len(tried) >= _FEW_PLANS):
+            return None
+        return _between(max([_needed(least, asked), *short]), least.kept, _MUCH_ALIKE if several else _ALIKE)
     if last.found is None:
-        return _between(max(short), last.kept) if short else None
+        return _between(max(short), last.kept, _ALIKE) if short else None
     # Where a few members decide, a little more time kept back changes nothing: steps grow.
-    several = bool(last.found.members.max())
-    return max(_needed(last, asked), last.kept + _ALIKE * 2.0 ** (len(short) if several else 0))
+    step = _ALIKE * 2.0 ** (len(short) if several else 0)
+    return max(_needed(last, asked), last.kept + step)
 
 
 def _needed(one: Promised, asked: float) -> float:
@@ -245,6 +251,6 @@ def _needed(one: Promised, asked: float) -> float:
     return 1.0 - (1.0 - one.kept) / float(np.quantile(one.found.used, asked))
 
 
-def _between(low: float, high: float) -> float | None:
-    """Return the middle of two shares that are not much the same; else None."""
-    return 0.5 * (low + high) if high - low > _ALIKE else None
+def _between(low: float, high: float, alike: float) -> float | None:
+    """Return the middle of two shares that differ by more than what is much the same; else None."""
+    return 0.5 * (low + high) if high - low > alike else None
