@@ -35,6 +35,7 @@ class Outcomes:
     Attributes:
         ends: [D] s since the epoch, when the mission is over.
         stops: [D, L] s since the epoch, when each leg and its task are over, all of them done.
+        done: [D, L] whether each task is in time for its window.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
         home_travel, home_used: [D, K] s, and shares as `used`, where the vehicle goes straight to the
@@ -43,6 +44,7 @@ class Outcomes:
 
     ends: Array
     stops: Array
+    done: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
     home_travel: Array
@@ -105,7 +107,7 @@ def outcomes(
     rng = prng.generator(chance)
     detour = context.rules.detour * scenario.simulation.obstacles.total
     forecast = mission.sea.forecast()
-    travels, overs, members, homes = [], [], [], []
+    travels, overs, dones, members, homes = [], [], [], [], []
     common = context.vehicle.without_transit(), context.path_config.only()
     error = scenario.mission.duration_error
     until = max(run.t_available, legs[-1].ends) if legs else begins
@@ -119,7 +121,8 @@ def outcomes(
         factors = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0).astype(np.float32)
         late = delays(seas.count, size, count)
         found = chain_times(chain, factors, late, np.float32(begins), *sea, config=common[1])
-        travel, end = (np.asarray(part, float) for part in jax.device_get(found))
+        travel, end, done = (np.asarray(part, float) for part in jax.device_get(found))
+        dones.append(done[:, :count].astype(bool))
         travels.append(travel[:, :count])
         overs.append(end[:, :count] if count else np.full((seas.count, 1), begins))
         members.append(np.full(seas.count, number))
@@ -145,7 +148,7 @@ def outcomes(
                 spent = _energy_used(run, own, [*legs[: k + 1], way], lasts)
                 home_used[:, k] = home_used[:, k] if spent is None else np.maximum(home_used[:, k], spent)
     members = np.concatenate(members)
-    return Outcomes(over, stops, used, members, home_travel, home_used)
+    return Outcomes(over, stops, np.concatenate(dones), used, members, home_travel, home_used)
 
 
 def _energy_used(run: MissionRun, speed: float, legs: list[LegRecord], travel: Array) -> Array | None:

@@ -91,7 +91,7 @@ def turned(found: Outcomes, latest: Array, priorities: Array) -> Turned:
     at = late.argmax(axis=1)
     ends = np.concatenate([stops[:, :count] + found.home_travel, found.ends[:, None]], axis=1)[rows, at]
     used = np.concatenate([found.home_used, found.used[:, None]], axis=1)[rows, at]
-    won = np.cumsum(priorities)[np.where(at < count, at, len(priorities) - 1)]
+    won = np.cumsum(priorities * found.done, axis=1)[rows, np.where(at < count, at, len(priorities) - 1)]
     return Turned(latest, at, replace(found, ends=ends, used=used), float(won.mean()))
 
 

@@ -139,7 +139,7 @@ def chain_times(
     own: Current | None,
     vehicle: Vehicle,
     config: PathConfig,
-) -> tuple[jax.Array, jax.Array]:
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Follow the legs of a plan in D drawn currents: the paths stay, the times change.
 
     A leg takes as many times as long as planned as its path takes in the drawn current, against the forecast.
@@ -157,15 +157,16 @@ def chain_times(
         config: static settings.
 
     Returns:
-        ``(travel [D, L] s, ends [D, L] s since the epoch)``: of each leg, and when its task is over.
+        ``(travel [D, L] s, ends [D, L] s since the epoch, done [D, L])``: of each leg, when its task is over,
+        and whether it is done.
     """
     taken = partial(_taken, vehicle=vehicle, config=config)
     expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
 
-    def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, ...]:
         current = combine(shared, own)
 
-        def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+        def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, ...]]:
             leg, expects, factor, delay = row
             leaves = jnp.maximum(time + leg.rises, leg.leaves)
             travel = leg.takes * taken(current, leg, leaves) / jnp.maximum(expects, 1e-3) + delay
@@ -174,7 +175,7 @@ def chain_times(
             wait = waits.min(initial=jnp.inf)
             done = jnp.isfinite(wait)
             ends = arrives + jnp.where(done, wait + factor * leg.task, 0.0)
-            return ends, (travel, ends)
+            return ends, (travel, ends, done)
 
         return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
 

@@ -81,7 +81,7 @@ def straight(*lengths, **more):
 
 
 def timed(chain, north, factors=None, delays=None):
-    """Travel times and ends, s, of the legs where streams to the north are drawn."""
+    """Travel times and ends, s, of the legs, and which tasks are done, where streams to the north are drawn."""
     drawn = jnp.asarray(north, jnp.float32)
     own = UniformCurrent(drawn, 0.0 * drawn, 0.0 * drawn)
     rows = len(drawn), len(chain.task)
@@ -103,7 +103,7 @@ def timed(chain, north, factors=None, delays=None):
 
 def test_a_leg_takes_its_length_over_the_ground_speed():
     streams = np.asarray([0.5, 0.0, -0.5, -1.0])
-    travel, ends = timed(straight(600.0, 300.0), streams)
+    travel, ends, _ = timed(straight(600.0, 300.0), streams)
     np.testing.assert_allclose(travel, np.asarray([600.0, 300.0]) / (2.0 + streams)[:, None], rtol=1e-4)
     np.testing.assert_allclose(ends, 10.0 + np.cumsum(travel, axis=1), rtol=1e-5)
 
@@ -111,20 +111,21 @@ def test_a_leg_takes_its_length_over_the_ground_speed():
 def test_tasks_take_their_factor_and_legs_their_delay():
     chain = straight(600.0, 300.0, task=[100.0, 50.0])
     factors, delays = [[1.0, 1.0], [0.5, 2.0]], [[0.0, 0.0], [7.0, 3.0]]
-    travel, ends = timed(chain, [0.0, 0.0], factors, delays)
+    travel, ends, _ = timed(chain, [0.0, 0.0], factors, delays)
     np.testing.assert_allclose(ends[:, -1], [10.0 + 450.0 + 150.0, 10.0 + 460.0 + 150.0], rtol=1e-5)
     np.testing.assert_allclose(travel[1], [307.0, 153.0], rtol=1e-5)
 
 
 def test_a_vehicle_waits_for_a_window_and_goes_on_without_a_task_that_it_missed():
     chain = straight(600.0, 300.0, task=[100.0, 0.0], opens=[[400.0], [-np.inf]], closes=[[420.0], [np.inf]])
-    _, ends = timed(chain, [0.0, -0.8])
+    _, ends, done = timed(chain, [0.0, -0.8])
+    assert done.tolist() == [[True, True], [False, True]]
     assert ends[0, 0] == pytest.approx(500.0, abs=0.1)  # there at 310 s
     assert ends[1, 0] == pytest.approx(10.0 + 600.0 / 1.2, abs=0.1)  # there at 510 s, too late
 
 
 def test_a_leg_that_waits_for_its_path_is_not_begun_before():
-    _, ends = timed(straight(600.0, 300.0, leaves=[-np.inf, 450.0]), [0.0, -1.0])
+    _, ends, _ = timed(straight(600.0, 300.0, leaves=[-np.inf, 450.0]), [0.0, -1.0])
     assert ends[0, 1] == pytest.approx(450.0 + 150.0, abs=0.1)
     assert ends[1, 1] == pytest.approx(610.0 + 300.0, abs=0.1)
 
@@ -132,7 +133,7 @@ def test_a_leg_that_waits_for_its_path_is_not_begun_before():
 def test_surfacings_take_their_time_whatever_becomes_of_tasks():
     """Before each leg, also where the task at the last one was missed; and beside what tasks scatter."""
     chain = straight(600.0, 300.0, rises=[40.0, 70.0], task=[100.0, 0.0], closes=[[400.0], [np.inf]])
-    _, ends = timed(chain, [0.0, -0.8], factors=[[2.0, 1.0]] * 2)
+    _, ends, _ = timed(chain, [0.0, -0.8], factors=[[2.0, 1.0]] * 2)
     np.testing.assert_allclose(ends[0], [550.0, 550.0 + 70.0 + 150.0], rtol=1e-5)
     missed = 10.0 + 40.0 + 600.0 / 1.2
     np.testing.assert_allclose(ends[1], [missed, missed + 70.0 + 300.0 / 1.2], rtol=1e-4)
@@ -279,7 +280,8 @@ def test_seas_of_few_members_say_less():
     scattered, none = rng.normal(0.9, 0.1, 1000), np.zeros((2, 1000, 0))
     alike = np.linspace(0.7, 1.1, 5)[members] + 1e-6 * scattered
     wide, narrow = (
-        Outcomes(used, used[:, None], used, members, *none).interval for used in (alike, scattered)
+        Outcomes(used, used[:, None], used[:, None] > 0.0, used, members, *none).interval
+        for used in (alike, scattered)
     )
     assert wide[1] - wide[0] > 0.5
     assert narrow[1] - narrow[0] < 0.06
@@ -363,7 +365,7 @@ def drawn(stops, ways, available=100.0):
     stops, ways = np.asarray(stops, float), np.asarray(ways, float)
     home = (stops[:, : ways.shape[1]] + ways) / available
     members = np.zeros(len(stops), int)
-    return Outcomes(stops[:, -1], stops, stops[:, -1] / available, members, ways, home)
+    return Outcomes(stops[:, -1], stops, stops > 0.0, stops[:, -1] / available, members, ways, home)
 
 
 def test_late_vehicles_turn_back_at_the_first_stop_that_is_left_too_late():
@@ -373,6 +375,9 @@ def test_late_vehicles_turn_back_at_the_first_stop_that_is_left_too_late():
     assert rule.found.ends.tolist() == [95.0, 60.0, 90.0]
     assert rule.found.home.tolist() == [True, True, True]
     assert rule.priority == pytest.approx((7.0 + 1.0 + 3.0) / 3.0)
+    found.done[0, 1] = False  # its window was missed
+    again = turned(found, np.asarray([25.0, 60.0]), np.asarray([1.0, 2.0, 4.0, 0.0]))
+    assert again.priority == pytest.approx((5.0 + 1.0 + 3.0) / 3.0)
     assert found.home.tolist() == [True, False, False]
 
 
