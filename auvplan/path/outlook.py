@@ -179,7 +179,8 @@ def chain_times(
 
         return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
 
-    return jax.vmap(followed)(own, factors, delays)
+    travel, ends, done = jax.vmap(followed)(own, factors, delays)
+    return travel, ends, done
 
 
 @partial(compiled, static_argnames=("config",), quick=True)

@@ -81,7 +81,7 @@ def straight(*lengths, **more):
 
 
 def timed(chain, north, factors=None, delays=None):
-    """Travel times and ends, s, of the legs, and which tasks are done, where streams to the north are drawn."""
+    """Travel times and ends of legs, s, and which tasks are done, where streams to the north are drawn."""
     drawn = jnp.asarray(north, jnp.float32)
     own = UniformCurrent(drawn, 0.0 * drawn, 0.0 * drawn)
     rows = len(drawn), len(chain.task)
