@@ -9,10 +9,9 @@ import pytest
 
 import auvplan as ap
 from auvplan.navigation import Navigation
-from auvplan.path.cost import Track, evaluate, score
-from auvplan.path.problem import Problem
 from auvplan.path.risk import contact_bound, exposed
 from auvplan.runtime.compiled import compilations
+from tests.path.kernels import evaluate, score, through
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER
 
 KNOWN = Navigation(drift=0.02, current_error=0.03, fix=5.0)
@@ -27,9 +26,9 @@ def sea(**more) -> ap.Environment:
     return ap.Environment(ap.UniformCurrent(0.3, 0.2), **given)
 
 
-def plan(known: Navigation | None, env: ap.Environment | None = None, **more) -> ap.PathPlan:
+def plan(known: Navigation) -> ap.PathPlan:
     vehicle = ap.Vehicle(navigation=known)
-    return ap.plan_path(START, GOAL, env or sea(), vehicle, key=jax.random.key(1), config=CONFIG, **more)
+    return ap.plan_path(START, GOAL, sea(), vehicle, key=jax.random.key(1), config=CONFIG)
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +40,7 @@ def test_nothing_uncertain_changes_no_bit():
     env, vehicle = sea(), ap.Vehicle()
     exact = replace(vehicle, navigation=Navigation(confidence=0.0))
     habitats = jax.random.uniform(jax.random.key(2), (16, 3 * CONFIG.control_points), maxval=2000.0)
-    ends = jnp.asarray(START), jnp.asarray(GOAL), jnp.asarray(0.0)
-    scored = [score(habitats, Problem(*ends, env, one), CONFIG) for one in (vehicle, exact)]
+    scored = [score(habitats, START, GOAL, 0.0, env, one, CONFIG) for one in (vehicle, exact)]
     np.testing.assert_array_equal(*(np.asarray(part[0]) for part in scored))
     assert len(jax.tree.leaves(vehicle)) == len(jax.tree.leaves(exact)) - 6
 
@@ -57,16 +55,16 @@ def test_margins_are_wider_all_along(found):
     since = np.asarray(found.times - found.times[0], float)
     expected = np.sqrt(5.0**2 + (0.02 * 2.5 * since) ** 2 + (0.03 * since) ** 2)
     np.testing.assert_allclose(met.std, expected, rtol=1e-4)
-    assert found.travel_time > plan(None).travel_time
+    assert found.travel_time > plan(replace(KNOWN, confidence=0.0)).travel_time
 
 
 def test_excess_is_that_of_the_wider_margin(found):
-    track = Track.through(*(jnp.asarray(found.positions[:, k, None]) for k in range(3)))
+    track = through(*(jnp.asarray(found.positions[:, k, None]) for k in range(3)))
     env = sea()
     env = replace(env, obstacles=env.obstacles.resolved(env.current))
     near = Navigation(drift=0.1, fix=20.0)
-    exact = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(), CONFIG)
-    wide = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(navigation=near), CONFIG)
+    exact = evaluate(track, 0.0, env, ap.Vehicle(), CONFIG)
+    wide = evaluate(track, 0.0, env, ap.Vehicle(navigation=near), CONFIG)
     since = np.asarray(exact.times[1:] - exact.times[0], float)
     margin = CONFIG.coast_margin + 2.0 * np.hypot(20.0, 0.1 * 2.5 * since)
     excess = np.maximum(margin - np.asarray(exact.coast, float), 0.0) / 50.0
@@ -80,9 +78,9 @@ def test_bottom_lock_stops_the_error_of_the_current():
     depth = np.broadcast_to(np.where(north < 1000.0, 60.0, 200.0), (200, 200))
     env = sea(chart=None, obstacles=None, seabed=ap.Seabed.from_depth(depth, 10.0))
     x = np.linspace(100.0, 1900.0, 181)
-    track = Track.through(*(jnp.asarray(axis)[:, None] for axis in (x, 0.0 * x + 500.0, 0.0 * x + 30.0)))
+    track = through(*(jnp.asarray(axis)[:, None] for axis in (x, 0.0 * x + 500.0, 0.0 * x + 30.0)))
     known = Navigation(current_error=0.1, bottom_lock=50.0)
-    found = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(navigation=known), CONFIG)
+    found = evaluate(track, 0.0, env, ap.Vehicle(navigation=known), CONFIG)
     assert found.known is not None
     std, times = np.asarray(found.known.std)[:, 0], np.asarray(found.times)[1:, 0]
     locked = x[1:] < 990.0
@@ -155,5 +153,6 @@ def test_risk_by_chance_of_one_place_and_its_bounds():
     assert (np.diff(risks) <= 0.0).all()
 
 
-def test_a_vehicle_without_navigation_has_no_exposure():
-    assert exposed(plan(None)) is None
+def test_a_vehicle_without_navigation_has_no_exposure(found):
+    exact = replace(found.conditions, vehicle=ap.Vehicle())
+    assert exposed(replace(found, conditions=exact)) is None

@@ -16,12 +16,11 @@ from tests.path.kernels import curves, evaluate, leg, population, score, through
 
 CONFIG = ap.PathConfig(
     bbo=ap.bbo.BBOConfig(
-        population=24, iterations=10, replacement="greedy", mutation="gaussian", mutation_step=0.05
+        population=60, iterations=60, replacement="greedy", mutation="gaussian", mutation_step=0.05
     ),
     control_points=10,
     samples=64,
-    passages=4,
-    field_cells=24,
+    passages=0,
     refine_steps=20,
     passage_steps=30,
     finer=1,
