@@ -24,6 +24,8 @@ from tests.mission import naive
 
 SPEEDS, POWER = CHOICES[3], 40.0 + 20.0 * CHOICES[3] ** 3
 QUICK = MissionConfig.quick()
+#: A search without what takes longest to compile.
+BARE = QUICK.replace(seeds=0, plant=False, local_rounds=0)
 
 
 def case(seed: int) -> tuple[MissionGraph, float, float]:
@@ -92,7 +94,7 @@ def test_energy_is_saved_where_that_decides_between_routes_of_equal_priority() -
     found = [
         plan_mission(
             graph, 0, 7, 2.0 * time, speed=1.0, key=jax.random.key(0), energy_available=2.0 * energy,
-            config=QUICK.replace(saves=saves),
+            config=BARE.replace(saves=saves),
         )
         for saves in ("time", "energy")
     ]  # fmt: skip
@@ -128,7 +130,7 @@ def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
     table = Timetable(departures, options.travel_time[1], opens=opens, closes=closes)
     clocked = replace(graph.with_timetable(table), options=options)
     route = plan_mission(
-        clocked, 0, 7, 1.5 * time, speed=1.0, key=jax.random.key(0), energy_available=energy, config=QUICK
+        clocked, 0, 7, 1.5 * time, speed=1.0, key=jax.random.key(0), energy_available=energy, config=BARE
     )
     assert route.feasible
     now, spent = 0.0, 0.0

@@ -357,7 +357,7 @@ def test_bad_timetables_are_refused(change, message):
 def test_batches_equal_single_missions_and_compile_once():
     graphs = [clocked(seed, 0.1, 2, along=2, falls=2) for seed in range(20, 23)]
     keys = jax.random.split(jax.random.key(4), 3)
-    common = {"speed": 1.5, "config": QUICK}
+    common = {"speed": 1.5, "config": POOR}
     together = plan_missions(MissionGraph.stack(graphs), [0] * 3, [SIZE - 1] * 3, 1500.0, key=keys, **common)
     alone = [plan_mission(graphs[0], 0, SIZE - 1, 1500.0, key=keys[0], **common)]
     before = compilations()
