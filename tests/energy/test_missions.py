@@ -19,7 +19,6 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 PLAIN = scenario(
     mission=SMALL["mission"] | {"waypoints": 5, "neighbours": 3, "time_available": 4000},
-    planning=SMALL["planning"] | {"effort": "quick"},
 )
 
 

@@ -12,7 +12,7 @@ SMALL = {
     "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 300},
     "simulation": {"obstacles": {"static": 1, "afloat": 1, "self_motivated": 1}},
     "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
-    "planning": {"t_series": 3},
+    "planning": {"t_series": 3, "effort": "plain"},
 }
 
 

@@ -494,9 +494,9 @@ def test_settings_of_the_searches_are_those_of_preset_and_effort():
     alone = SMALL["mission"] | {"waypoints": 2}
     jobs = {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}
     for settings, first in (
-        (scenario(mission=alone), plain.replace(beam_width=plain.quicker().beam_width)),
-        (scenario(mission=alone | jobs), quick),
-        (scenario(), quick),
+        (scenario(mission=alone, planning={}), plain.replace(beam_width=plain.quicker().beam_width)),
+        (scenario(mission=alone | jobs, planning={}), quick),
+        (scenario(planning={}), quick),
         (planning(effort="plain"), plain),
         (planning(effort="full"), full),
     ):

@@ -19,7 +19,7 @@ from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.sea import VortexSea
 from auvplan.simulation.simulator import TIME_STEP, Course, simulate
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
-from tests.executive.small import scenario
+from tests.executive.small import SMALL, scenario
 
 
 def uniform_field(u, v):
@@ -94,7 +94,7 @@ def some_sea(interval=600.0, seed=0, error=0.05):
 def test_a_path_is_planned_anew_in_the_current_as_it_is_then():
     """The current changes at every look."""
     changing = {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 30}
-    settings = scenario(current=changing, planning={"t_series": 3, "window_change": 0})
+    settings = scenario(current=changing, planning=SMALL["planning"] | {"window_change": 0})
     run = ap.run_mission(settings, seed=0)
     later = [plan for leg in run.legs for plan in leg.plans if plan.cause != "leg"]
     assert later
