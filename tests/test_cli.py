@@ -25,6 +25,7 @@ LEG = {
     "current": {"vortices": 2, "layers": 1, "radius": [200, 400], "peak_speed": 0.6, "update_interval": 120},
     "simulation": {"obstacles": {"static": 1, "afloat": 0, "self_motivated": 0}},
     "mission": {"waypoints": 2, "start": [100, 100, 10], "goal": [1300, 1300, 10], "time_available": 3000},
+    "planning": {"effort": "plain"},
 }
 
 

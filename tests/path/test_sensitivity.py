@@ -152,6 +152,7 @@ def test_travel_times_are_traced_and_differentiated():
     )
     at = paths[0], env.current, vehicle, jnp.asarray(50.0)
 
+    @jax.jit
     def time(points, current, vehicle, depart):
         return ap.travel_time(points, replace(env, current=current), vehicle, depart)
 

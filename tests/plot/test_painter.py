@@ -43,11 +43,12 @@ def assert_drawn(paths, expected):
         np.testing.assert_array_equal(pixels(path), expected[path.name])
 
 
-def test_they_are_those_drawn_here(tmp_path, two_cores):
+@pytest.mark.parametrize("run", [BARE, pytest.param(RUN, marks=pytest.mark.slow)], ids=["one", "several"])
+def test_they_are_those_drawn_here(tmp_path, two_cores, run):
     with Painter() as painter:
-        painter.begin(RUN, tmp_path / "there")
+        painter.begin(run, tmp_path / "there")
         found = painter.finish()
-    assert_drawn(found, drawn(RUN, tmp_path / "here"))
+    assert_drawn(found, drawn(run, tmp_path / "here"))
 
 
 @pytest.mark.parametrize("begun", [False, pytest.param(True, marks=pytest.mark.slow)])
