@@ -71,7 +71,7 @@ class Tell:
 #: Of a vehicle that is started again it is not counted how late it is.
 PATIENT = {"late": 900.0}
 DRIFT = {"push": np.array([1.5, -1.5, 0.0]), "pushed": (100.0, 190.0)}
-FOREVER, LINK = (200.0, np.inf), {"lost": 1, "heard": 1}
+FOREVER = (200.0, np.inf)
 ALONE = "it surfaces 5 s after the last heartbeat"
 FULL, DENIED, NONE = Refused("it will not: no space"), Refused("denied"), Lost("no answer")
 NOT_STARTED = "no space; the vehicle was not started"

@@ -64,9 +64,12 @@ def naive_steepness(down, sinking, vehicle):
     return found
 
 
+at_place = jax.jit(lambda env, *at: jnp.stack(env.current(*at)))
+to_land = jax.jit(lambda chart, *place: chart.distance(*place))
+
+
 def naive_flight(habitat, env, vehicle, depart, config):
     """One path, segment by segment, in plain Python."""
-    current, distance = jax.jit(lambda *at: env.current(*at)), jax.jit(lambda *at: env.chart.distance(*at))
     free = config.control_points
     points = np.vstack([START, np.asarray(habitat).reshape(3, free).T, GOAL])
     path = basis_at(np.linspace(0, 1, config.samples), free + 2, config.degree) @ points
@@ -74,7 +77,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
     for a, b in pairwise(path):
         step = b - a
         gap = np.linalg.norm(step)
-        water = np.array([float(c) for c in current(*0.5 * (a + b), t)])
+        water = np.asarray(at_place(env, *0.5 * (a + b), t), float)
         along = water @ step / gap
         across = np.linalg.norm(water - along * step / gap)
         raw = along + np.sqrt(max(vehicle.speed**2 - across**2, (0.05 * vehicle.speed) ** 2))
@@ -87,7 +90,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
             turn = angle / (0.5 * (lasts + last[1]))
         coast = np.inf
         if env.chart is not None:
-            ends = [float(distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
+            ends = [float(to_land(env.chart, *p[:2])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
             coast = naive_between(*ends, np.linalg.norm(step[:2]))
         clear = np.inf
         o = env.obstacles
