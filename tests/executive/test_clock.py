@@ -20,6 +20,8 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 #: Of the task at the buoy: far later than the vehicle is there.
 OPENS, CLOSES = 1200.0, 1500.0
+#: Of its priority, from 3 to 2: before its window.
+FALLS = 900.0
 PLANNING = {"effort": "plain", "departures": 12}
 
 
@@ -27,7 +29,7 @@ def windowed(windows=((OPENS, CLOSES),), north=0.4, truth=None, wait="station", 
     """A channel with a buoy whose task has windows, and one whose task has none."""
     jobs = Jobs(
         (
-            JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0, windows),
+            JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0, windows, ((FALLS, 2.0),)),
             JobPoint("float", (600.0, -40.0, 8.0), 2.0),
         )
     )
@@ -42,8 +44,8 @@ def windowed(windows=((OPENS, CLOSES),), north=0.4, truth=None, wait="station", 
 def plan(light_search, tmp_path_factory):
     """A plan, and the file of its jobs for the checker."""
     folder = tmp_path_factory.mktemp("jobs")
-    rows = ["name,north,east,depth,priority,duration,from,to"]
-    rows += [f"buoy,300,40,5,3,60,{OPENS},{CLOSES + 60.0}", "float,600,-40,8,2,0,,"]
+    rows = ["name,north,east,depth,priority,duration,from,to,priority_after"]
+    rows += [f"buoy,300,40,5,3,60,{OPENS},{CLOSES + 60.0},{FALLS}/2", "float,600,-40,8,2,0,,,"]
     (folder / "jobs.csv").write_text("\n".join(rows))
     settings, area = windowed()
     return plan_scenario(settings, area=area, folder=folder)
@@ -55,12 +57,12 @@ def leg_to(run, name):
     return leg, float(leg.times[-1]) + leg.t_wait
 
 
-def test_a_plan_waits_for_its_window(plan):
+def test_a_plan_waits_for_its_window_though_the_priority_falls_before(plan):
     assert plan.success
     leg, begins = leg_to(plan, "buoy")
     assert begins == pytest.approx(OPENS)
     assert leg.t_wait > 300.0
-    assert plan.total_priority == 5.0
+    assert plan.total_priority == plan.routes[0].priority == 4.0, "its priority has fallen by then"
     assert check_dataset(plan.summary(), to_dataset(plan)).faults == []
 
 
@@ -172,14 +174,6 @@ def test_the_checker_sees_a_route_that_is_worth_something_else_at_the_times_it_e
     priority = dataset["route_priority"]
     faults = check_dataset(survey.summary(), dataset.assign(route_priority=priority + change)).faults
     assert f"route 0: its tasks are worth 7, its priority is given as {7 + change:g}" in faults
-
-
-def test_a_job_comes_after_the_fall_where_its_window_does(tmp_path):
-    jobs = Jobs((JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0, ((OPENS, CLOSES),), ((900.0, 2.0),)),))
-    _, area = windowed()
-    settings = channel(mission=CHANNEL["mission"] | {"jobs": "jobs.csv"}, planning=PLANNING)
-    run = plan_scenario(settings, area=replace(area, jobs=jobs))
-    assert run.total_priority == run.routes[0].priority == 2.0
 
 
 @pytest.mark.slow
