@@ -304,6 +304,15 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
     assert polish()["violations"].any()
 
 
+def test_a_goal_nearer_to_land_than_the_margin_is_stated():
+    """The leg is polished, and searched once more, in vain."""
+    goal = np.array([900.0, 1050.0 - 200.0 - 8.0, 60.0])
+    plan = ap.plan_path(START, goal, world(), key=jax.random.key(0), config=CONFIG)
+    assert plan.status is ap.PathStatus.COAST
+    np.testing.assert_allclose(plan.positions[-1], goal, atol=1e-2)
+    assert 0.0 < plan.clearance < CONFIG.coast_margin
+
+
 def test_without_passages_none_are_looked_for_again():
     """Not even for a path that breaks a limit."""
     config = CONFIG.replace(passages=0, finer=2, refine_steps=0, fine_steps=2, control_points=3)
