@@ -85,7 +85,7 @@ def plan_promises(
     """Plan a mission more and more surely: what it costs to be home in time.
 
     Args:
-        scenario: settings; `planning.promise` does not count.
+        scenario: settings; `planning.promise` and `planning.turn_back` do not count.
         seed, folder, area: as for `plan_scenario`.
         progress: called with how many plans are made, of how many.
 
