@@ -22,8 +22,8 @@ Array = NDArray[np.floating]
 #: the promise serves.
 _SHARES = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.965, 0.98, 0.99, 0.995, 0.999, 1.0)
 
-#: Samples that ways home are kept with, and what the keys of their plans are folded with.
-_SAMPLES, _WAYS = 33, 7003
+#: What the keys of plans of ways home are folded with.
+_WAYS = 7003
 
 
 def ways_home(mission: Mission, run: MissionRun) -> list[LegRecord | None]:
@@ -149,17 +149,14 @@ def turns(rule: Turned, ways: list[LegRecord | None], begins: float) -> tuple[Tu
     kept = []
     for number, (way, latest) in enumerate(zip(ways, rule.latest, strict=True)):
         if way is not None and np.isfinite(latest):
-            places = np.linspace(0.0, 1.0, _SAMPLES)
-            along = np.linspace(0.0, 1.0, len(way.positions))
-            axes = np.asarray(way.positions, float).T
-            points = np.stack([np.interp(places, along, axis) for axis in axes], axis=1)
+            points = np.asarray(way.positions, float).round(2).tolist()
             kept.append(
                 TurnBack(
                     number,
                     float(latest) - begins,
                     float((rule.at == number).mean()),
                     way.t_path,
-                    tuple(map(tuple, points.round(2).tolist())),
+                    tuple(map(tuple, points)),
                 )
             )
     return tuple(kept)

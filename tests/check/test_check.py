@@ -20,6 +20,7 @@ from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
+from auvplan.records import Promise, TurnBack
 from auvplan.site import Site
 from benchmarks.alterations import KINDS, altered, possible
 from tests.io.sample_run import WAYPOINTS, make_run, refused_leg
@@ -208,6 +209,27 @@ def test_land_between_two_samples_in_water():
     assert report.coast_clearance == 0.0
     assert not report.ok
     assert "on land" in str(report)
+
+
+def test_ways_home_are_looked_at():
+    """A way home along the first leg's track is as good as that; others lead over land or off the chart."""
+    run = over_a_bed()
+    good = run.legs[0].positions
+    land = 10.0 * np.argwhere(np.asarray(run.chart.passability) == 0.0)[0] + 5.0
+    ashore = np.asarray([good[0], [*land, 20.0], good[-1]])
+    deep, off = np.add(good, [0.0, 0.0, 50.0]), np.asarray([good[0], [-50.0, 500.0, 20.0]])
+    for places, words in (
+        (good, ""),
+        (ashore, "on land"),
+        (off, "outside the chart"),
+        (deep, "below the sea bed"),
+    ):
+        turn = TurnBack(0, 100.0, 0.5, 60.0, tuple(map(tuple, places.tolist())))
+        run.promise = Promise(0.9, 0.95, 0.93, 0.96, 1000, 1, (1.0, 2.0, 3.0), 0.0, (100.0,), 3.0, (turn,))
+        faults = check(run).faults
+        assert bool(faults) == bool(words)
+        assert all(fault.startswith("way home after leg 0") for fault in faults)
+        assert not words or any(words in fault for fault in faults)
 
 
 def moving_obstacle(run, track):
