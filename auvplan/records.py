@@ -308,6 +308,14 @@ class Promise:
         return self.asked is None or self.share >= self.asked
 
     @property
+    def summary(self) -> dict[str, Any]:
+        """Its figures as plain data, without the lines of ways home."""
+        figures = asdict(self)
+        for turn in figures["turns"]:
+            del turn["positions"]
+        return figures
+
+    @property
     def line(self) -> str:
         """One line for people."""
         of = f" from {self.members} members" if self.members > 1 else ""
@@ -701,7 +709,7 @@ class MissionRun(ReprMixin):
             **({} if self.risk is None else {"risk": self.risk}),
             "forecast": self.forecast(),
             **({} if (energy := self.energy) is None else {"energy": energy.summary()}),
-            **({} if self.promise is None else {"promise": asdict(self.promise)}),
+            **({} if self.promise is None else {"promise": self.promise.summary}),
             "scenario": self.scenario.get("name", ""),
             "seed": self.seed,
             "version": version("auvplan"),

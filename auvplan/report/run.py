@@ -60,7 +60,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "epoch": None if run.site is None else run.site.epoch,
         "figures": {name: summary[name] for name in _FIGURES},
         "energy": summary.get("energy"),
-        "promise": summary.get("promise"),
+        "promise": None if run.promise is None else asdict(run.promise),
         "warnings": list(stated.get("warnings", [])),
         "map": map_data(low, high, run.coast, run.seabed, run.site),
         "accuracy": stated.get("accuracy", 0.0),
