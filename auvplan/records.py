@@ -285,8 +285,8 @@ class Promise:
         ends: s after the departure, when the mission is over in 5, 50 and 95 % of the seas.
         left: share of time and energy that was kept back when its tasks were chosen, beside the reserves.
         latest: [L] s after the departure, until when each leg and its task have to be over for the rest to be
-            done in time as surely as asked, or in 95 % of the seas; with a rule, for the vehicle to go on.
-        priority: that is won in the mean of the seas, with a rule; None without one.
+            done in time as surely as asked, or in 95 % of those drawn; with a rule, for the vehicle to go on.
+        priority: that is won in the mean of the drawn seas, with a rule; None without one.
         turns: the rule, of each stop that has one.
     """
 

@@ -257,6 +257,14 @@ def test_bad_scenarios_are_one_line(tmp_path, refused, sections, expected):
     assert not list((tmp_path / "out").glob("*"))
 
 
+@pytest.mark.parametrize(("text", "expected"), [("[1, 2", "YAML"), ("- just\n- a list", "mapping")])
+def test_text_that_is_no_scenario(tmp_path, refused, text, expected):
+    (tmp_path / "bad.yaml").write_text(text)
+    err = refused("mission", tmp_path / "bad.yaml", "--out", tmp_path / "out")
+    assert "bad.yaml" in err
+    assert expected in err
+
+
 def test_what_is_not_there_or_in_the_way_is_named(tmp_path, refused):
     assert all(
         word in refused("mission", "nowhere", "--out", tmp_path / "out") for word in ("nowhere", "whitsunday")

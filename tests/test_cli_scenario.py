@@ -46,6 +46,15 @@ def test_faults_as_one_object(call, tmp_path):
     assert json.loads(out)["valid"] is True
 
 
+def test_the_line_of_the_first_fault_is_told_by_other_commands(refused, tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_text("\n" * 99 + "mission: {waypoints: 1, x: 1}\n")
+    assert refused("mission", path, "--out", tmp_path / "out") == (
+        f"auvplan: {path}:100: mission.waypoints: must be greater than or equal to 2, got 1 "
+        f"(and 1 more: auvplan validate {path} lists all)\n"
+    )
+
+
 def test_notes_are_stated(call, tmp_path):
     site = SmallSite(tmp_path / "site")
     site.bed(lambda data: data.assign(depth=data["depth"].assign_attrs(units="")))
@@ -56,6 +65,10 @@ def test_notes_are_stated(call, tmp_path):
         "note: the sea bed is taken at its datum: at low water there is less above it, which "
         "bathymetry.water_level would count",
     ]
+
+
+def test_a_shipped_scenario_is_valid_by_name(call):
+    assert call("validate", "scenario-1")[:2] == (0, "scenario-1: valid\n")
 
 
 def test_a_file_that_is_not_there(refused, tmp_path):

@@ -151,9 +151,8 @@ def plan_departures(
     if area is None:
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
-    asked = scenario.planning.promise is not None or scenario.planning.turn_back
     alone = scenario.mission.waypoints == 2 and area.jobs is None and scenario.vehicle.saw_tooth is None
-    if alone and not asked:
+    if alone and not scenario.planning.promises:
         legs = leaving(planning_context(scenario, folder, area), key, moments)
         return replace(_plan_legs(legs, progress), least=least)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]

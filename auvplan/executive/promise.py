@@ -64,7 +64,7 @@ def planned(mission: Mission, complete: Complete, judged: bool = False) -> Missi
         judged: whether the plan says how sure it is also where no promise is asked for.
     """
     rules = mission.context.rules
-    if judged or rules.promise is not None or rules.turn_back:
+    if judged or rules.promises:
         return plan_with_promise(mission, rules.promise, complete)
     complete(mission)
     return mission
@@ -125,13 +125,12 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
         ways = turning.ways_home(mission, run)
         found = outcomes(mission, run.done, prng.folded(mission.key, _CHOSEN_BY), ways)
         rules = turning.rules(found, run.t_available)
-        chosen = turning.keeping(found, safely, rules, _priorities(run))
-        number = next(k for k, latest in enumerate(rules) if latest is chosen.latest)
+        number, chosen = turning.keeping(found, safely, rules, _priorities(run))
         ruled.append((_worth(chosen.found.share, chosen.priority, safely), one, ways, rules[number:]))
     _, best, ways, rules = max(ruled, key=lambda one: one[0])
     run = best.mission.run
     judged = outcomes(mission, run.done, prng.folded(mission.key, _JUDGED_IN), ways)
-    rule = turning.keeping(judged, aim, rules, _priorities(run))
+    _, rule = turning.keeping(judged, aim, rules, _priorities(run))
     promise = promise_of(rule.found, mission, asked, best.kept)
     latest = np.asarray(promise.latest)
     latest[: len(rule.latest)] = np.minimum(rule.latest - mission.now, run.t_available - mission.now)

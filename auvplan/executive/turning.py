@@ -18,8 +18,8 @@ from auvplan.runtime import prng
 
 Array = NDArray[np.floating]
 
-#: Shares of the seas in which it is enough time to go on, that rules are tried with: the least that keeps
-#: the promise serves.
+#: Shares of the drawn seas in which it is enough time to go on, that rules are tried with: the least that
+#: keeps the promise serves.
 _SHARES = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.965, 0.98, 0.99, 0.995, 0.999, 1.0)
 
 #: What the keys of plans of ways home are folded with.
@@ -69,7 +69,7 @@ class Turned:
         latest: [K] s since the epoch, until when stops are left to go on; infinite where nothing is left out.
         at: [D] number of the leg at whose end the vehicle turns back; K where it does not.
         found: ends and shares of what is available, with the rule.
-        priority: mean over the seas.
+        priority: mean over the drawn ones.
     """
 
     latest: Array
@@ -98,8 +98,8 @@ def turned(found: Outcomes, latest: Array, priorities: Array) -> Turned:
 def latest_to_go_on(found: Outcomes, share: float, available: float) -> Array:
     """Return until when stops are left to go on, [K] s since the epoch.
 
-    Then a share of the seas leaves the time for the next leg, its task and the way home from there; past a
-    stop without a way home, for as many as it takes.
+    Then a share of those drawn leaves the time for the next leg, its task and the way home from there; past
+    a stop without a way home, for as many as it takes.
 
     Args:
         found: outcomes of the plan, and of its ways home from K stops.
@@ -129,19 +129,17 @@ def rules(found: Outcomes, available: float) -> list[Array]:
     return [latest_to_go_on(found, share, available) for share in _SHARES]
 
 
-def keeping(found: Outcomes, asked: float, tried: list[Array], priorities: Array) -> Turned:
-    """Return a plan's outcomes with the first of some rules that keeps a promise.
+def keeping(found: Outcomes, asked: float, tried: list[Array], priorities: Array) -> tuple[int, Turned]:
+    """Return the first of some rules that keeps a promise: its number, and a plan's outcomes with it.
 
-    Where none does, with the one that comes nearest.
+    Where none does, it is the one that comes nearest.
     """
-    nearest = None
-    for latest in tried:
-        one = turned(found, latest, priorities)
-        if one.found.share >= asked:
-            return one
-        nearest = one if nearest is None or one.found.share > nearest.found.share else nearest
-    assert nearest is not None
-    return nearest
+    with_rules = []
+    for number, latest in enumerate(tried):
+        with_rules.append(turned(found, latest, priorities))
+        if with_rules[-1].found.share >= asked:
+            return number, with_rules[-1]
+    return max(enumerate(with_rules), key=lambda one: one[1].found.share)
 
 
 def turns(rule: Turned, ways: list[LegRecord | None], begins: float) -> tuple[TurnBack, ...]:

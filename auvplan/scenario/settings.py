@@ -729,6 +729,11 @@ class PlanningSettings(Section):
         return self
 
     @property
+    def promises(self) -> bool:
+        """Whether plans are to say how sure they are to be home in time, and to see to it."""
+        return self.promise is not None or self.turn_back
+
+    @property
     def resolved(self) -> "PlanningSettings":
         """The same with the preset's values for what is absent."""
         preset = PRESETS[self.preset].items()

@@ -23,6 +23,7 @@ from tests.io.currents.samples import (
     fvcom,
     regular,
     roms,
+    ugrid,
     write,
 )
 from tests.io.refusals import refusal
@@ -188,3 +189,20 @@ def test_boxes_far_away_are_told_how_far():
     for data in (regular(), roms(), fvcom()):
         words, far = r"100% of the box is not covered: .*2\d{5} m .*north", Site(LON, LAT + 2.5)
         refusal(CurrentError, words, read_current, data, far, **BOX)
+
+
+@pytest.mark.parametrize("make", [ugrid, lambda: ugrid("face"), fvcom, regular])
+def test_at_its_own_points_the_current_is_the_files(make):
+    """All weight is on a point itself, whatever cell or triangle it is found in."""
+    data = make()
+    with open_ocean(data) as ocean:
+        lon, lat = ocean.longitude, ocean.latitude
+        if ocean.kind == "regular":
+            lon, lat = np.meshgrid(lon, lat)
+        depth = 25.0 if ocean.levels is None else 0.0  # FVCOM's middle layer, whose rounding is another
+        level = {"siglay": 1, "depth": 0}
+        for name, found in zip(
+            ocean.names.values(), ocean.at(lon, lat, depth, ocean.times[1])[:2], strict=False
+        ):
+            own = data[name].isel(time=1).isel(level, missing_dims="ignore").values
+            np.testing.assert_allclose(found, own, rtol=0.0, atol=1e-15 if ocean.levels is None else 0.0)
