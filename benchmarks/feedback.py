@@ -7,7 +7,6 @@ Both go through the same true currents: the forecast with an error made of vorti
 A vehicle is on time that reaches the goal within 5 % more than the plan says.
 """
 
-import itertools
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,7 +19,7 @@ from scipy.ndimage import map_coordinates
 import auvplan as ap
 from auvplan.ocean.currents import evaluated
 from benchmarks.harness import Array, available, clock, launch, show, track
-from benchmarks.promises import gaussian_vortices
+from benchmarks.promises import along_track, drawn_errors
 
 #: m, side of the area, and how near the goal is near enough; m/s through the water.
 SIDE, NEAR, SPEED = 3500.0, 40.0, 1.5
@@ -79,15 +78,11 @@ def steered(seed: int) -> list[dict[str, Any]]:
     env, vehicle = world(seed), ap.Vehicle(speed=SPEED)
     forecast = _forecast(env.current)
     rng = np.random.default_rng(90_000 + seed)
-    middles = rng.uniform(-2.0 * LENGTH, SIDE + 2.0 * LENGTH, (TRUTHS, 81, 2))
-    strength = rng.standard_normal((TRUTHS, 81))
-    places = rng.uniform(0.0, SIDE, (64, 2))
-    squares = [np.square(gaussian_vortices(*place, middles, strength, LENGTH)).mean() for place in places]
-    strength *= ERROR / np.sqrt(np.mean(squares))
+    erring = drawn_errors(rng, np.zeros(2), np.full(2, SIDE), TRUTHS, ERROR, LENGTH)
 
     def truth(north: Array, east: Array) -> tuple[Array, Array]:
         u, v = forecast(north, east)
-        du, dv = gaussian_vortices(north[:, None], east[:, None], middles, strength, LENGTH)
+        du, dv = erring(north[:, None], east[:, None])
         return u + du, v + dv
 
     made, plan = clock(partial(ap.plan_path, START, GOAL, env, vehicle, key=jax.random.key(seed)))
@@ -179,22 +174,15 @@ def _by_policy(least: Array, truth: Water, until: float) -> tuple[Array, Array]:
 
 
 def _on_track(path: Array, truth: Water) -> tuple[Array, Array]:
-    """Follow a planned track in D seas, as `_by_policy`; the vehicle crabs to hold it."""
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    along = np.r_[0.0, np.cumsum(steps)]
-    marks = np.linspace(0.0, along[-1], int(along[-1] / (SPEED * STEP)) + 1)
-    points = np.stack([np.interp(marks, along, axis) for axis in path.T], axis=1)
-    now, times = np.zeros(TRUTHS), np.full(TRUTHS, np.inf)
-    for a, b in itertools.pairwise(points):
-        gap = float(np.linalg.norm(b - a))
-        tangent, middle = (b - a) / gap, np.tile(0.5 * (a + b), (TRUTHS, 1))
-        north, east = truth(*middle.T)
-        with_it = north * tangent[0] + east * tangent[1]
-        across = north**2 + east**2 - with_it**2
-        now = now + gap / np.maximum(with_it + np.sqrt(np.maximum(SPEED**2 - across, 0.0)), 0.02 * SPEED)
-        if np.linalg.norm(b - GOAL[:2]) <= NEAR:
-            times = np.minimum(times, now)
-    return times, np.repeat(points[:, None], TRUTHS, axis=1)
+    """Follow a planned track [S, 2] m in D seas, as `_by_policy`, until the goal is near enough."""
+    last = int((np.linalg.norm(path - GOAL[:2], axis=1) <= NEAR).argmax())
+
+    def met(x: float, y: float, _: float, t: Array) -> tuple[Array, Array]:
+        return truth(np.full(len(t), x), np.full(len(t), y))
+
+    places = np.column_stack([path[: last + 1], np.zeros(last + 1)])
+    times = along_track(places, SPEED, np.zeros(TRUTHS), met)
+    return times, np.repeat(path[:, None], TRUTHS, axis=1)
 
 
 def _forecast(current: Any) -> Water:

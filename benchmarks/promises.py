@@ -129,7 +129,7 @@ def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray
     now, won, ends = np.zeros(TRUTHS), np.zeros(TRUTHS), np.full(TRUTHS, np.nan)
     turns = {turn.leg: turn for turn in run.promise.turns}
     for number, leg in enumerate(run.done):
-        now = _gone(
+        now = along_track(
             np.asarray(leg.positions, float), float(np.asarray(run.vehicle_on(leg).speed)), now, truth
         )
         now = now + leg.t_task * np.maximum(1.0 + TASK_ERROR * rng.standard_normal(TRUTHS), 0.0)
@@ -137,17 +137,17 @@ def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray
         won = won + np.where(going, leg.priority, 0.0)
         if (turn := turns.get(number)) is not None:
             speed = float(np.asarray(run.vehicle.speed))
-            home = _gone(np.asarray(turn.positions), speed, now, truth)
+            home = along_track(np.asarray(turn.positions), speed, now, truth)
             ends = np.where(going & (now > turn.latest), home, ends)
     return np.where(np.isnan(ends), now, ends), won
 
 
-def _gone(places: np.ndarray, speed: float, now: np.ndarray, truth: Truth) -> np.ndarray:
+def along_track(places: np.ndarray, speed: float, now: np.ndarray, truth: Truth) -> np.ndarray:
     """Return when a vehicle that begins a path [S, 3] m at times [D] s is at its end in D seas, [D] s."""
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))]
     marks = np.linspace(0.0, along[-1], int(np.clip(math.ceil(along[-1] / STEP), 1, STEPS)) + 1)
     points = np.stack([np.interp(marks, along, axis) for axis in places.T], axis=1)
-    pace = np.full(TRUTHS, speed)
+    pace = np.full(len(now), speed)
     for a, b in pairwise(points):
         gap = float(np.linalg.norm(b - a))
         if gap == 0.0:
@@ -247,20 +247,11 @@ def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
     known, (low, high) = mission.sea.forecast(), scenario.box
 
     def drawn(rng: np.random.Generator) -> Truth:
-        side = np.subtract(high, low)[:2] + 4.0 * LENGTH
-        count = max(int(np.prod(side) / LENGTH**2), 4)
-        centers = np.subtract(low, 2.0 * LENGTH)[:2] + rng.uniform(size=(TRUTHS, count, 2)) * side
-        strength = rng.standard_normal((TRUTHS, count))
-        # Far and wide the mean square of a component is what was asked for.
-        places = rng.uniform(low[:2], high[:2], (64, 2))
-        squares = [
-            np.mean(np.square(gaussian_vortices(*place, centers, strength, LENGTH))) for place in places
-        ]
-        strength *= ERROR / math.sqrt(float(np.mean(squares)))
+        erring = drawn_errors(rng, np.asarray(low)[:2], np.asarray(high)[:2], TRUTHS, ERROR, LENGTH)
 
         def truth(x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             u, v = looked_up(known, x, y, z, t)
-            du, dv = gaussian_vortices(x, y, centers, strength, LENGTH)
+            du, dv = erring(x, y)
             return u + du, v + dv
 
         return truth
@@ -274,13 +265,34 @@ def looked_up(current: Any, x: float, y: float, z: float, t: np.ndarray) -> tupl
     return u, v
 
 
-def gaussian_vortices(
-    x: float | np.ndarray, y: float | np.ndarray, centers: np.ndarray, strength: np.ndarray, length: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the current of Gaussian vortices [D, K] of one length, m, summed: m/s north and east [D]."""
-    north, east = x - centers[..., 0], y - centers[..., 1]
-    turn = strength * np.exp(-(north**2 + east**2) / (2.0 * length**2)) / length
-    return -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
+def drawn_errors(
+    rng: np.random.Generator, low: np.ndarray, high: np.ndarray, count: int, error: float, length: float
+) -> Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]:
+    """Draw errors of a current, each a sum of Gaussian vortices in a box and about it.
+
+    Args:
+        rng: consumed.
+        low, high: [2] m, north and east, corners of the box.
+        count: D errors.
+        error: m/s, root mean square of each component in the box.
+        length: m, of the vortices.
+
+    Returns:
+        Takes a place, m north and east, one or [D, 1] of them, and returns velocities [D] m/s.
+    """
+    side = high - low + 4.0 * length
+    vortices = max(int(np.prod(side) / length**2), 4)
+    centers = low - 2.0 * length + rng.uniform(size=(count, vortices, 2)) * side
+    strength = rng.standard_normal((count, vortices))
+
+    def erring(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        north, east = x - centers[..., 0], y - centers[..., 1]
+        turn = strength * np.exp(-(north**2 + east**2) / (2.0 * length**2)) / length
+        return -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
+
+    squares = [np.mean(np.square(erring(*place))) for place in rng.uniform(low, high, (64, 2))]
+    strength *= error / math.sqrt(float(np.mean(squares)))
+    return erring
 
 
 WORLDS = {"vortices": vortices, "ocean": ocean, "fjord": fjord}
