@@ -387,12 +387,13 @@ class _Executor:
         if place is None:
             self._say("note", "a current was reported before the vehicle's place is known: left out")
             return
-        offset = self._plan.correct_current(notice.velocity, place, self._now)
-        if offset is None:
+        found = self._plan.correct_current(notice.velocity, place, self._now)
+        if found is None:
             self._say("note", "a current was reported where there is no forecast: left out")
             return
-        words = ", ".join(f"{part:+.2f}" for part in offset)
-        self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
+        words = ", ".join(f"{part:+.2f}" for part in found.offset)
+        which = f"member {found.member}, {found.weight:.0%} probable," if found.member else "the forecast"
+        self._say("reported", f"current: {which} is moved by {words} m/s north, east, down")
         if self._now - self._measured >= _PAUSE:
             self._due, self._new, self._measured = "current", None, self._now
 

@@ -6,6 +6,7 @@ may still change, with what has been learnt since.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from auvplan.executive.surfacing import after_fix
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
+from auvplan.ocean.currents import SumCurrent
+from auvplan.ocean.ensemble import member_weights
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
@@ -27,6 +30,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import MemberSettings
 from auvplan.simulation.sea import Sea
 from auvplan.site import Site
 
@@ -41,6 +45,20 @@ _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
+
+
+class Correction(NamedTuple):
+    """What a measured current makes of the forecast.
+
+    Attributes:
+        offset: [3] m/s north, east, down, by which it is moved everywhere.
+        member: number of the member that fits what was measured best, from 1; 0 is the forecast itself.
+        weight: how probable that one is among them; 1 where there is no other.
+    """
+
+    offset: Array
+    member: int
+    weight: float
 
 
 @dataclass(frozen=True)
@@ -93,8 +111,10 @@ class RollingPlan:
         self._context = planning_context(scenario, folder, known, 0.0, ahead=False)
         self._context.places = _PLACES
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
-        self._forecast = self._first.sea.forecast()
-        self._first.sea = Sea(self._forecast)
+        forecast = self._first.sea.forecast()
+        self._forecasts = (forecast, *map(SumCurrent, self._context.area.members))
+        self._measured: tuple[tuple[Array, Array, float], ...] = ()
+        self._first.sea = Sea(forecast)
         self.reason, self._stop, self._task = "", 0.0, 0.0
         self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
 
@@ -215,20 +235,34 @@ class RollingPlan:
         self._added = added
         self._context.area = replace(self._context.area, obstacles=(*self._known, *added.values()))
 
-    def correct_current(self, measured: Array, position: Array, now: float) -> Array | None:
-        """Move the forecast by what it is off a measured current [3] m/s at [3] m.
+    def correct_current(self, measured: Array, position: Array, now: float) -> Correction | None:
+        """Count on what was measured: a current [3] m/s at [3] m.
+
+        Of several forecasts that one is planned in from now on which fits best what was measured up to now;
+        it is moved by what it is off the last.
 
         Returns:
-            The offset [3] m/s, or None where there is no forecast to compare with; nothing is changed then.
+            The correction, or None where there is no forecast to compare with; nothing is changed then.
         """
-        forecast, moment = self._forecast, (np.asarray(part, np.float32) for part in (*position, now))
+        weights, seen = np.ones(1), (*self._measured, (measured, position, now))
+        if len(self._forecasts) > 1:
+            errs = self._context.scenario.current.members or MemberSettings()
+            currents, places, times = (np.asarray(part, float) for part in zip(*seen, strict=True))
+            size = errs.error, errs.length, errs.duration
+            weights = member_weights(self._forecasts, currents[:, :2], places, times, *size)
+        member = int(weights.argmax())
+        forecast, moment = (
+            self._forecasts[member],
+            (np.asarray(part, np.float32) for part in (*position, now)),
+        )
         offset = measured - np.asarray([float(part) for part in forecast(*moment)])  # type: ignore[arg-type]
         if not np.isfinite(offset).all():
             return None
+        self._measured = seen
         for state in (self._first, *self.followed.states):
             state.sea = Sea(perturbed(forecast, offset=offset) if offset.any() else forecast)
             state.by_departure, state.sketches = None, {}
-        return offset
+        return Correction(offset, member, float(weights[member]))
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
         """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""

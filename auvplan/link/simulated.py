@@ -92,6 +92,7 @@ class SimulatedVehicle(VehicleLink):
         self._look = 0.0  # s, when the sensor looks next
         self._seen: dict[int, KnownObstacle] = {}  # what was reported on this leg, by row
         self._gone: list[str] = []  # names of what was reported on those before
+        self._measured = 1  # legs, when the current was measured last
         self._begin(0, self._place)
 
     @property
@@ -134,12 +135,18 @@ class SimulatedVehicle(VehicleLink):
         return self._report
 
     def read(self) -> Iterator[Notice]:
-        """Yield obstacles that its sensor sees where none was expected, and currents that are forecast."""
+        """Yield obstacles that its sensor sees where none was expected, and currents.
+
+        Where there are several forecasts, it measures the current at the beginning of every leg.
+        """
         now, sensors = self.now, self._context.scenario.sensors
         if self._is_silent:
             return
         while self._gone:
             yield GoneNotice(self._gone.pop())
+        if self._context.area.members and len(self._legs) > self._measured:
+            self._measured = len(self._legs)
+            yield CurrentNotice(self._moves()[-1])
         for fault in self._faults.due(CurrentStep, now):
             if fault.known:
                 yield CurrentNotice(self._moves()[-1])

@@ -1,18 +1,26 @@
-"""Currents that drawn seas are made of: random errors of a forecast, and fields that change in steps."""
+"""Currents that drawn seas are made of, and which of several forecasts fits what was measured."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp
 
-from auvplan.ocean.currents import Current, Velocity
+from auvplan.ocean.currents import Current, Velocity, evaluated
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, forecast_of
 from auvplan.runtime.compiled import compiled
 
 #: Waves that a random field is made of.
 _WAVES = 32
+
+#: m/s, by which a forecast is taken to err at least, and a measured current.
+_ERRS, _MEASURES = 0.05, 0.02
 
 
 @jax.tree_util.register_dataclass
@@ -70,6 +78,47 @@ def _random_fields(key: jax.Array, error: Any, length: Any, duration: Any, count
     # A wave's mean square is half of its speed's, and half of that is each component's.
     speed = jnp.full((count, 1), 2.0 * error / jnp.sqrt(float(_WAVES)))
     return RandomField(north / length, east / length, rate / duration, phase, speed)
+
+
+def member_weights(
+    members: Sequence[Current],
+    measured: ArrayLike,
+    positions: ArrayLike,
+    times: ArrayLike,
+    error: float,
+    length: float,
+    duration: float,
+) -> NDArray[np.floating]:
+    """Return how probable each of several forecasts is after currents were measured; all were alike before.
+
+    What was measured is a member and an error as of `random_fields`, of 0.05 m/s at least; measuring itself
+    errs by 0.02 m/s. What was measured where a member is not known does
+    not count.
+
+    Args:
+        members: M forecasts.
+        measured: [n, 2] m/s north and east.
+        positions: [n, 3] m, where.
+        times: [n] s, when.
+        error: m/s, root mean square by which each component errs.
+        length: m, over which that is much the same.
+        duration: s, the same in time.
+
+    Returns:
+        [M], of sum 1.
+    """
+    places, moments = np.asarray(positions, float), np.asarray(times, float)
+    x, y, z = places.T
+    found = (np.stack(evaluated(member, x, y, z, moments)[:2], axis=1) for member in members)
+    off = np.asarray(measured, float) - np.stack(list(found))
+    known = np.isfinite(off).all(axis=(0, 2))
+    off, places, moments = off[:, known], places[known, :2], moments[known]
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) / length
+    later = (moments[:, None] - moments) / duration
+    covariance = max(error, _ERRS) ** 2 * np.exp(-0.5 * (apart**2 + later**2))
+    factor = cho_factor(covariance + _MEASURES**2 * np.eye(len(moments)))
+    misfit = np.asarray([0.5 * float((one * cho_solve(factor, one)).sum()) for one in off])
+    return np.exp(-misfit - logsumexp(-misfit))
 
 
 @jax.tree_util.register_dataclass

@@ -16,6 +16,8 @@ from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
+from tests.executive.test_promise import STREAMS, channel_with
+from tests.executive.tide import stream
 from tests.link.scripted import SETTINGS, Fails, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -630,3 +632,28 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert found.states[-1].run.routes[0] is before.states[-1].run.routes[0]
     assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
+
+
+def test_a_measured_current_says_which_member_is_planned_in():
+    """The stream runs against the vehicle, as the third of four members has it: the rest takes as long."""
+    settings, area = channel_with(STREAMS, available=3000.0)
+    plan, late = RollingPlan(settings, 0, area=area), RollingPlan(settings, 0, area=replace(area, members=()))
+    assert plan.plan()
+    assert late.plan()
+    here, now = np.asarray(plan.legs[1].positions[0], float), float(plan.legs[1].times[0])
+    swing = float(stream(now, 1.0, 0.0)[0])
+    for north in (-0.52, -0.5):
+        found = plan.correct_current(np.asarray([swing * north, 0.0, 0.0]), here, now)
+        assert found is not None
+        assert found.member == 3
+        assert found.weight > 0.99
+        assert found.offset[0] == pytest.approx(swing * (north + 0.5), abs=1e-3)
+    there = plan.from_leg(1, now)
+    alone = late.correct_current(np.asarray([swing * -0.5, 0.0, 0.0]), here, now)
+    assert alone is not None
+    assert (alone.member, alone.weight) == (0, 1.0)
+    moved = late.from_leg(1, now)
+    assert there is not None
+    assert moved is not None
+    assert there.ends == pytest.approx(moved.ends, rel=0.02)
+    assert there.ends > plan.followed.ends + 100.0

@@ -4,9 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from auvplan.ocean.currents import UniformCurrent
-from auvplan.ocean.ensemble import SteppedCurrent, random_fields
+from auvplan.ocean.currents import UniformCurrent, as_current
+from auvplan.ocean.ensemble import SteppedCurrent, member_weights, random_fields
 from auvplan.ocean.vortices import LambVortices, random_vortices
 
 LENGTH, DURATION, ERROR = 2000.0, 7200.0, 0.2
@@ -74,3 +75,44 @@ def test_a_steady_current_in_steps_of_one_is_itself():
     u, v, _ = one(jnp.zeros(4), jnp.zeros(4), jnp.zeros(4), jnp.linspace(-1e3, 1e3, 4))
     np.testing.assert_allclose(u, 0.3)
     np.testing.assert_allclose(v, 0.1)
+
+
+#: Two places a length apart, and a third; of members, the velocities there.
+PLACES = np.asarray([[0.0, 0.0, 5.0], [LENGTH, 0.0, 5.0], [300.0, 900.0, 5.0]])
+TIMES = np.asarray([0.0, 600.0, 5000.0])
+STREAMS = [UniformCurrent(0.3, 0.0), UniformCurrent(0.1, 0.1), UniformCurrent(-0.2, 0.0)]
+
+
+def weights(measured, members=STREAMS, error=ERROR):
+    return member_weights(members, measured, PLACES, TIMES, error, LENGTH, DURATION)
+
+
+def test_members_are_weighed_as_by_the_density_of_their_errors():
+    measured = np.asarray([[0.25, 0.05], [0.2, 0.0], [0.1, 0.15]])
+    apart = np.linalg.norm(PLACES[:, None] - PLACES, axis=-1) / LENGTH
+    later = (TIMES[:, None] - TIMES) / DURATION
+    spread = ERROR**2 * np.exp(-0.5 * (apart**2 + later**2)) + 0.02**2 * np.eye(3)
+    density = [
+        np.prod([multivariate_normal(cov=spread).pdf(measured[:, k] - one) for k, one in enumerate(stream)])
+        for stream in ((0.3, 0.0), (0.1, 0.1), (-0.2, 0.0))
+    ]
+    np.testing.assert_allclose(weights(measured), density / np.sum(density), rtol=1e-5)
+
+
+def test_what_one_member_has_makes_it_the_likeliest():
+    for number, stream in enumerate(STREAMS):
+        found = weights(np.tile([stream.u, stream.v], (3, 1)), error=0.05)
+        assert found.sum() == pytest.approx(1.0)
+        assert found.argmax() == number
+    np.testing.assert_allclose(weights(np.zeros((3, 2)), [STREAMS[0]] * 4), 0.25)
+
+
+def test_where_a_member_is_not_known_nothing_is_learnt():
+    def north_of(x, y, z, t):
+        return jnp.where(x > 1000.0, 0.3, jnp.nan), 0.0 * x, 0.0 * x
+
+    members = [as_current(north_of), STREAMS[2]]
+    measured = np.asarray([[-0.2, 0.0], [0.3, 0.0], [-0.2, 0.0]])
+    assert weights(measured, members)[0] > 0.9  # the second place alone counts
+    nowhere = [as_current(lambda x, y, z, t: (jnp.nan * x, x, x)), STREAMS[2]]
+    np.testing.assert_allclose(weights(measured, nowhere), 0.5)
