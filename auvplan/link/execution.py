@@ -393,7 +393,7 @@ class _Executor:
             return
         words = ", ".join(f"{part:+.2f}" for part in found.offset)
         which = f"member {found.member}, {found.weight:.0%} probable," if found.member else "the forecast"
-        self._say("reported", f"current: {which} is moved by {words} m/s north, east, down")
+        self._say("reported", f"current: {which} is off by {words} m/s north, east, down")
         if self._now - self._measured >= _PAUSE:
             self._due, self._new, self._measured = "current", None, self._now
 

@@ -21,8 +21,9 @@ from auvplan.executive.surfacing import after_fix
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
-from auvplan.ocean.currents import SumCurrent
-from auvplan.ocean.ensemble import member_weights
+from auvplan.ocean.currents import SumCurrent, combine, partition
+from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
@@ -51,7 +52,7 @@ class Correction(NamedTuple):
     """What a measured current makes of the forecast.
 
     Attributes:
-        offset: [3] m/s north, east, down, by which it is moved everywhere.
+        offset: [3] m/s north, east, down, what was measured less that forecast.
         member: number of the member that fits what was measured best, from 1; 0 is the forecast itself.
         weight: how probable that one is among them; 1 where there is no other.
     """
@@ -235,32 +236,35 @@ class RollingPlan:
         self._added = added
         self._context.area = replace(self._context.area, obstacles=(*self._known, *added.values()))
 
-    def correct_current(self, measured: Array, position: Array, now: float) -> Correction | None:
+    def correct_current(self, velocity: Array, position: Array, now: float) -> Correction | None:
         """Count on what was measured: a current [3] m/s at [3] m.
 
-        Of several forecasts that one is planned in from now on which fits best what was measured up to now;
-        it is moved by what it is off the last.
+        Of several forecasts that one is planned in from now on which fits best what was measured up to now.
+        One on a grid is moved by its most probable error, where and when that is near what was measured; any
+        other by what it is off, everywhere.
 
         Returns:
             The correction, or None where there is no forecast to compare with; nothing is changed then.
         """
-        weights, seen = np.ones(1), (*self._measured, (measured, position, now))
-        if len(self._forecasts) > 1:
-            errs = self._context.scenario.current.members or MemberSettings()
-            currents, places, times = (np.asarray(part, float) for part in zip(*seen, strict=True))
-            size = errs.error, errs.length, errs.duration
-            weights = member_weights(self._forecasts, currents[:, :2], places, times, *size)
+        seen = (*self._measured, (velocity[:2], position, now))
+        measured = Measured(*(np.asarray(part, float) for part in zip(*seen, strict=True)))
+        errs = self._context.scenario.current.members or MemberSettings()
+        scale = ErrorScale(errs.error, errs.length, errs.duration)
+        weights = member_weights(self._forecasts, measured, scale) if len(self._forecasts) > 1 else np.ones(1)
         member = int(weights.argmax())
-        forecast, moment = (
-            self._forecasts[member],
-            (np.asarray(part, np.float32) for part in (*position, now)),
-        )
-        offset = measured - np.asarray([float(part) for part in forecast(*moment)])  # type: ignore[arg-type]
+        forecast, off = self._forecasts[member], measured.off(self._forecasts[member])
+        moment = (np.asarray(part, np.float32) for part in (*position, now))
+        offset = velocity - np.asarray([float(part) for part in forecast(*moment)])  # type: ignore[arg-type]
         if not np.isfinite(offset).all():
             return None
+        shared, own = partition(forecast)
+        if isinstance(shared, GriddedCurrent):
+            moved = combine(corrected(shared, off, measured, scale), own)
+        else:
+            moved = perturbed(forecast, offset=offset) if offset.any() else forecast
         self._measured = seen
         for state in (self._first, *self.followed.states):
-            state.sea = Sea(perturbed(forecast, offset=offset) if offset.any() else forecast)
+            state.sea = Sea(moved)
             state.by_departure, state.sketches = None, {}
         return Correction(offset, member, float(weights[member]))
 

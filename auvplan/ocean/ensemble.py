@@ -1,9 +1,9 @@
-"""Currents that drawn seas are made of, and which of several forecasts fits what was measured."""
+"""Currents that drawn seas are made of, and what currents that were measured say of forecasts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
 from auvplan.ocean.currents import Current, Velocity, evaluated
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, forecast_of
 from auvplan.runtime.compiled import compiled
 
@@ -20,7 +21,7 @@ from auvplan.runtime.compiled import compiled
 _WAVES = 32
 
 #: m/s, by which a forecast is taken to err at least, and a measured current.
-_ERRS, _MEASURES = 0.05, 0.02
+_ERRS, _MEASURES = 0.1, 0.02
 
 
 @jax.tree_util.register_dataclass
@@ -80,45 +81,86 @@ def _random_fields(key: jax.Array, error: Any, length: Any, duration: Any, count
     return RandomField(north / length, east / length, rate / duration, phase, speed)
 
 
-def member_weights(
-    members: Sequence[Current],
-    measured: ArrayLike,
-    positions: ArrayLike,
-    times: ArrayLike,
-    error: float,
-    length: float,
-    duration: float,
-) -> NDArray[np.floating]:
-    """Return how probable each of several forecasts is after currents were measured; all were alike before.
+class Measured(NamedTuple):
+    """Currents that were measured: [n, 2] m/s north and east at [n, 3] m and [n] s."""
 
-    What was measured is a member and an error as of `random_fields`, of 0.05 m/s at least; measuring itself
-    errs by 0.02 m/s. What was measured where a member is not known does
-    not count.
+    velocities: NDArray[Any]
+    positions: NDArray[Any]
+    times: NDArray[Any]
+
+    def off(self, forecast: Current) -> NDArray[np.floating]:
+        """[n, 2] m/s, less a forecast."""
+        x, y, z = self.positions.T
+        return self.velocities - np.stack(evaluated(forecast, x, y, z, self.times)[:2], axis=1)
+
+
+class ErrorScale(NamedTuple):
+    """How a forecast errs, as `random_fields`: by m/s in each component, much the same over m and s."""
+
+    error: float
+    length: float
+    duration: float
+
+    def factor(self, measured: Measured) -> Any:
+        """Return the covariance [n, n] of errors that were measured, as `cho_solve` takes it."""
+        apart = [_alike(axis, axis, self.length) for axis in measured.positions.T[:2]]
+        alike = apart[0] * apart[1] * _alike(measured.times, measured.times, self.duration)
+        return cho_factor(self.variance * alike + _MEASURES**2 * np.eye(len(alike)))
+
+    @property
+    def variance(self) -> float:
+        """(m/s)^2, of each component."""
+        return max(self.error, _ERRS) ** 2
+
+
+def _alike(some: ArrayLike, others: ArrayLike, scale: float) -> NDArray[np.floating]:
+    """Return the share [a, b] in which errors are alike, of such as lie apart along one axis alone."""
+    return np.exp(-0.5 * (np.subtract.outer(some, others) / scale) ** 2)
+
+
+def member_weights(members: Sequence[Current], measured: Measured, scale: ErrorScale) -> NDArray[np.floating]:
+    """Return how probable each of M forecasts is, [M] of sum 1, after currents were measured.
+
+    All were alike before. What is measured is a member, an error of that scale, of 0.1 m/s at least, and that
+    of measuring, 0.02 m/s. What was measured where a member is not known does not count.
+    """
+    off = np.stack([measured.off(member) for member in members])
+    known = np.isfinite(off).all(axis=(0, 2))
+    factor = scale.factor(Measured(*(part[known] for part in measured)))
+    misfit = np.asarray([0.5 * float((one * cho_solve(factor, one)).sum()) for one in off[:, known]])
+    return np.exp(-misfit - logsumexp(-misfit))
+
+
+def corrected(
+    forecast: GriddedCurrent, off: ArrayLike, measured: Measured, scale: ErrorScale
+) -> GriddedCurrent:
+    """Return a forecast and its most probable error, given what was measured.
+
+    Where and when nothing was measured near, by the error's length and duration or two cells of the grid, it
+    stays as it is. The error is the same at all depths; of a steady forecast it is that of the last moment.
 
     Args:
-        members: M forecasts.
-        measured: [n, 2] m/s north and east.
-        positions: [n, 3] m, where.
-        times: [n] s, when.
-        error: m/s, root mean square by which each component errs.
-        length: m, over which that is much the same.
-        duration: s, the same in time.
-
-    Returns:
-        [M], of sum 1.
+        forecast: on a grid.
+        off: [n, 2] m/s, of what was measured, less the forecast.
+        measured: where and when.
+        scale: of the error.
     """
-    places, moments = np.asarray(positions, float), np.asarray(times, float)
-    x, y, z = places.T
-    found = (np.stack(evaluated(member, x, y, z, moments)[:2], axis=1) for member in members)
-    off = np.asarray(measured, float) - np.stack(list(found))
-    known = np.isfinite(off).all(axis=(0, 2))
-    off, places, moments = off[:, known], places[known, :2], moments[known]
-    apart = np.linalg.norm(places[:, None] - places, axis=-1) / length
-    later = (moments[:, None] - moments) / duration
-    covariance = max(error, _ERRS) ** 2 * np.exp(-0.5 * (apart**2 + later**2))
-    factor = cho_factor(covariance + _MEASURES**2 * np.eye(len(moments)))
-    misfit = np.asarray([0.5 * float((one * cho_solve(factor, one)).sum()) for one in off])
-    return np.exp(-misfit - logsumexp(-misfit))
+    cell, step = np.asarray(forecast.spacing, float), np.diff(np.asarray(forecast.times, float))
+    scale = ErrorScale(
+        scale.error, max(scale.length, 2.0 * cell.max()), max(scale.duration, 2.0 * step.max(initial=0.0))
+    )
+    corner, counts = np.asarray(forecast.origin, float), forecast.u.shape[-2:]
+    times = measured.times[-1:] if forecast.steady else np.asarray(forecast.times, float)
+    alike = [
+        _alike(times, measured.times, scale.duration),
+        *(
+            _alike(corner[k] + cell[k] * np.arange(counts[k]), measured.positions[:, k], scale.length)
+            for k in range(2)
+        ),
+    ]
+    shares = scale.variance * cho_solve(scale.factor(measured), np.asarray(off, float))
+    error = np.einsum("tn,xn,yn,nc->ctxy", *alike, shares, optimize=True)[:, :, None].astype(np.float32)
+    return replace(forecast, u=forecast.u + error[0], v=forecast.v + error[1])
 
 
 @jax.tree_util.register_dataclass

@@ -7,7 +7,15 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from auvplan.ocean.currents import UniformCurrent, as_current
-from auvplan.ocean.ensemble import SteppedCurrent, member_weights, random_fields
+from auvplan.ocean.ensemble import (
+    ErrorScale,
+    Measured,
+    SteppedCurrent,
+    corrected,
+    member_weights,
+    random_fields,
+)
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.vortices import LambVortices, random_vortices
 
 LENGTH, DURATION, ERROR = 2000.0, 7200.0, 0.2
@@ -84,7 +92,7 @@ STREAMS = [UniformCurrent(0.3, 0.0), UniformCurrent(0.1, 0.1), UniformCurrent(-0
 
 
 def weights(measured, members=STREAMS, error=ERROR):
-    return member_weights(members, measured, PLACES, TIMES, error, LENGTH, DURATION)
+    return member_weights(members, Measured(measured, PLACES, TIMES), ErrorScale(error, LENGTH, DURATION))
 
 
 def test_members_are_weighed_as_by_the_density_of_their_errors():
@@ -101,7 +109,7 @@ def test_members_are_weighed_as_by_the_density_of_their_errors():
 
 def test_what_one_member_has_makes_it_the_likeliest():
     for number, stream in enumerate(STREAMS):
-        found = weights(np.tile([stream.u, stream.v], (3, 1)), error=0.05)
+        found = weights(np.tile([stream.u, stream.v], (3, 1)), error=0.1)
         assert found.sum() == pytest.approx(1.0)
         assert found.argmax() == number
     np.testing.assert_allclose(weights(np.zeros((3, 2)), [STREAMS[0]] * 4), 0.25)
@@ -116,3 +124,33 @@ def test_where_a_member_is_not_known_nothing_is_learnt():
     assert weights(measured, members)[0] > 0.9  # the second place alone counts
     nowhere = [as_current(lambda x, y, z, t: (jnp.nan * x, x, x)), STREAMS[2]]
     np.testing.assert_allclose(weights(measured, nowhere), 0.5)
+
+
+def on_a_grid(times=np.arange(0.0, 36_001.0, 3600.0)):
+    """A still current, at nodes 500 m apart, from -2 to 40 km."""
+    still = np.zeros((len(times), 2, 85, 85))
+    grid = {"origin": (-2000.0, -2000.0), "spacing": 500.0, "depths": (0.0, 20.0), "times": times}
+    return GriddedCurrent.from_arrays(still, still, **grid)
+
+
+def test_a_forecast_is_corrected_near_what_was_measured():
+    """By its most probable error: that of a Gaussian process (kriging), here of one measured current."""
+    measured = Measured(np.asarray([[0.3, -0.1]]), PLACES[:1], TIMES[:1])
+    field = corrected(on_a_grid(), measured.velocities, measured, ErrorScale(ERROR, LENGTH, DURATION))
+    kept = ERROR**2 / (ERROR**2 + 0.02**2)
+    for place, share in (
+        ((0.0, 0.0, 5.0, 0.0), 1.0),
+        ((LENGTH, 0.0, 5.0, 0.0), np.exp(-0.5)),
+        ((LENGTH, -1500.0, 15.0, 3600.0), np.exp(-0.5 * (1.0 + 0.75**2 + 0.25))),
+        ((3e4, 3e4, 5.0, 0.0), 0.0),
+        ((0.0, 0.0, 5.0, 36_000.0), 0.0),
+    ):
+        np.testing.assert_allclose(field(*place)[:2], kept * share * measured.velocities[0], atol=1e-5)
+
+
+def test_all_that_was_measured_is_met_where_it_was():
+    velocities = np.asarray([[0.25, 0.05], [0.2, 0.0], [0.1, 0.15]])
+    measured = Measured(velocities, np.round(PLACES / 500.0) * 500.0 + [0.0, 0.0, 5.0], np.zeros(3))
+    field = corrected(on_a_grid((0.0,)), velocities, measured, ErrorScale(0.5, LENGTH, DURATION))
+    found = [np.stack(field(*place, 0.0)[:2]) for place in measured.positions]
+    np.testing.assert_allclose(found, velocities, atol=0.01)
