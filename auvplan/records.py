@@ -255,14 +255,17 @@ class RouteRecord:
 
 @dataclass(frozen=True)
 class TurnBack:
-    """What a plan's rule says of one stop: left later than that, the vehicle goes to the destination.
+    """What a plan's rule says of one stop: left later than that, the vehicle leaves out what comes next.
+
+    Of several the one with the latest moment before counts.
 
     Attributes:
         leg: number of the leg that ends at the stop, from 0.
-        latest: s after the departure, until when the stop is left to go on as planned.
-        share: of the drawn seas, in which the vehicle turns back there.
-        takes: s, of the way from there to the destination, as planned.
+        latest: s after the departure, until when the stop is left to do otherwise.
+        share: of the drawn seas, in which the vehicle does this.
+        takes: s, of the way from there, as planned.
         positions: [S, 3] m along it.
+        past: number of the leg at whose end it leads on, past a task; None where it leads to the destination.
     """
 
     leg: int
@@ -270,6 +273,7 @@ class TurnBack:
     share: float
     takes: float
     positions: tuple[tuple[float, ...], ...]
+    past: int | None = None
 
 
 @dataclass(frozen=True)

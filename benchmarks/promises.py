@@ -121,25 +121,34 @@ def summary(sea: str, asked: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Follow a plan in D true seas; the vehicle crabs to hold its track, and turns back by the plan's rule.
+    """Follow a plan in D true seas; the vehicle crabs to hold its track, and leaves out what its rule says.
 
     Returns:
         ``(end [D] s, priority [D])``.
     """
-    now, won, ends = np.zeros(TRUTHS), np.zeros(TRUTHS), np.full(TRUTHS, np.nan)
-    turns = {turn.leg: turn for turn in run.promise.turns}
+    now, won, there = np.zeros(TRUTHS), np.zeros(TRUTHS), np.zeros(TRUTHS, int)
+    own, last = float(np.asarray(run.vehicle.speed)), len(run.done)
+
+    def task(seconds: float) -> np.ndarray:
+        return seconds * np.maximum(1.0 + TASK_ERROR * rng.standard_normal(TRUTHS), 0.0)
+
     for number, leg in enumerate(run.done):
-        now = along_track(
-            np.asarray(leg.positions, float), float(np.asarray(run.vehicle_on(leg).speed)), now, truth
-        )
-        now = now + leg.t_task * np.maximum(1.0 + TASK_ERROR * rng.standard_normal(TRUTHS), 0.0)
-        going = np.isnan(ends)
-        won = won + np.where(going, leg.priority, 0.0)
-        if (turn := turns.get(number)) is not None:
-            speed = float(np.asarray(run.vehicle.speed))
-            home = along_track(np.asarray(turn.positions), speed, now, truth)
-            ends = np.where(going & (now > turn.latest), home, ends)
-    return np.where(np.isnan(ends), now, ends), won
+        going = there == number
+        otherwise = [turn for turn in run.promise.turns if turn.leg == number - 1]
+        for turn in sorted(otherwise, key=lambda turn: -turn.latest):
+            late = going & (now > turn.latest)
+            going &= ~late
+            ends, priority, to = along_track(np.asarray(turn.positions), own, now, truth), 0.0, last
+            if turn.past is not None:
+                to, edge = turn.past + 1, (leg.start, run.done[turn.past].goal)
+                ends, priority = ends + task(run.graph.duration[edge]), run.graph.priority[edge]
+            now, won = np.where(late, ends, now), won + np.where(late, priority, 0.0)
+            there = np.where(late, to, there)
+        pace = float(np.asarray(run.vehicle_on(leg).speed))
+        ends = along_track(np.asarray(leg.positions, float), pace, now, truth) + task(leg.t_task)
+        now, won = np.where(going, ends, now), won + np.where(going, leg.priority, 0.0)
+        there = np.where(going, number + 1, there)
+    return now, won
 
 
 def along_track(places: np.ndarray, speed: float, now: np.ndarray, truth: Truth) -> np.ndarray:

@@ -3,9 +3,9 @@
 The vehicle keeps the tracks of its legs, at its speed through the water: what changes is when it arrives.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Mission
-from auvplan.path.outlook import Chain, chain_times, leg_times
-from auvplan.records import LegRecord, MissionRun
+from auvplan.path import PathConfig
+from auvplan.path.outlook import Chain, chain_times, leg_times, ruled_times
+from auvplan.records import LegRecord
 from auvplan.runtime import prng
 from auvplan.runtime.intervals import wilson
 from auvplan.simulation.draws import drawn_seas
@@ -38,8 +39,8 @@ class Outcomes:
         done: [D, L] whether each task is in time for its window.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
-        home_travel, home_used: [D, K] s, and shares as `used`, where the vehicle goes straight to the
-            destination from one of the first K stops; infinite where there is no way.
+        home, past: [D, K] s, that it takes straight to the destination from one of the first K stops, and
+            past the next task to the one after, that task included; infinite where there is no such way.
     """
 
     ends: Array
@@ -47,11 +48,11 @@ class Outcomes:
     done: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
-    home_travel: Array
-    home_used: Array
+    home: Array
+    past: Array
 
     @property
-    def home(self) -> NDArray[np.bool_]:
+    def in_time(self) -> NDArray[np.bool_]:
         """[D], whether the destination is reached in time, and with the energy that may be used."""
         return self.used <= 1.0
 
@@ -63,7 +64,7 @@ class Outcomes:
     @property
     def share(self) -> float:
         """In which it is home in time."""
-        return float(self.home.mean())
+        return float(self.in_time.mean())
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -72,7 +73,7 @@ class Outcomes:
         Seas of one member are alike: they count as fewer the more of what differs between seas is the
         member's (the design effect of a cluster sample; Kish, Survey Sampling, 1965, section 5.4).
         """
-        count, groups = len(self.home), int(self.members.max()) + 1
+        count, groups = len(self.used), int(self.members.max()) + 1
         alike = 0.0
         if groups > 1:
             means = np.bincount(self.members, self.used) / np.bincount(self.members)
@@ -83,9 +84,53 @@ class Outcomes:
         return float(low), float(high)
 
 
-def outcomes(
-    mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Sequence[LegRecord | None] = ()
-) -> Outcomes:
+class Ways(NamedTuple):
+    """Legs that may be gone in place of a plan's from the first K stops; None where there is none.
+
+    Attributes:
+        home: straight to the destination.
+        past: past the next task to the one after.
+    """
+
+    home: Sequence[LegRecord | None]
+    past: Sequence[LegRecord | None]
+
+
+class Rule(NamedTuple):
+    """What a plan leaves out where it is late.
+
+    Attributes:
+        on: [K] s since the epoch, until when stops are left to go on; infinite where nothing is left out.
+        past: [K] s, until when they are left past the next task; later it is straight to the destination.
+    """
+
+    on: Array
+    past: Array
+
+    def earlier(self, seconds: float) -> "Rule":
+        """Return the rule by which stops are left as much earlier."""
+        return Rule(self.on - seconds, self.past - seconds)
+
+
+@dataclass(frozen=True)
+class Ruled:
+    """How a plan with its rule goes in D seas.
+
+    Attributes:
+        rule: that is followed.
+        kind: [D, K], what is done at each stop: 0 the plan, 1 past the next task, 2 straight to the
+            destination; minus 1 where the vehicle does not come there.
+        found: ends and shares of what is available, with the rule.
+        priority: mean over the drawn ones.
+    """
+
+    rule: Rule
+    kind: NDArray[np.integer]
+    found: Outcomes
+    priority: float
+
+
+def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways | None = None) -> Outcomes:
     """Follow the legs of a plan in seas that are drawn.
 
     Besides the currents the times of tasks scatter, by `mission.duration_error`, and each leg is delayed by
@@ -96,82 +141,146 @@ def outcomes(
         mission: as it is before the first of the legs, in the forecast.
         legs: that are planned, in order.
         key: PRNG key, consumed.
-        ways: to the destination from the first K stops; None where there is none.
+        ways: that may be gone in place of them, followed as well.
     """
-    context, run = mission.context, mission.run
-    scenario, begins = context.scenario, mission.now
-    own = float(np.asarray(context.vehicle.speed))
-    chain, count = _chain(mission, legs, own), len(legs)
-    home = _chain(mission, [legs[k] if way is None else way for k, way in enumerate(ways)], own)
-    sea_key, chance = prng.parts(key, 2)
-    rng = prng.generator(chance)
-    detour = context.rules.detour * scenario.simulation.obstacles.total
-    forecast = mission.sea.forecast()
-    travels, overs, dones, members, homes = [], [], [], [], []
-    common = context.vehicle.without_transit(), context.path_config.only()
-    error = scenario.mission.duration_error
-    until = max(run.t_available, legs[-1].ends) if legs else begins
-
-    def delays(seas: int, size: int, count: int) -> Array:
-        drawn = rng.standard_exponential((seas, size)) * (np.arange(size) < count)
-        return (detour * drawn).astype(np.float32)
-
-    for number, seas in enumerate(drawn_seas(scenario, context.area, forecast, sea_key, SEAS, begins, until)):
-        size, sea = len(chain.task), (forecast, seas.shared, seas.own, common[0])
-        factors = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0).astype(np.float32)
-        late = delays(seas.count, size, count)
-        found = chain_times(chain, factors, late, np.float32(begins), *sea, config=common[1])
+    run, count, begins = mission.run, len(legs), mission.now
+    parts = [_chain(mission, legs), *([] if ways is None else _chains(mission, legs, ways)[1:])]
+    travels, overs, dones, members = [], [], [], []
+    others: list[list[Array]] = [[] for _ in parts[1:]]
+    for number, drawn in enumerate(_drawn(mission, legs, key, len(parts))):
+        (sea, config), factors, late = drawn
+        found = chain_times(parts[0], factors[0], late[0], np.float32(begins), *sea, config=config)
         travel, end, done = (np.asarray(part, float) for part in jax.device_get(found))
         dones.append(done[:, :count].astype(bool))
         travels.append(travel[:, :count])
-        overs.append(end[:, :count] if count else np.full((seas.count, 1), begins))
-        members.append(np.full(seas.count, number))
-        if ways:
-            leaves = np.zeros((seas.count, len(home.task)), np.float32)
-            leaves[:, : len(ways)] = end[:, : len(ways)]
-            late = delays(seas.count, len(home.task), len(ways))
-            back = leg_times(home, leaves, *sea, config=common[1])
-            homes.append(np.asarray(jax.device_get(back), float)[:, : len(ways)] + late[:, : len(ways)])
-    travel, stops = np.concatenate(travels), np.concatenate(overs)
-    over, available = stops[:, -1], run.t_available - begins
-    used = (over - begins) / available
-    spent = _energy_used(run, own, legs, travel)
-    used = used if spent is None else np.maximum(used, spent)
-    home_travel, home_used = np.zeros((len(over), 0)), np.zeros((len(over), 0))
-    if ways:
-        home_travel = np.concatenate(homes)
-        home_travel[:, [way is None for way in ways]] = np.inf
-        home_used = (stops[:, : len(ways)] + home_travel - begins) / available
-        for k, way in enumerate(ways):
-            if way is not None:
-                lasts = np.concatenate([travel[:, : k + 1], home_travel[:, k : k + 1]], axis=1)
-                spent = _energy_used(run, own, [*legs[: k + 1], way], lasts)
-                home_used[:, k] = home_used[:, k] if spent is None else np.maximum(home_used[:, k], spent)
-    members = np.concatenate(members)
-    return Outcomes(over, stops, np.concatenate(dones), used, members, home_travel, home_used)
+        overs.append(end[:, :count] if count else np.full((len(end), 1), begins))
+        members.append(np.full(len(end), number))
+        leaves = np.concatenate([np.full((len(end), 1), begins), end[:, :-1]], axis=1).astype(np.float32)
+        for kind, chain in enumerate(parts[1:], 1):
+            lasts = np.asarray(jax.device_get(leg_times(chain, leaves, *sea, config=config)), float)
+            others[kind - 1].append(lasts + late[kind] + factors[kind] * np.asarray(chain.task))
+    travel, stops, available = np.concatenate(travels), np.concatenate(overs), run.t_available - begins
+    used = (stops[:, -1] - begins) / available
+    if (spent := _energy_used(mission, legs)) is not None:
+        used = np.maximum(used, spent(travel))
+    elsewhere: list[Array] = [np.zeros((len(used), 0))] * 2
+    if ways is not None:
+        for kind, legs_of in enumerate(ways):
+            lasts = np.concatenate(others[1 - kind])[:, 1 : len(legs_of) + 1]
+            elsewhere[kind] = np.where([leg is None for leg in legs_of], np.inf, lasts)
+    return Outcomes(
+        stops[:, -1], stops, np.concatenate(dones), used, np.concatenate(members), elsewhere[0], elsewhere[1]
+    )
 
 
-def _energy_used(run: MissionRun, speed: float, legs: list[LegRecord], travel: Array) -> Array | None:
-    """Return the share [D] of the energy that may be used which legs take, or None where it is not limited.
+def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, rule: Rule) -> Ruled:
+    """Follow a plan by a rule in seas that are drawn; arguments as for `outcomes`."""
+    run, count, begins = mission.run, len(legs), mission.now
+    chains: Any = jax.tree.map(lambda *leaves: np.stack(leaves), *_chains(mission, legs, ways))
+    latest = np.full((len(chains.task[0]), 2), np.inf)
+    latest[1 : len(rule.on) + 1] = np.stack(rule, axis=1)
+    rows: list[tuple[Array, ...]] = []
+    members = []
+    for number, drawn in enumerate(_drawn(mission, legs, key, 3)):
+        (sea, config), factors, late = drawn
+        shared = np.float32(begins), *sea
+        found = ruled_times(chains, latest.astype(np.float32), factors, late, *shared, config=config)
+        rows.append(tuple(np.asarray(part, float)[:, :count] for part in jax.device_get(found)))
+        members.append(np.full(len(rows[-1][0]), number))
+    kind, travel, stops, done = (np.concatenate(part) for part in zip(*rows, strict=True))
+    kind, done = kind.astype(int), done.astype(bool)
+    used = (stops[:, -1] - begins) / (run.t_available - begins)
+    if (spent := _energy_used(mission, legs, ways)) is not None:
+        used = np.maximum(used, spent(travel, kind))
+    taken = [legs, [None, *ways.past], [None, *ways.home]]
+    won = np.zeros(len(used))
+    for which, some in enumerate(taken):
+        for number, leg in enumerate(some):
+            if leg is not None:
+                won += leg.priority * ((kind[:, number] == which) & done[:, number])
+    none = np.zeros((len(used), 0))
+    found = Outcomes(stops[:, -1], stops, done, used, np.concatenate(members), none, none)
+    return Ruled(rule, kind[:, 1 : len(rule.on) + 1], found, float(won.mean()))
 
-    Args:
-        run: its power model and battery.
-        speed: m/s through the water, where legs have none of their own.
-        legs: L legs, as planned.
-        travel: [D, L] s, that their paths take; the rest is as planned.
+
+def _drawn(
+    mission: Mission, legs: list[LegRecord], key: jax.Array, kinds: int
+) -> Iterator[tuple[tuple[tuple[Any, ...], PathConfig], Array, Array]]:
+    """Yield seas of each member, as `chain_times` takes them, with factors of tasks and delays of legs.
+
+    Of legs there are several `kinds` [kinds, D, L], with numbers of their own: those of the plan come first.
     """
+    context, run, begins = mission.context, mission.run, mission.now
+    scenario = context.scenario
+    sea_key, chance = prng.parts(key, 2)
+    rng = prng.generator(chance)
+    forecast, common = mission.sea.forecast(), context.vehicle.without_transit()
+    detour = context.rules.detour * scenario.simulation.obstacles.total
+    error, count = scenario.mission.duration_error, len(legs)
+    size = count + -count % _LEGS
+    until = max(run.t_available, legs[-1].ends) if legs else begins
+    for seas in drawn_seas(scenario, context.area, forecast, sea_key, SEAS, begins, until):
+        factors, late = np.ones((2, kinds, seas.count, size), np.float32)
+        for kind in range(kinds):
+            factors[kind] = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0)
+            late[kind] = detour * rng.standard_exponential((seas.count, size)) * (np.arange(size) < count)
+        yield ((forecast, seas.shared, seas.own, common), context.path_config.only()), factors, late
+
+
+def _energy_used(
+    mission: Mission, legs: list[LegRecord], ways: Ways | None = None
+) -> Callable[..., Array] | None:
+    """Return what gives the share [D] of the energy that may be used, or None where it is not limited.
+
+    It takes the travel times [D, L] s of legs, whose rest is as planned, and their kinds as `Ruled` has them,
+    those of the plan if absent.
+    """
+    run, own = mission.run, float(np.asarray(mission.context.vehicle.speed))
     power = run.vehicle.power
     if power is None or power.battery is None or not legs:
         return None
     whole = replace(run, legs=legs).energy
     assert whole is not None
-    watts = [float(power.power(speed if leg.speed is None else leg.speed)) for leg in legs]
-    more = ((travel - np.asarray([leg.t_path for leg in legs])) * watts).sum(axis=1) / WATT_HOUR
-    return (whole.total + more) / max(whole.total + whole.margin, 1e-9)
+    most = max(whole.total + whole.margin, 1e-9)
+
+    def figures(some: Sequence[LegRecord | None]) -> Array:
+        """[L, 3], of legs: energy as planned, Wh, s as planned, W; nothing of those that are none."""
+        rows = np.zeros((len(legs), 3))
+        for number, leg in enumerate(some):
+            if leg is not None:
+                alone = replace(run, legs=[leg]).energy
+                assert alone is not None
+                watts = float(power.power(own if leg.speed is None else leg.speed))
+                rows[number] = alone.total, leg.t_path, watts
+        return rows
+
+    kinds = [legs] if ways is None else [legs, [None, *ways.past], [None, *ways.home]]
+    known = np.stack([figures(some) for some in kinds])
+
+    def used(travel: Array, kind: NDArray[np.integer] | None = None) -> Array:
+        if kind is None:
+            more = ((travel - known[0, :, 1]) * known[0, :, 2]).sum(axis=1) / WATT_HOUR
+            return (whole.total + more) / most
+        planned, lasts, watts = np.moveaxis(known[kind, np.arange(len(legs))], -1, 0)
+        spent = planned + (travel - lasts) * watts / WATT_HOUR
+        left_out = whole.total - known[0, :, 0].sum()  # what legs have in common, such as turns between them
+        return (np.where(kind >= 0, spent, 0.0).sum(axis=1) + left_out) / most
+
+    return used
 
 
-def _chain(mission: Mission, legs: list[LegRecord], speed: float) -> Chain:
+def _chains(mission: Mission, legs: list[LegRecord], ways: Ways) -> list[Chain]:
+    """Return a plan's legs, those past a task, and those to the destination; for such as lack, the plan's."""
+    others = [
+        [*legs[:1], *(leg if way is None else way for leg, way in zip(legs[1:], some, strict=False))]
+        for some in (ways.past, ways.home)
+    ]
+    return [_chain(mission, [*some, *legs[len(some) :]]) for some in (legs, *others)]
+
+
+def _chain(mission: Mission, legs: list[LegRecord]) -> Chain:
     """Return planned legs for `chain_times`, padded by such as end where they begin."""
+    speed = float(np.asarray(mission.context.vehicle.speed))
     more = -len(legs) % _LEGS
     places = np.linspace(0.0, 1.0, _SAMPLES)
 

@@ -7,12 +7,14 @@ chosen, or turns back where it is late.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from auvplan.executive import turning
 from auvplan.executive.context import Mission
-from auvplan.executive.outcomes import SEAS, Array, Outcomes, outcomes
+from auvplan.executive.outcomes import SEAS, Outcomes, outcomes, ruled
+from auvplan.executive.turning import Stakes, turned
 from auvplan.records import MissionRun, Promise
 from auvplan.runtime import prng
 
@@ -119,21 +121,23 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
         return first.mission
     kept = dict.fromkeys(max(_needed(first, share), 0.0) for share in (0.5, 0.5 * (0.5 + aim), aim))
     tried = [first, *(planned_with(mission, one, complete) for one in kept if one > _ALIKE)]
-    ruled = []
+    found = []
     for one in (plan for plan in tried if plan.found is not None):
         run = one.mission.run
-        ways = turning.ways_home(mission, run)
-        found = outcomes(mission, run.done, prng.folded(mission.key, _CHOSEN_BY), ways)
-        rules = turning.rules(found, run.t_available)
-        number, chosen = turning.keeping(found, safely, rules, _priorities(run))
-        ruled.append((_worth(chosen.found.share, chosen.priority, safely), one, ways, rules[number:]))
-    _, best, ways, rules = max(ruled, key=lambda one: one[0])
-    run = best.mission.run
-    judged = outcomes(mission, run.done, prng.folded(mission.key, _JUDGED_IN), ways)
-    _, rule = turning.keeping(judged, aim, rules, _priorities(run))
+        ways = turning.ways_of(mission, run)
+        stakes = Stakes.of(mission, run, ways)
+        going = outcomes(mission, run.done, prng.folded(mission.key, _CHOSEN_BY), ways)
+        follow = partial(turned, going, stakes=stakes)
+        for rule in turning.rules(going, stakes):
+            one_ruled = turning.just_keeping(rule, safely, stakes, follow)
+            worth = _worth(one_ruled.found.share, one_ruled.priority, safely)
+            found.append((worth, one, ways, stakes, one_ruled.rule))
+    _, best, ways, stakes, rule = max(found, key=lambda one: one[0])
+    run, key = best.mission.run, prng.folded(mission.key, _JUDGED_IN)
+    rule = turning.keeping(rule, aim, stakes, lambda rule: ruled(mission, run.done, key, ways, rule))
     promise = promise_of(rule.found, mission, asked, best.kept)
-    latest = np.asarray(promise.latest)
-    latest[: len(rule.latest)] = np.minimum(rule.latest - mission.now, run.t_available - mission.now)
+    latest, until = np.asarray(promise.latest), run.t_available - mission.now
+    latest[: len(rule.rule.on)] = np.clip(rule.rule.on - mission.now, 0.0, until)
     run.promise = replace(
         promise,
         latest=tuple(latest.tolist()),
@@ -143,11 +147,6 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
     if not run.promise.kept:
         run.reason += f"; planning.promise {asked:g} is not kept: {run.promise.line} at best"
     return best.mission
-
-
-def _priorities(run: MissionRun) -> Array:
-    """[L], of the tasks at the ends of a plan's legs."""
-    return np.asarray([leg.priority for leg in run.done])
 
 
 def _surely(asked: float) -> float:
@@ -210,7 +209,7 @@ def promise_of(found: Outcomes, mission: Mission, asked: float | None, kept: flo
         found.share,
         low,
         high,
-        len(found.home),
+        len(found.in_time),
         members,
         tuple(ends),
         kept,

@@ -24,6 +24,9 @@ from auvplan.runtime import prng
 #: Departures of a mission at which edges are bent to the current.
 _BENDS = 5
 
+#: s of departures for which edges are timed where the time available is over.
+_LATE = 600.0
+
 #: s added for each visited waypoint on a way, so that the way passes as few of them as can be.
 _PASSED = 1e7
 
@@ -135,7 +138,10 @@ def _time_departures(mission: Mission) -> tuple[ByDeparture, float]:
     context = mission.context
     mission.sea.advance(mission.now)
     env = context.environment(mission.sea.forecast())
-    departures = np.linspace(mission.now, mission.run.t_available, context.rules.departures)
+    until = mission.run.t_available
+    if until <= mission.now:  # too late for all of them, but what is left is timed
+        until = mission.now + _LATE
+    departures = np.linspace(mission.now, until, context.rules.departures)
     at = env, context.vehicle, departures, effort(context.path_config)
     times, seconds = context.clock.time(
         lambda: mission.run.graph.times_at(*at, bends=_BENDS, **_ways(mission))

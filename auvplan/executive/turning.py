@@ -1,10 +1,15 @@
-"""Turning back: the rule by which a plan leaves out what it no longer has the time for.
+"""Rules by which a plan leaves out what it no longer has the time for.
 
-From a stop that is left too late the vehicle goes straight to the destination. A plan with this rule can ask
-for more than it surely has the time for, and still be home in time.
+From a stop that is left late the vehicle goes past the next task to the one after, or straight to the
+destination. A plan with such a rule can ask for more than it surely has the time for, and still be home in
+time. Rules are found backwards from the destination, over seas that are drawn (stochastic dynamic
+programming): at every stop and time that is done which wins most, less what coming late costs. The more that
+is, the surer the vehicle is home.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,47 +17,71 @@ from numpy.typing import NDArray
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
 from auvplan.executive.legs import begin_legs, finish, go_as_planned, unfit
-from auvplan.executive.outcomes import Outcomes
+from auvplan.executive.outcomes import Outcomes, Rule, Ruled, Ways
 from auvplan.records import LegRecord, MissionRun, TurnBack
 from auvplan.runtime import prng
 
 Array = NDArray[np.floating]
 
-#: Shares of the drawn seas in which it is enough time to go on, that rules are tried with: the least that
-#: keeps the promise serves.
-_SHARES = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.965, 0.98, 0.99, 0.995, 0.999, 1.0)
+#: What coming late costs, in shares of a plan's priority, that rules are made with.
+_COSTS = tuple((0.03 * 2.0 ** np.arange(11)).tolist())
 
-#: What the keys of plans of ways home are folded with.
-_WAYS = 7003
+#: Shares of the time by which stops are left later or earlier than by a rule at most, and times that what
+#: lies between is halved.
+_LATER, _EARLIER, _HALVED = 0.1, 0.5, 12
+
+#: The same, of rules that are close to keeping a promise.
+_STEPS = 0.001, 0.002, 0.004, 0.007, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2
+
+#: Moments at which a stop may be left that are told apart, and every which sea rules are made in.
+_MOMENTS, _SEAS = 300, 2
+
+#: Worth of what cannot be done; sums with it keep their digits.
+_NEVER = -1e6
+
+#: What the keys of plans of ways to the destination, and past a task, are folded with.
+_HOME, _PAST = 7003, 7004
 
 
-def ways_home(mission: Mission, run: MissionRun) -> list[LegRecord | None]:
-    """Plan a leg to the destination from every stop of a plan but the last two.
+def ways_of(mission: Mission, run: MissionRun) -> Ways:
+    """Plan a leg to the destination from every stop of a plan but the last two, and one past the next task.
 
-    From the last but one the plan itself goes there.
+    From the last but one the plan itself goes to the destination; past the last task that is the same.
 
     Args:
         mission: before the first leg of the plan, in the forecast, nothing simulated.
         run: the plan.
 
     Returns:
-        A leg each, begun when the stop is left as planned; None where there is no path.
+        Legs, begun when the stop is left as planned; None where there is no path.
 
     Raises:
-        ScenarioError: the vehicle's position grows uncertain, of which ways home know nothing.
+        ScenarioError: the vehicle's position grows uncertain, of which such legs know nothing.
     """
     if mission.context.navigation is not None:
         reason = "is not made for a vehicle whose position grows uncertain: take vehicle.navigation away"
         raise ScenarioError(reason, field="planning.turn_back")
-    stops = run.done[:-2]
-    if not stops:
+    legs, graph = run.done, run.graph
+    home = [LegRecord(stop.goal, run.goal, np.nan, 0.0, 0.0) for stop in legs[:-2]]
+    past = []
+    for stop, after in zip(legs[:-3], legs[2:-1], strict=True):
+        edge = stop.goal, after.goal
+        task = np.asarray(graph.adjacency)[edge] and not after.revisit and after.priority > 0.0
+        lasts, rho = (float(of[edge]) if task else 0.0 for of in (graph.duration, graph.priority))
+        under_way = mission.context.scenario.tasks_under_way
+        past.append(LegRecord(*edge, np.nan, 0.0 if under_way else lasts, rho))
+    return Ways(_planned(mission, run, home, _HOME), _planned(mission, run, past, _PAST))
+
+
+def _planned(mission: Mission, run: MissionRun, records: list[LegRecord], key: int) -> list[LegRecord | None]:
+    """Plan legs, one from each of the first stops of a plan; None where there is no path."""
+    if not records:
         return []
-    keys = [prng.folded(prng.folded(mission.key, _WAYS), number) for number in range(len(stops))]
+    keyed = prng.folded(mission.key, key)
     forks = [
-        mission.fork(now=stop.ends, here=stop.goal, run=run, key=key)
-        for stop, key in zip(stops, keys, strict=True)
+        mission.fork(now=stop.ends, here=stop.goal, run=run, key=prng.folded(keyed, number))
+        for number, (stop, _) in enumerate(zip(run.done, records, strict=False))
     ]
-    records = [LegRecord(stop.goal, run.goal, np.nan, 0.0, 0.0) for stop in stops]
     begin_legs(forks, records)
     fit = [not unfit(fork) for fork in forks]
     go_as_planned(forks)
@@ -61,100 +90,178 @@ def ways_home(mission: Mission, run: MissionRun) -> list[LegRecord | None]:
     return [record if good else None for record, good in zip(records, fit, strict=True)]
 
 
-@dataclass(frozen=True)
-class Turned:
-    """How a plan with its rule goes in D seas.
+class Stakes(NamedTuple):
+    """What a plan may win, and by when.
 
     Attributes:
-        latest: [K] s since the epoch, until when stops are left to go on; infinite where nothing is left out.
-        at: [D] number of the leg at whose end the vehicle turns back; K where it does not.
-        found: ends and shares of what is available, with the rule.
-        priority: mean over the drawn ones.
+        priorities: [L], of the tasks at the ends of its legs.
+        past: [K], of those at the ends of the legs past a task.
+        begins, available: s since the epoch, when it begins and when its time is over.
     """
 
-    latest: Array
-    at: NDArray[np.integer]
-    found: Outcomes
-    priority: float
+    priorities: Array
+    past: Array
+    begins: float
+    available: float
+
+    @classmethod
+    def of(cls, mission: Mission, run: MissionRun, ways: Ways) -> "Stakes":
+        """Those of a planned mission."""
+        priorities = np.asarray([leg.priority for leg in run.done])
+        past = np.asarray([0.0 if leg is None else leg.priority for leg in ways.past])
+        return cls(priorities, past, mission.now, run.t_available)
 
 
-def turned(found: Outcomes, latest: Array, priorities: Array) -> Turned:
-    """Apply a rule to a plan's outcomes.
+def rules(found: Outcomes, stakes: Stakes) -> list[Rule]:
+    """Return rules for a plan: one by which nothing is left out, and more as coming late costs more.
 
     Args:
-        found: outcomes of the plan, and of its ways home from K stops.
-        latest: [K] s since the epoch, until when stops are left to go on.
-        priorities: [L], of the plan's legs.
+        found: outcomes of the plan, and of its ways from K stops.
+        stakes: of the plan.
     """
-    rows, count, stops = np.arange(len(found.ends)), len(latest), found.stops
-    late = np.concatenate([stops[:, :count] > latest, np.ones((len(rows), 1), bool)], axis=1)
-    at = late.argmax(axis=1)
-    ends = np.concatenate([stops[:, :count] + found.home_travel, found.ends[:, None]], axis=1)[rows, at]
-    used = np.concatenate([found.home_used, found.used[:, None]], axis=1)[rows, at]
-    won = np.cumsum(priorities * found.done, axis=1)[rows, np.where(at < count, at, len(priorities) - 1)]
-    return Turned(latest, at, replace(found, ends=ends, used=used), float(won.mean()))
+    never = np.full(found.home.shape[1], np.inf)
+    costs = _COSTS if len(never) else ()
+    scale = max(float(stakes.priorities.sum()), 1.0)
+    return [Rule(never, never), *(_rule(found, stakes, scale * cost) for cost in costs)]
 
 
-def latest_to_go_on(found: Outcomes, share: float, available: float) -> Array:
-    """Return until when stops are left to go on, [K] s since the epoch.
+def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
+    """Return the rule that wins most, less what coming late costs; from the destination backwards."""
+    seas = slice(None, None, _SEAS)
+    moments = np.linspace(stakes.begins, stakes.available, _MOMENTS)
+    step, last = moments[1] - moments[0], found.stops.shape[1] - 1
+    won = stakes.priorities * found.done[seas]
+    lasts, home, past = np.diff(found.stops, axis=1)[seas], found.home[seas], found.past[seas]
 
-    Then a share of those drawn leaves the time for the next leg, its task and the way home from there; past
-    a stop without a way home, for as many as it takes.
+    def ahead(worth: Array, lasts: Array) -> Array:
+        """Worth [D, M] of what comes after as long in each sea; linear, late past the last moment."""
+        whole, part = np.divmod(lasts[:, None] / step, 1.0)
+        index = np.minimum(np.arange(_MOMENTS) + whole.astype(int), _MOMENTS)
+        late = np.concatenate([worth, np.full((len(worth), 2), -cost)], axis=1)
+        near, far = (np.take_along_axis(late, index + more, axis=1) for more in (0, 1))
+        return (1.0 - part) * near + part * far
+
+    there: Array = np.zeros(
+        (len(lasts), _MOMENTS)
+    )  # worth at the destination, and at each stop from the last on
+    nowhere: Array = np.full(there.shape, _NEVER)
+    worth: dict[int, Array] = {last: there}
+    until = np.full((2, home.shape[1]), np.inf)
+    for k in reversed(range(last)):
+        on = won[:, k + 1, None] + ahead(worth[k + 1], lasts[:, k])
+        if k >= home.shape[1]:
+            worth[k] = on
+            continue
+        back, skip = nowhere, nowhere
+        if np.isfinite(home[:, k]).all():
+            back = ahead(there, home[:, k])
+        if k < past.shape[1] and np.isfinite(past[:, k]).all():
+            skip = stakes.past[k] + ahead(worth[k + 2], past[:, k])
+        times = found.stops[seas, k]
+        here = [ahead(way, times - stakes.begins)[:, 0] for way in (on, skip, back)]
+        until[:, k] = until_when(times, *here)
+        goes_on, skips = np.searchsorted(moments, until[:, k], side="right")
+        worth[k] = np.concatenate([on[:, :goes_on], skip[:, goes_on:skips], back[:, skips:]], axis=1)
+    return Rule(*until)
+
+
+def until_when(times: Array, on: Array, past: Array, home: Array) -> tuple[float, float]:
+    """Return until when a stop is best left to go on, and past the next task, s.
 
     Args:
-        found: outcomes of the plan, and of its ways home from K stops.
-        share: in [0, 1]; 0 always goes on.
-        available: s since the epoch, when the time is over.
+        times: [D] s, when it is left.
+        on, past, home: [D], what it is worth to go on then, past a task and to the destination.
     """
-    stops, latest = found.stops, np.full(found.home_travel.shape[1], np.inf)
-    home = found.rest[:, len(latest)]  # from the stop after the last way: as planned
-    for k in reversed(range(len(latest))):
-        ahead = stops[:, k + 1] - stops[:, k] + home
-        way = found.home_travel[:, k]
-        home = ahead
-        if np.isfinite(way).all():
-            home = way
-            if share > 0.0:
-                latest[k] = available - np.quantile(ahead, share)
-    return latest
+    order = np.argsort(times)
+    sums = [np.concatenate([[0.0], np.cumsum(worth[order])]) for worth in (on, past, home)]
+    # The first n go on, those up to the m-th past the task.
+    rest = (sums[1] - sums[2])[::-1]
+    best = np.maximum.accumulate(rest)[::-1]
+    n = len(times) - int((sums[0] - sums[1] + best)[::-1].argmax())
+    m = len(times) - int(rest[: len(times) + 1 - n].argmax())
+    ordered = np.concatenate([[times.min() - 1.0], times[order], [np.inf]])
+    until = [0.5 * (ordered[k] + ordered[k + 1]) for k in (n, m)]
+    return until[0], until[1]
 
 
-def rules(found: Outcomes, available: float) -> list[Array]:
-    """Return rules for a plan, those that turn back more readily later: of each until when stops are left.
+def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
+    """Apply a rule to a plan's outcomes: what comes later takes as long as it did without the rule.
+
+    That is so but for currents that change meanwhile, windows and energy, which `outcomes.ruled` follows too.
 
     Args:
-        found: outcomes of the plan, and of its ways home from K stops.
-        available: s since the epoch, when the time is over.
+        found: outcomes of the plan, and of its ways from K stops.
+        rule: for it.
+        stakes: of the plan.
     """
-    return [latest_to_go_on(found, share, available) for share in _SHARES]
+    seas, count = found.home.shape
+    lasts, won_on = np.diff(found.stops, axis=1), stakes.priorities * found.done
+    now, won = found.stops[:, 0].copy(), won_on[:, 0].copy()
+    kinds, there = np.full((seas, count), -1), np.zeros(seas, int)
+    for k in range(lasts.shape[1]):
+        here, kind = there == k, np.zeros(seas, int)
+        if k < count:
+            kind = np.where(now <= rule.on[k], 0, np.where(now <= rule.past[k], 1, 2))
+            kinds[here, k] = kind[here]
+        go, skip, back = (here & (kind == one) for one in range(3))
+        now[go] += lasts[go, k]
+        won[go] += won_on[go, k + 1]
+        there[go] = k + 1
+        if k < found.past.shape[1]:
+            now[skip] += found.past[skip, k]
+            won[skip] += stakes.past[k]
+            there[skip] = k + 2
+        if k < count:
+            now[back] += found.home[back, k]
+            there[back] = lasts.shape[1]
+    used = (now - stakes.begins) / (stakes.available - stakes.begins)
+    return Ruled(rule, kinds, replace(found, ends=now, used=used), float(won.mean()))
 
 
-def keeping(found: Outcomes, asked: float, tried: list[Array], priorities: Array) -> tuple[int, Turned]:
-    """Return the first of some rules that keeps a promise: its number, and a plan's outcomes with it.
+def just_keeping(rule: Rule, asked: float, stakes: Stakes, follow: Callable[[Rule], Ruled]) -> Ruled:
+    """Return how a plan goes by a rule with its moments as much later or earlier as just keeps a promise.
 
-    Where none does, it is the one that comes nearest.
+    Where none keeps it, it is how it goes with the earliest.
     """
-    with_rules = []
-    for number, latest in enumerate(tried):
-        with_rules.append(turned(found, latest, priorities))
-        if with_rules[-1].found.share >= asked:
-            return number, with_rules[-1]
-    return max(enumerate(with_rules), key=lambda one: one[1].found.share)
+    if not np.isfinite(rule.past).any():
+        return follow(rule)
+    time = stakes.available - stakes.begins
+    low, high = -_LATER * time, _EARLIER * time
+    best = follow(rule.earlier(high))
+    for _ in range(_HALVED if best.found.share >= asked else 0):
+        middle = 0.5 * (low + high)
+        found = follow(rule.earlier(middle))
+        if found.found.share >= asked:
+            best, high = found, middle
+        else:
+            low = middle
+    return best
 
 
-def turns(rule: Turned, ways: list[LegRecord | None], begins: float) -> tuple[TurnBack, ...]:
+def keeping(rule: Rule, asked: float, stakes: Stakes, follow: Callable[[Rule], Ruled]) -> Ruled:
+    """Return how a plan goes by a rule that is close to keeping a promise, with its moments a little earlier.
+
+    Where none keeps it, it is the one by which it comes nearest.
+    """
+    best, time = follow(rule), stakes.available - stakes.begins
+    for share in _STEPS if np.isfinite(rule.past).any() else ():
+        if best.found.share >= asked:
+            break
+        best = max(best, follow(rule.earlier(share * time)), key=lambda one: one.found.share)
+    return best
+
+
+def turns(followed: Ruled, ways: Ways, begins: float) -> tuple[TurnBack, ...]:
     """Return a rule as it is kept with the plan, times counted from the departure."""
     kept = []
-    for number, (way, latest) in enumerate(zip(ways, rule.latest, strict=True)):
-        if way is not None and np.isfinite(latest):
-            points = np.asarray(way.positions, float).round(2).tolist()
-            kept.append(
-                TurnBack(
-                    number,
-                    float(latest) - begins,
-                    float((rule.at == number).mean()),
-                    way.t_path,
-                    tuple(map(tuple, points)),
-                )
-            )
+    for number, (on, past) in enumerate(zip(*followed.rule, strict=True)):
+        skips = past > on
+        both = ((1, ways.past[number] if skips else None, on), (2, ways.home[number], past))
+        for kind, way, latest in both:
+            if way is not None and np.isfinite(latest):
+                points = np.asarray(way.positions, float).round(2).tolist()
+                share = float((followed.kind[:, number] == kind).mean())
+                leads = None if kind == 2 else number + 2
+                times = max(float(latest) - begins, 0.0), share, way.t_path
+                kept.append(TurnBack(number, *times, tuple(map(tuple, points)), leads))
     return tuple(kept)

@@ -40,8 +40,10 @@ def geojson_text(itinerary: Itinerary) -> bytes:
     for number, track in enumerate(itinerary.executed, 1):
         add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
     for turn in itinerary.turns:
-        add("turn back", _line(np.asarray(turn.positions), site), {
+        kind, last = ("turn back", -1) if turn.past is None else ("skip", turn.past)
+        add(kind, _line(np.asarray(turn.positions), site), {
             "leg": turn.leg + 1, "from": itinerary.legs[turn.leg].goal_name,
+            "to": itinerary.legs[last].goal_name,
             "leave_later_than_s": round(turn.latest, 3),
             "leave_later_than": moment(site, turn.latest) if site.epoch else None,
             "takes_s": round(turn.takes, 3),

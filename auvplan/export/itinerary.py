@@ -160,7 +160,7 @@ class Itinerary:
         warnings: what a vehicle may not be able to follow, a line each.
         fence_points: points of fences that the autopilot holds.
         assumed: what was assumed or warned of in the scenario and its files, a line each.
-        turns: ways to the destination from stops that are left too late.
+        turns: ways past a task, or to the destination, from stops that are left too late.
         over_ground: whether vehicles are given the speed over ground that each line is planned to make, see
             `auvplan.export.speeds`; otherwise that through the water.
 

@@ -121,7 +121,7 @@ def _notes(run: MissionRun) -> list[str]:
         if (limit := getattr(run.vehicle, name)) is not None and stated.get(name) is not None
     ]
     if run.promise is not None and run.promise.turns:
-        notes.append("of the ways home from stops that are left too late GeoJSON alone has the lines")
+        notes.append("of the ways from stops that are left too late GeoJSON alone has the lines")
     if limits:
         notes.append(f"no file carries {', '.join(limits)}: the paths keep them, the vehicle must be set to")
     return notes

@@ -1,5 +1,6 @@
 """Re-evaluation of a followed plan in the current known now, and of a mission's legs in many drawn ones."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -167,20 +168,88 @@ def chain_times(
         current = combine(shared, own)
 
         def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, ...]]:
-            leg, expects, factor, delay = row
-            leaves = jnp.maximum(time + leg.rises, leg.leaves)
-            travel = leg.takes * taken(current, leg, leaves) / jnp.maximum(expects, 1e-3) + delay
-            arrives = leaves + travel
-            waits = jnp.where(arrives > leg.closes, jnp.inf, jnp.maximum(leg.opens - arrives, 0.0))
-            wait = waits.min(initial=jnp.inf)
-            done = jnp.isfinite(wait)
-            ends = arrives + jnp.where(done, wait + factor * leg.task, 0.0)
-            return ends, (travel, ends, done)
+            found = _gone(taken, current, time, *row)
+            return found[1], found
 
         return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
 
     travel, ends, done = jax.vmap(followed)(own, factors, delays)
     return travel, ends, done
+
+
+@partial(compiled, static_argnames=("config",), quick=True)
+def ruled_times(
+    chains: Chain,
+    latest: jax.Array,
+    factors: jax.Array,
+    delays: jax.Array,
+    begins: jax.Array,
+    forecast: Current,
+    shared: Current | None,
+    own: Current | None,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Follow a plan in D drawn currents, by a rule that leaves out what there is no time for.
+
+    Before each leg it is the leg itself that is gone, or one past the task at its end to the next, or one
+    straight to the destination.
+
+    Args:
+        chains: of the three kinds; leaves have a leading axis 3.
+        latest: [L, 2] s since the epoch, until when each leg of the plan is begun, and the one past its task.
+        factors: [3, D, L], of the times that tasks at the ends of these legs take.
+        delays: [3, D, L] s, that they take longer.
+        begins, forecast, shared, own, vehicle, config: as for `chain_times`.
+
+    Returns:
+        ``(kind, travel s, ends s since the epoch, done)``, [D, L] each: which of the legs is gone, minus 1
+        for none; how long it takes; when its task, or that of the leg before, is over; whether it is done.
+    """
+    taken = partial(_taken, vehicle=vehicle, config=config)
+    expected = jax.lax.map(
+        lambda legs: jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), legs), chains
+    )
+
+    def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, ...]:
+        current = combine(shared, own)
+
+        def go(state: tuple[jax.Array, ...], row: tuple) -> tuple[tuple, tuple[jax.Array, ...]]:
+            (time, past, home), (latest, *legs) = state, row
+            found = jax.lax.map(lambda leg: jnp.stack(_gone(taken, current, time, *leg)), tuple(legs))
+            kind = jnp.where(time <= latest[0], 0, jnp.where(time <= latest[1], 1, 2))
+            travel, ends, done = found[kind]
+            idle = past | home
+            state = jnp.where(idle, time, ends), ~idle & (kind == 1), home | (~idle & (kind == 2))
+            return state, (jnp.where(idle, -1, kind), travel, state[0], ~idle & (done > 0.0))
+
+        def by_leg(values: jax.Array) -> jax.Array:
+            return jnp.swapaxes(values, 0, 1)
+
+        rows = latest, *(jax.tree.map(by_leg, part) for part in (chains, expected, factors, delays))
+        return jax.lax.scan(go, (begins, jnp.bool_(False), jnp.bool_(False)), rows)[1]
+
+    kind, travel, ends, done = jax.vmap(followed, in_axes=(0, 1, 1))(own, factors, delays)
+    return kind, travel, ends, done
+
+
+def _gone(
+    taken: Callable[..., jax.Array],
+    current: Current,
+    time: jax.Array,
+    leg: Chain,
+    expects: jax.Array,
+    factor: jax.Array,
+    delay: jax.Array,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Go one leg from a time, s: how long it takes, when its task is over, and whether that is done."""
+    leaves = jnp.maximum(time + leg.rises, leg.leaves)
+    travel = leg.takes * taken(current, leg, leaves) / jnp.maximum(expects, 1e-3) + delay
+    arrives = leaves + travel
+    waits = jnp.where(arrives > leg.closes, jnp.inf, jnp.maximum(leg.opens - arrives, 0.0))
+    wait = waits.min(initial=jnp.inf)
+    done = jnp.isfinite(wait)
+    return travel, arrives + jnp.where(done, wait + factor * leg.task, 0.0), done
 
 
 @partial(compiled, static_argnames=("config",), quick=True)

@@ -681,8 +681,8 @@ class PlanningSettings(Section):
     )
     turn_back: bool = setting(
         False,
-        "whether a plan has a rule by which the vehicle goes straight to the destination from a stop that is "
-        "left too late; the promise is then that of plan and rule together",
+        "whether a plan has a rule by which the vehicle goes past the next task, or straight to the "
+        "destination, from a stop that is left too late; the promise is then that of plan and rule together",
     )
     return_margin: Preset[NotNegative] = optional(
         "share by which the way back is taken to last longer than expected; default 0.2 with travel times "

@@ -54,8 +54,8 @@ class Stop:
         speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
         latest: s since the departure, until when all here has to be over for the mission to be home in time
             as surely as it promises; None where it promises nothing.
-        way_home: s, of the way from here to the destination, that the vehicle takes when it leaves later;
-            None without such a rule.
+        otherwise: where the vehicle goes when it leaves later, until when, s since the departure, and s that
+            it takes there; the last one whenever. Empty without such a rule.
         position_std: m, standard deviation of the position along each horizontal axis on arrival; None where
             it is known exactly.
         risk: chance of touching coast or an obstacle on the leg to it, at most; None without that.
@@ -83,7 +83,7 @@ class Stop:
     transit: tuple[float, float, float] | None = None
     speed: float | None = None
     latest: float | None = None
-    way_home: float | None = None
+    otherwise: tuple[tuple[str, float, float], ...] = ()
     position_std: float | None = None
     risk: float | None = None
     fix: float | None = None
@@ -145,8 +145,8 @@ class MissionSheet:
             for stop in self.stops
         ]
         for stop in stops:
-            for name in ("speed", "latest", "way_home", "position_std", "risk", "fix"):
-                if stop[name] is None:
+            for name in ("speed", "latest", "otherwise", "position_std", "risk", "fix"):
+                if stop[name] is None or stop[name] == ():
                     del stop[name]
         return {
             "facts": self.facts,
@@ -168,7 +168,7 @@ class MissionSheet:
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
         headings += [
             "leave by",
-            "else home, s",
+            "otherwise",
             "depth, m",
             "transit, m",
             "window",
@@ -188,7 +188,7 @@ class MissionSheet:
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
                 stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
                 *(f"{moment:%H:%M:%S}" for moment in moments), self._latest(stop),
-                "" if stop.way_home is None else f"{stop.way_home:,.0f}",
+                self._otherwise(stop),
                 f"{stop.depth:.0f}", transit, stop.window,
                 *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
                 *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
@@ -203,10 +203,18 @@ class MissionSheet:
 
     def _latest(self, stop: Stop) -> str:
         """Return until when a stop has to be left, as the arrival there is given."""
-        if stop.latest is None:
-            return ""
-        later = timedelta(seconds=stop.latest - stop.arrival)
-        return hours(stop.latest) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
+        return "" if stop.latest is None else self._moment(stop, stop.latest)
+
+    def _otherwise(self, stop: Stop) -> str:
+        """Return where the vehicle goes from a stop that is left later."""
+        *first, last = stop.otherwise or (None,)
+        words = [f"to {to}, {takes:.0f} s, until {self._moment(stop, until)}" for to, until, takes in first]
+        return "; ".join([*words, f"to {last[0]}, {last[2]:.0f} s"] if last else [])
+
+    def _moment(self, stop: Stop, seconds: float) -> str:
+        """Return a time, s since the departure, as the arrival at a stop is given."""
+        later = timedelta(seconds=seconds - stop.arrival)
+        return hours(seconds) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
 
     def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
         hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
@@ -228,7 +236,7 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    *("latitude, longitude", "leave by", "else home, s", "transit, m", "window", "wait, s", "hold, s"),
+    *("latitude, longitude", "leave by", "otherwise", "transit, m", "window", "wait, s", "hold, s"),
     *("through water, m/s", "closed, m", "bed, m", "obstacle, m", "fix, s", "position, m", "risk"),
 )
 
@@ -250,8 +258,13 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     # Where the vehicle has arrived for good nothing is left to be late for.
     for number, latest in enumerate(run.promise.latest[:-1] if run.promise else ()):
         stops[number + 1] = replace(stops[number + 1], latest=latest)
-    for turn in run.promise.turns if run.promise else ():
-        stops[turn.leg + 1] = replace(stops[turn.leg + 1], way_home=turn.takes)
+    turns = run.promise.turns if run.promise else ()
+    for number in {turn.leg for turn in turns}:
+        here = sorted((turn for turn in turns if turn.leg == number), key=lambda turn: turn.latest)
+        until = [turn.latest for turn in here[1:]] + [math.inf]
+        goals = [run.goal if turn.past is None else run.done[turn.past].goal for turn in here]
+        ways = zip(map(run.place, goals), until, [turn.takes for turn in here], strict=True)
+        stops[number + 1] = replace(stops[number + 1], otherwise=tuple(ways))
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
@@ -297,9 +310,14 @@ def _promised(promise: Promise) -> str:
     over = f"over after {first} to {last} in 90 % of them, {middle} in the median"
     rule = ""
     if promise.priority is not None:
-        often = 100.0 * sum(turn.share for turn in promise.turns)
-        rule = "; from a stop that cannot be left in time straight to the destination, "
-        rule += f"in {often:.1f} % of them; priority {promise.priority:.1f} in the mean"
+        past, home = (
+            100.0 * sum(turn.share for turn in promise.turns if (turn.past is None) == home)
+            for home in (False, True)
+        )
+        rule = (
+            f"; what is late is left out: a task in {past:.1f} %, all that is left in {home:.1f} % of them, "
+        )
+        rule += f"priority {promise.priority:.1f} in the mean"
     return f"{promise.line}{asked}{back}; {over}{rule}"
 
 
@@ -414,6 +432,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         float(speeds.min()) if len(speeds) else 0.0,
         **margins.least(),
         place=place,
+        otherwise=(),
         travel=float(times[-1] - times[0]),
         transit=None if leg is None else leg_depths(times, places),
         speed=float(np.asarray(run.vehicle_on(leg).speed)) if leg is not None and run.speeds else None,

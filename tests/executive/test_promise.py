@@ -1,6 +1,5 @@
 """Promises: how sure a plan is to be home in time, and plans that keep back what that takes."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import jax
@@ -8,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
@@ -16,39 +15,23 @@ from auvplan.check.run import check_run
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
-from auvplan.executive.outcomes import Outcomes, outcomes
+from auvplan.executive.outcomes import Outcomes, Rule, outcomes
 from auvplan.executive.planning import leaving, plan_promises, planning_context
-from auvplan.executive.turning import latest_to_go_on, turned
+from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until_when
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
-from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.path import PathConfig
-from auvplan.path.outlook import Chain, chain_times, leg_times
+from auvplan.path.outlook import Chain, chain_times, leg_times, ruled_times
 from auvplan.records import Promise, TurnBack
 from auvplan.scenario.scenario import Scenario
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of
 from tests.executive.small import scenario
-from tests.executive.tide import CHANNEL, channel, tidal_area
+from tests.executive.tide import CHANNEL, STREAMS, channel, channel_with
 
 pytestmark = pytest.mark.usefixtures("light_search")
-
-#: Members of a forecast: the stream as it is, and weaker or against the vehicle.
-STREAMS = 0.3, 0.0, -0.5, -1.0
-
-JOBS = Jobs(
-    tuple(JobPoint(f"task {k}", (150.0 * k, 30.0 * (-1) ** k, 5.0), float(k), 60.0) for k in range(1, 7))
-)
-
-
-def channel_with(members=(), available=900.0, **sections):
-    """The channel with six tasks and other forecasts of its stream, and its area."""
-    mission = CHANNEL["mission"] | {"time_available": available} | sections.pop("mission", {})
-    area = replace(tidal_area(0.3, 0.0), jobs=JOBS)
-    others = tuple(tidal_area(north, 0.0).forecast for north in members)
-    return channel(mission=mission, **sections), replace(area, members=others)
 
 
 def mission_of(settings, area):
@@ -230,7 +213,7 @@ def test_plans_keep_what_they_promise_and_pay_for_it(plans):
 
 def test_the_promise_is_saved_with_the_plan(tmp_path):
     run = plan_scenario(scenario(), seed=1)
-    turns = (TurnBack(0, 310.5, 0.25, 80.0, ((0.0, 1.0, 5.0), (40.0, 2.5, 5.0))),)
+    turns = (TurnBack(0, 310.5, 0.25, 80.0, ((0.0, 1.0, 5.0), (40.0, 2.5, 5.0)), 1),)
     run.promise = Promise(0.7, 0.82, 0.71, 0.9, 1000, 4, (700.0, 750.0, 790.5), 0.05, (310.5,), 12.5, turns)
     save_run(run, tmp_path)
     assert restore_run(tmp_path).promise == run.promise
@@ -360,50 +343,130 @@ def test_departures_are_compared_by_plans_that_keep_the_promise():
         assert found.routes[number] == run.route
 
 
-def drawn(stops, ways, available=100.0):
-    """Outcomes of a plan whose stops [D, L] s are left at those times, and whose ways home [D, K] s take."""
-    stops, ways = np.asarray(stops, float), np.asarray(ways, float)
-    home = (stops[:, : ways.shape[1]] + ways) / available
+def drawn(stops, home, past=None, available=100.0):
+    """Outcomes of a plan whose stops [D, L] s are left at those times, and its ways [D, K] s."""
+    stops, home = np.asarray(stops, float), np.asarray(home, float)
+    past = np.full(home.shape, np.inf) if past is None else np.asarray(past, float)
     members = np.zeros(len(stops), int)
-    return Outcomes(stops[:, -1], stops, stops > 0.0, stops[:, -1] / available, members, ways, home)
+    return Outcomes(stops[:, -1], stops, stops > 0.0, stops[:, -1] / available, members, home, past)
 
 
-def test_late_vehicles_turn_back_at_the_first_stop_that_is_left_too_late():
-    found = drawn([[20, 50, 80, 95], [30, 70, 105, 130], [20, 65, 100, 120]], [[30, 25]] * 3)
-    rule = turned(found, np.asarray([25.0, 60.0]), np.asarray([1.0, 2.0, 4.0, 0.0]))
-    assert rule.at.tolist() == [2, 0, 1]
-    assert rule.found.ends.tolist() == [95.0, 60.0, 90.0]
-    assert rule.found.home.tolist() == [True, True, True]
-    assert rule.priority == pytest.approx((7.0 + 1.0 + 3.0) / 3.0)
+def stakes(*priorities, past=(0.0, 0.0), available=100.0):
+    return Stakes(np.asarray(priorities, float), np.asarray(past, float), 0.0, available)
+
+
+def test_late_vehicles_leave_out_what_the_rule_says():
+    """Of four one goes on, one goes home at once, one past a task, and one goes home from the second stop."""
+    stops = [[20, 50, 80, 95], [40, 70, 105, 130], [28, 65, 100, 120], [20, 65, 100, 120]]
+    found = drawn(stops, [[30, 25]] * 4, [[50, np.inf]] * 4)
+    rule = Rule(np.asarray([25.0, 60.0]), np.asarray([30.0, 60.0]))
+    won = stakes(1.0, 2.0, 4.0, 0.0, past=(4.0, 0.0))
+    ruled = turned(found, rule, won)
+    assert ruled.kind.tolist() == [[0, 0], [2, -1], [1, -1], [0, 2]]
+    assert ruled.found.ends.tolist() == [95.0, 70.0, 28.0 + 50.0 + 20.0, 90.0]
+    assert ruled.found.in_time.tolist() == [True] * 4
+    assert ruled.priority == pytest.approx((7.0 + 1.0 + 5.0 + 3.0) / 4.0)
     found.done[0, 1] = False  # its window was missed
-    again = turned(found, np.asarray([25.0, 60.0]), np.asarray([1.0, 2.0, 4.0, 0.0]))
-    assert again.priority == pytest.approx((5.0 + 1.0 + 3.0) / 3.0)
-    assert found.home.tolist() == [True, False, False]
+    assert turned(found, rule, won).priority == pytest.approx((5.0 + 1.0 + 5.0 + 3.0) / 4.0)
+    assert found.in_time.tolist() == [True, False, False, False]
 
 
-@given(st.integers(0, 10_000))
-def test_rules_that_want_more_time_turn_back_earlier_and_are_home_in_it(seed):
+def by_chance(seed, seas=300):
+    """A plan of five legs, and its ways from three stops, all of which scatter."""
     rng = np.random.default_rng(seed)
-    legs = rng.uniform(5.0, 30.0, 5) * rng.uniform(0.5, 2.0, (200, 5))
-    ways = rng.uniform(5.0, 30.0, 3) * rng.uniform(0.5, 2.0, (200, 3))
-    found = drawn(np.cumsum(legs, axis=1), ways)
-    shares = 0.0, 0.5, 0.9, 1.0
-    times = [latest_to_go_on(found, share, 100.0) for share in shares]
-    assert np.isinf(times[0]).all()
-    assert all((later <= sooner).all() for sooner, later in pairwise(times))
-    assert (turned(found, times[0], np.ones(5)).found.ends == found.ends).all()
-    # Who goes on at a stop by the last rule is home in time from the next one.
-    rule = turned(found, times[-1], np.ones(5))
-    on = found.stops[:, 0] <= times[-1][0]
-    assert (rule.found.ends[on & (rule.at == 1)] <= 100.0 + 1e-9).all()
+    legs = rng.uniform(5.0, 30.0, 5) * rng.uniform(0.5, 2.0, (seas, 5))
+    home, past = (rng.uniform(5.0, 30.0, 3) * rng.uniform(0.5, 2.0, (seas, 3)) for _ in range(2))
+    past[:, 2] = np.inf
+    priorities = rng.uniform(1.0, 5.0, 5)
+    priorities[-1] = 0.0
+    won = Stakes(priorities, np.asarray([*priorities[2:4], 0.0]), 0.0, 100.0)
+    return drawn(np.cumsum(legs, axis=1), home, past), won
 
 
-def test_past_a_stop_without_a_way_home_the_time_is_that_to_the_next():
-    ways = np.asarray([[30.0, np.inf, 10.0]] * 2)
-    found = drawn([[10, 20, 40, 60, 80], [12, 24, 48, 70, 85]], ways)
-    latest = latest_to_go_on(found, 1.0, 100.0)
-    assert latest[0] == pytest.approx(100.0 - (36.0 + 10.0))
-    assert np.isinf(latest[1])
+@settings(max_examples=20)
+@given(st.integers(0, 10_000))
+def test_the_more_it_costs_to_be_late_the_surer_the_vehicle_is_home(seed):
+    found, won = by_chance(seed)
+    never, *made = rules(found, won)
+    assert np.isinf(never).all()
+    alone = turned(found, never, won)
+    assert (alone.found.ends == found.ends).all()
+    assert alone.priority == pytest.approx(won.priorities.sum())
+    shares = [turned(found, rule, won).found.share for rule in made]
+    assert all(later >= sooner - 0.05 for sooner, later in pairwise(shares))
+    assert shares[-1] >= max(alone.found.share, np.mean(found.stops[:, 0] + found.home[:, 0] <= 100.0) - 0.05)
+    for rule in made:
+        assert (rule.on <= rule.past).all()
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10_000), st.sampled_from([0.5, 0.8, 0.95]))
+def test_a_rule_is_made_as_early_as_its_promise_needs(seed, asked):
+    found, won = by_chance(seed)
+    rule = rules(found, won)[4]
+    kept = just_keeping(rule, asked, won, lambda rule: turned(found, rule, won))
+    moved = np.isfinite(rule.past)
+    earlier = rule.past[moved] - kept.rule.past[moved]
+    if kept.found.share < asked:
+        assert not len(earlier) or earlier == pytest.approx(50.0)  # all that is tried
+    else:
+        assert not len(earlier) or np.ptp(earlier) < 1e-9
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10_000))
+def test_until_when_is_as_by_trying_all(seed):
+    rng = np.random.default_rng(seed)
+    times, worths = rng.uniform(0.0, 50.0, 6), rng.normal(size=(3, 6))
+    order = np.argsort(times)
+    most = max(
+        worths[0, order[:n]].sum() + worths[1, order[n:m]].sum() + worths[2, order[m:]].sum()
+        for m in range(7)
+        for n in range(m + 1)
+    )
+    on, past = until_when(times, *worths)
+    assert on <= past
+    kind = (times > on).astype(int) + (times > past)
+    assert worths[kind, np.arange(6)].sum() == pytest.approx(most)
+
+
+def test_nothing_is_left_out_where_there_is_no_other_way():
+    stops = [[10, 20, 40, 60, 120], [12, 24, 48, 70, 130]]
+    found = drawn(stops, [[np.inf] * 3] * 2)
+    for rule in rules(found, stakes(1.0, 1.0, 1.0, 1.0, 0.0, past=(0.0, 0.0, 0.0))):
+        assert np.isinf(rule.on).all()
+
+
+def test_a_rule_is_followed_leg_by_leg():
+    """Streams to the north; what is compared with goes on, past a task or home by hand."""
+    chains = [
+        straight(600.0, 300.0, 400.0, 200.0, task=[20.0, 30.0, 40.0, 0.0]),
+        straight(600.0, 650.0, 500.0, 200.0, task=[20.0, 40.0, 0.0, 0.0]),
+        straight(600.0, 250.0, 350.0, 200.0),
+    ]
+    latest = np.asarray([[np.inf] * 2, [360.0, 520.0], [470.0, 470.0], [np.inf] * 2], np.float32)
+    streams = np.asarray([0.3, 0.0, -0.4, -1.0, -1.2])
+    rng = np.random.default_rng(0)
+    factors, late = rng.uniform(0.5, 1.5, (2, 3, 5, 4))
+    late *= 10.0
+    stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *chains)
+    own = UniformCurrent(*(jnp.asarray(part, jnp.float32) for part in (streams, 0 * streams, 0 * streams)))
+    given = (np.asarray(part, np.float32) for part in (factors, late))
+    common = UniformCurrent(), None, own, Vehicle(speed=2.0)
+    found = ruled_times(stacked, latest, *given, np.float32(10.0), *common, config=PathConfig().only())
+    kinds, _, ends, _ = (np.asarray(part, float) for part in found)
+    for sea, stream in enumerate(streams):
+        time, leg, expected = 10.0, 0, np.full(4, -1)
+        while leg < 4:
+            kind = int(time > latest[leg, 0]) + int(time > latest[leg, 1])
+            chain, expected[leg] = chains[kind], kind
+            length = 2.0 * float(chain.takes[leg])
+            time += length / (2.0 + stream) + late[kind, sea, leg]
+            time += factors[kind, sea, leg] * float(chain.task[leg])
+            leg += (1, 2, 4)[kind]
+        assert kinds[sea].tolist() == expected.tolist()
+        assert ends[sea, -1] == pytest.approx(time, rel=1e-4)
+    assert {0, 1, 2} <= set(kinds.ravel().tolist())
 
 
 @pytest.fixture(scope="module")
@@ -423,19 +486,22 @@ def test_a_plan_that_turns_back_does_more_and_keeps_its_promise(plans, turning):
     assert plans[0.95].total_priority - 0.1 <= run.promise.priority < run.total_priority
     for turn in run.promise.turns:
         stop = run.done[turn.leg]
+        goal = run.goal if turn.past is None else run.done[turn.past].goal
         np.testing.assert_allclose(turn.positions[0], run.graph.positions[stop.goal], atol=0.1)
-        np.testing.assert_allclose(turn.positions[-1], run.graph.positions[run.goal], atol=0.1)
-        assert turn.latest == run.promise.latest[turn.leg] < run.t_available
+        np.testing.assert_allclose(turn.positions[-1], run.graph.positions[goal], atol=0.1)
+        assert run.promise.latest[turn.leg] <= turn.latest < run.t_available
         assert 0.0 <= turn.share <= 1.0
 
 
 def test_rules_stand_on_the_sheet_and_in_files(turning):
     run, _ = turning
     sheet = sheet_of(run)
-    assert "straight to the destination" in sheet.facts["promise"]
-    homes = {turn.leg + 1: turn.takes for turn in run.promise.turns}
-    assert {k: stop.way_home for k, stop in enumerate(sheet.stops) if stop.way_home is not None} == homes
-    assert "else home, s" in sheet.table()[0]
+    assert "what is late is left out" in sheet.facts["promise"]
+    for turn in run.promise.turns:
+        places = [name for name, _, _ in sheet.stops[turn.leg + 1].otherwise]
+        goal = run.goal if turn.past is None else run.done[turn.past].goal
+        assert run.place(goal) in places
+    assert "otherwise" in sheet.table()[0]
 
 
 def test_a_way_home_is_followed_as_a_leg_is():

@@ -1,9 +1,11 @@
 """Tidal streams for tests: the same everywhere, to and fro in time."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 
+from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
@@ -47,3 +49,19 @@ def tidal_area(
     )
     field = GriddedCurrent.from_arrays(u, v, origin=(-5e4, -5e4), spacing=1e5, times=times)
     return OperatingArea(site=site or Site(5.0, 60.0, EPOCH), forecast=field, truth=field)
+
+
+#: Members of a forecast: the stream as it is, and weaker or against the vehicle.
+STREAMS = 0.3, 0.0, -0.5, -1.0
+
+JOBS = Jobs(
+    tuple(JobPoint(f"task {k}", (150.0 * k, 30.0 * (-1) ** k, 5.0), float(k), 60.0) for k in range(1, 7))
+)
+
+
+def channel_with(members=(), available=900.0, **sections):
+    """The channel with six tasks and other forecasts of its stream, and its area."""
+    mission = CHANNEL["mission"] | {"time_available": available} | sections.pop("mission", {})
+    area = replace(tidal_area(0.3, 0.0), jobs=JOBS)
+    others = tuple(tidal_area(north, 0.0).forecast for north in members)
+    return channel(mission=mission, **sections), replace(area, members=others)

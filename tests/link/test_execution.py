@@ -16,8 +16,7 @@ from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
-from tests.executive.test_promise import STREAMS, channel_with
-from tests.executive.tide import stream
+from tests.executive.tide import CHANNEL, STREAMS, channel_with, stream
 from tests.link.scripted import SETTINGS, Fails, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -657,3 +656,18 @@ def test_a_measured_current_says_which_member_is_planned_in():
     assert moved is not None
     assert there.ends == pytest.approx(moved.ends, rel=0.03)
     assert there.ends > plan.followed.ends + 100.0
+
+
+def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clock():
+    """Travel times follow the tide; the rest is planned for a moment at which the time is over."""
+    planning = CHANNEL["planning"] | {"departures": 3}
+    settings, area = channel_with(available=3000.0, planning=planning)
+    plan = RollingPlan(settings, 0, area=area)
+    assert plan.plan()
+    here, now = np.asarray(plan.legs[2].positions[4], float), plan.run.t_available + 100.0
+    assert plan.correct_current(np.asarray([0.1, 0.0, 0.0]), here, now) is not None
+    assert plan.from_leg(2, now) is None
+    assert plan.reason
+    late = plan.from_position(2, here, now)
+    assert late is not None
+    assert late.ends > now

@@ -126,7 +126,7 @@ def test_where_a_member_is_not_known_nothing_is_learnt():
     np.testing.assert_allclose(weights(measured, nowhere), 0.5)
 
 
-def on_a_grid(times=np.arange(0.0, 36_001.0, 3600.0)):
+def on_a_grid(times=range(0, 36_001, 3600)):
     """A still current, at nodes 500 m apart, from -2 to 40 km."""
     still = np.zeros((len(times), 2, 85, 85))
     grid = {"origin": (-2000.0, -2000.0), "spacing": 500.0, "depths": (0.0, 20.0), "times": times}

@@ -204,7 +204,7 @@
     present.length && ["obstacles", "obstacles", "disc", present[0][1]],
     run.simulated && present.length && ["boundary", "their uncertainty boundaries", "halo", "quiet"],
     run.sensing && present.length && ["sensed", "sensed range", "ring", "sense"],
-    turns.length && ["home", "ways home where it is late", "dash", "earlier"],
+    turns.length && ["late", "ways where it is late", "dash", "earlier"],
     replanned.length && ["replans", "route re-planned", "square", "earlier"],
     ["waypoints", "waypoints", "disc", "task"],
     ["names", "names", "text", "text"],
@@ -261,7 +261,7 @@
     route: ["route", 1.6, "stroke-dasharray: 1.5 4"],
     way: ["track", 1.4, "opacity: 0.4"],
     earlier: ["earlier", 1.3, "stroke-dasharray: 7 5"],
-    home: ["earlier", 1.3, "stroke-dasharray: 7 5"],
+    late: ["earlier", 1.3, "stroke-dasharray: 7 5"],
     executed: ["track", 2.6],
     plan: ["plan", 2.8],
     boundary: ["quiet", 1, "fill: var(--quiet); fill-opacity: 0.2; stroke-dasharray: 2 3"],
@@ -300,7 +300,7 @@
     const target = number < 0 ? run.start : run.legs[number].to;
     const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
     for (const { positions } of turns)
-      show("home", "path", "home", { d: line(positions.length, (k) => [positions[k][1], positions[k][0]], x, y) });
+      show("late", "path", "late", { d: line(positions.length, (k) => [positions[k][1], positions[k][0]], x, y) });
     if (run.kind !== "leg" && run.simulated)
       show("route", "path", "route", { d: line(coming.length, node(coming), x, y) });
 
