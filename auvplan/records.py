@@ -289,7 +289,8 @@ class Promise:
         ends: s after the departure, when the mission is over in 5, 50 and 95 % of the seas.
         left: share of time and energy that was kept back when its tasks were chosen, beside the reserves.
         latest: [L] s after the departure, until when each leg and its task have to be over for the rest to be
-            done in time as surely as asked, or in 95 % of those drawn; with a rule, for the vehicle to go on.
+            done in time as surely as asked, or in 95 % of those drawn; with a rule, for the vehicle to go on,
+            and None where it always does.
         priority: that is won in the mean of the drawn seas, with a rule; None without one.
         turns: the rule, of each stop that has one.
     """
@@ -302,7 +303,7 @@ class Promise:
     members: int
     ends: tuple[float, float, float]
     left: float
-    latest: tuple[float, ...] = ()
+    latest: tuple[float | None, ...] = ()
     priority: float | None = None
     turns: tuple[TurnBack, ...] = ()
 

@@ -136,11 +136,11 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
     run, key = best.mission.run, prng.folded(mission.key, _JUDGED_IN)
     rule = turning.keeping(rule, aim, stakes, lambda rule: ruled(mission, run.done, key, ways, rule))
     promise = promise_of(rule.found, mission, asked, best.kept)
-    latest, until = np.asarray(promise.latest), run.t_available - mission.now
-    latest[: len(rule.rule.on)] = np.clip(rule.rule.on - mission.now, 0.0, until)
+    on = rule.rule.on - mission.now
+    until = [max(float(one), 0.0) if np.isfinite(one) else None for one in on]
     run.promise = replace(
         promise,
-        latest=tuple(latest.tolist()),
+        latest=(*until, *promise.latest[len(until) :]),
         priority=rule.priority,
         turns=turning.turns(rule, ways, mission.now),
     )

@@ -263,7 +263,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         here = sorted((turn for turn in turns if turn.leg == number), key=lambda turn: turn.latest)
         until = [turn.latest for turn in here[1:]] + [math.inf]
         goals = [run.goal if turn.past is None else run.done[turn.past].goal for turn in here]
-        ways = zip(map(run.place, goals), until, [turn.takes for turn in here], strict=True)
+        names = [waypoint_name(run, goal) for goal in goals]
+        ways = zip(names, until, [turn.takes for turn in here], strict=True)
         stops[number + 1] = replace(stops[number + 1], otherwise=tuple(ways))
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {

@@ -499,8 +499,7 @@ def test_rules_stand_on_the_sheet_and_in_files(turning):
     assert "what is late is left out" in sheet.facts["promise"]
     for turn in run.promise.turns:
         places = [name for name, _, _ in sheet.stops[turn.leg + 1].otherwise]
-        goal = run.goal if turn.past is None else run.done[turn.past].goal
-        assert run.place(goal) in places
+        assert ("goal" if turn.past is None else run.place(run.done[turn.past].goal)) in places
     assert "otherwise" in sheet.table()[0]
 
 
