@@ -44,6 +44,9 @@ _NONE = Allowance()
 #: mission by itself.
 _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 
+#: s between measured currents that count, and how many of them do beside the last.
+_OFTEN, _KEPT = 60.0, 200
+
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
 
@@ -86,6 +89,7 @@ class RollingPlan:
     Attributes:
         followed: the plan that is executed, from the first call of `plan` on.
         reason: how the last planning ended, in words.
+        measured: currents that count.
     """
 
     followed: Prospect
@@ -114,7 +118,7 @@ class RollingPlan:
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         forecast = self._first.sea.forecast()
         self._forecasts = (forecast, *map(SumCurrent, self._context.area.members))
-        self._measured: tuple[tuple[Array, Array, float], ...] = ()
+        self.measured = Measured(np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
         self._first.sea = Sea(forecast)
         self.reason, self._stop, self._task = "", 0.0, 0.0
         self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
@@ -246,8 +250,15 @@ class RollingPlan:
         Returns:
             The correction, or None where there is no forecast to compare with; nothing is changed then.
         """
-        seen = (*self._measured, (velocity[:2], position, now))
-        measured = Measured(*(np.asarray(part, float) for part in zip(*seen, strict=True)))
+        times, new = self.measured.times, (velocity[:2], position, now)
+        end = len(times) - bool(len(times) > 1 and times[-1] - times[-2] < _OFTEN)
+        kept = [part[:end][-_KEPT:] for part in self.measured]
+        measured = Measured(
+            *(
+                np.concatenate([part, np.asarray(one, float)[None]])
+                for part, one in zip(kept, new, strict=True)
+            )
+        )
         errs = self._context.scenario.current.members or MemberSettings()
         scale = ErrorScale(errs.error, errs.length, errs.duration)
         weights = member_weights(self._forecasts, measured, scale) if len(self._forecasts) > 1 else np.ones(1)
@@ -262,7 +273,7 @@ class RollingPlan:
             moved = combine(corrected(shared, off, measured, scale), own)
         else:
             moved = perturbed(forecast, offset=offset) if offset.any() else forecast
-        self._measured = seen
+        self.measured = measured
         for state in (self._first, *self.followed.states):
             state.sea = Sea(moved)
             state.by_departure, state.sketches = None, {}

@@ -671,3 +671,18 @@ def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clo
     late = plan.from_position(2, here, now)
     assert late is not None
     assert late.ends > now
+
+
+def test_currents_that_are_measured_all_the_time_count_once_a_minute():
+    """What is far back still says which member it is; work does not grow with what was measured."""
+    settings, area = channel_with(STREAMS, available=3000.0)
+    plan = RollingPlan(settings, 0, area=area)
+    assert plan.plan()
+    here, found = np.asarray([500.0, 0.0, 5.0]), None
+    for second in range(0, 900, 5):
+        north = -0.5 if second < 600 else -1.0  # the stream turns out weaker at last
+        velocity = np.asarray([float(stream(float(second), north, 0.0)[0]), 0.0, 0.0])
+        found = plan.correct_current(velocity, here, float(second))
+    assert found is not None
+    assert found.member in (3, 4)
+    assert len(plan.measured.times) in (15, 16, 17)
