@@ -129,20 +129,20 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
         going = outcomes(mission, run.done, prng.folded(mission.key, _CHOSEN_BY), ways)
         follow = partial(turned, going, stakes=stakes)
         for rule in turning.rules(going, stakes):
-            one_ruled = turning.just_keeping(rule, safely, stakes, follow)
-            worth = _worth(one_ruled.found.share, one_ruled.priority, safely)
-            found.append((worth, one, ways, stakes, one_ruled.rule))
+            goes = turning.just_keeping(rule, safely, stakes, follow)
+            worth = _worth(goes.found.share, goes.priority, safely)
+            found.append((worth, one, ways, stakes, goes.rule))
     _, best, ways, stakes, rule = max(found, key=lambda one: one[0])
     run, key = best.mission.run, prng.folded(mission.key, _JUDGED_IN)
-    rule = turning.keeping(rule, aim, stakes, lambda rule: ruled(mission, run.done, key, ways, rule))
-    promise = promise_of(rule.found, mission, asked, best.kept)
-    on = rule.rule.on - mission.now
+    goes = turning.keeping(rule, aim, stakes, lambda rule: ruled(mission, run.done, key, ways, rule))
+    promise = promise_of(goes.found, mission, asked, best.kept)
+    on = goes.rule.on - mission.now
     until = [max(float(one), 0.0) if np.isfinite(one) else None for one in on]
     run.promise = replace(
         promise,
         latest=(*until, *promise.latest[len(until) :]),
-        priority=rule.priority,
-        turns=turning.turns(rule, ways, mission.now),
+        priority=goes.priority,
+        turns=turning.turns(goes, ways, mission.now),
     )
     if not run.promise.kept:
         run.reason += f"; planning.promise {asked:g} is not kept: {run.promise.line} at best"

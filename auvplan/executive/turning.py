@@ -141,11 +141,9 @@ def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
         near, far = (np.take_along_axis(late, index + more, axis=1) for more in (0, 1))
         return (1.0 - part) * near + part * far
 
-    there: Array = np.zeros(
-        (len(lasts), _MOMENTS)
-    )  # worth at the destination, and at each stop from the last on
+    there: Array = np.zeros((len(lasts), _MOMENTS))  # worth at the destination
     nowhere: Array = np.full(there.shape, _NEVER)
-    worth: dict[int, Array] = {last: there}
+    worth: dict[int, Array] = {last: there}  # at each stop, from the last on
     until = np.full((2, home.shape[1]), np.inf)
     for k in reversed(range(last)):
         on = won[:, k + 1, None] + ahead(worth[k + 1], lasts[:, k])
