@@ -24,7 +24,7 @@ from benchmarks.harness import launch, show, track
 from benchmarks.promises import ocean
 
 #: What is made of a measured current.
-COUNTED_ON = "the forecast", "the forecast, moved", "the likeliest member, moved"
+COUNTED_ON = "the forecast", "the forecast, corrected", "the likeliest member, corrected"
 
 COLUMNS = {
     "counted on": "{counted_on}", "rms, m/s": "{rms:.2f}", "in time": "{in_time} of {missions}",
