@@ -156,7 +156,10 @@ def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
         if k < past.shape[1] and np.isfinite(past[:, k]).all():
             skip = stakes.past[k] + ahead(worth[k + 2], past[:, k])
         times = found.stops[seas, k]
-        here = [ahead(way, times - stakes.begins)[:, 0] for way in (on, skip, back)]
+        here = [
+            nowhere[:, 0] if way is nowhere else ahead(way, times - stakes.begins)[:, 0]
+            for way in (on, skip, back)
+        ]
         until[:, k] = until_when(times, *here)
         goes_on, skips = np.searchsorted(moments, until[:, k], side="right")
         worth[k] = np.concatenate([on[:, :goes_on], skip[:, goes_on:skips], back[:, skips:]], axis=1)

@@ -1,5 +1,6 @@
 """Promises: how sure a plan is to be home in time, and plans that keep back what that takes."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import jax
@@ -428,6 +429,19 @@ def test_until_when_is_as_by_trying_all(seed):
     assert on <= past
     kind = (times > on).astype(int) + (times > past)
     assert worths[kind, np.arange(6)].sum() == pytest.approx(most)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10_000))
+def test_what_cannot_be_done_is_in_no_rule(seed):
+    """Also in seas in which a stop is left only after the time is over."""
+    found, won = by_chance(seed)
+    late = replace(found, stops=found.stops + 40.0 * (np.arange(300) % 7 == 0)[:, None])
+    for rule in rules(late, won):
+        assert rule.on[2] == rule.past[2]  # there is no way past the last task
+    ended = replace(late, home=np.full(late.home.shape, np.inf))
+    for rule in rules(ended, won):
+        assert np.isinf(rule.past).all()
 
 
 def test_nothing_is_left_out_where_there_is_no_other_way():
