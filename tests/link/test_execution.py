@@ -633,12 +633,17 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
 
 
+def in_the_channel(members):
+    """A plan among six tasks in a stream, with other forecasts of it."""
+    settings, area = channel_with(members, available=3000.0)
+    plan = RollingPlan(settings, 0, area=area)
+    assert plan.plan()
+    return plan
+
+
 def test_a_measured_current_says_which_member_is_planned_in():
     """The stream runs against the vehicle, as the third of four members has it: the rest takes as long."""
-    settings, area = channel_with(STREAMS, available=3000.0)
-    plan, late = RollingPlan(settings, 0, area=area), RollingPlan(settings, 0, area=replace(area, members=()))
-    assert plan.plan()
-    assert late.plan()
+    plan, late = in_the_channel(STREAMS), in_the_channel(())
     here, now = np.asarray(plan.legs[1].positions[0], float), float(plan.legs[1].times[0])
     swing = float(stream(now, 1.0, 0.0)[0])
     for north in (-0.52, -0.5):
@@ -675,11 +680,9 @@ def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clo
 
 def test_currents_that_are_measured_all_the_time_count_once_a_minute():
     """What is far back still says which member it is; work does not grow with what was measured."""
-    settings, area = channel_with(STREAMS, available=3000.0)
-    plan = RollingPlan(settings, 0, area=area)
-    assert plan.plan()
+    plan = in_the_channel(STREAMS)
     here, found = np.asarray([500.0, 0.0, 5.0]), None
-    for second in range(0, 900, 5):
+    for second in range(0, 900, 15):
         north = -0.5 if second < 600 else -1.0  # the stream turns out weaker at last
         velocity = np.asarray([float(stream(float(second), north, 0.0)[0]), 0.0, 0.0])
         found = plan.correct_current(velocity, here, float(second))
