@@ -5,7 +5,7 @@ file alone. Where vortices change by Eq. 2 the true ones are drawn again here, i
 truth is RTOFS itself; its forecast is the same a lunar day earlier, and its members are up to four days old.
 In the fjord the truth is ROMS with an error made of vortices, the forecast ROMS, and what is known of the
 error its size and length. Tasks last longer or shorter by a tenth. With `--fixed`, shares of the time that
-are kept back are compared, the same for all missions; with `--turning`, plans with a rule to turn back. The
+are kept back are compared, the same for all missions; with `--turning`, plans with a rule for what is late. The
 priority is what is won in the true seas.
 """
 
@@ -90,7 +90,7 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool, turning: bool) -> Iter
         run = plan_with_promise(
             mission.fork(context=replace(mission.context, scenario=rules)), asked, complete
         ).run
-        yield row(sea, seed, f"{asked:g}, turning back", run, run.promise, known, rng)
+        yield row(sea, seed, f"{asked:g}, with a rule", run, run.promise, known, rng)
     for kept in FIXED if fixed else ():
         one = planned_with(mission, kept, complete)
         if one.found is not None:
@@ -332,6 +332,6 @@ if __name__ == "__main__":
         seas=(list(WORLDS), "seas", list(WORLDS)),
         seeds=(range(20), "missions in each"),
         fixed=(False, "compare shares of the time that are kept back, too"),
-        turning=(False, "compare plans that turn back where they are late, too"),
+        turning=(False, "compare plans with a rule for what is late, too"),
         picture=(Path, "PNG of what was promised against what was kept"),
     )

@@ -115,10 +115,12 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
 def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> Mission:
     """Plan a mission that turns back where it is late, with the rule that does most and keeps a promise."""
     aim = _USUAL if asked is None else asked
-    safely = aim + _surely(aim)
     first = planned_with(mission, 0.0, complete)
     if first.found is None:
         return first.mission
+    # A rule is made to measure: where few members decide, it has to keep more in them.
+    members = int(first.found.members.max()) + 1
+    safely = min(aim + _surely(aim, members if members > 1 else SEAS), 1.0 - 1.0 / SEAS)
     kept = dict.fromkeys(max(_needed(first, share), 0.0) for share in (0.5, 0.5 * (0.5 + aim), aim))
     tried = [first, *(planned_with(mission, one, complete) for one in kept if one > _ALIKE)]
     found = []
@@ -149,9 +151,9 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
     return best.mission
 
 
-def _surely(asked: float) -> float:
+def _surely(asked: float, seas: int = SEAS) -> float:
     """Return by how much more a plan is to keep in the seas it is chosen by: the error of that share."""
-    return math.sqrt(asked * (1.0 - asked) / SEAS)
+    return math.sqrt(asked * (1.0 - asked) / seas)
 
 
 def surer_plans(
