@@ -5,8 +5,8 @@ file alone. Where vortices change by Eq. 2 the true ones are drawn again here, i
 truth is RTOFS itself; its forecast is the same a lunar day earlier, and its members are up to four days old.
 In the fjord the truth is ROMS with an error made of vortices, the forecast ROMS, and what is known of the
 error its size and length. Tasks last longer or shorter by a tenth. With `--fixed`, shares of the time that
-are kept back are compared, the same for all missions; with `--turning`, plans with a rule for what is late. The
-priority is what is won in the true seas.
+are kept back are compared, the same for all missions; with `--turning`, plans with a rule for what is late.
+The priority is what is won in the true seas.
 """
 
 import math
