@@ -314,7 +314,7 @@ class Promise:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Its figures as plain data, without the lines of ways home."""
+        """Its figures as plain data, without the lines of its rule."""
         figures = asdict(self)
         for turn in figures["turns"]:
             del turn["positions"]

@@ -46,7 +46,7 @@ def test_faults_as_one_object(call, tmp_path):
     assert json.loads(out)["valid"] is True
 
 
-def test_the_line_of_the_first_fault_is_told_by_other_commands(refused, tmp_path):
+def test_other_commands_name_the_line_of_the_first_fault(refused, tmp_path):
     path = tmp_path / "my.yaml"
     path.write_text("\n" * 99 + "mission: {waypoints: 1, x: 1}\n")
     assert refused("mission", path, "--out", tmp_path / "out") == (

@@ -169,16 +169,16 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
             here = *places(*samples.positions[:, :2].T), samples.positions[:, 2]
             for source in files:
                 track.record(source.kind, source.blocked(*here), f"{_WHERE[source.kind]} of {source.name}")
-    report.faults += _late_way_faults(run, coast, bed, closed)
+    report.faults += _late_path_faults(run, coast, bed, closed)
     if summary.get("collisions", 0) and not report.collisions:
         report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
 
 
-def _late_way_faults(
+def _late_path_faults(
     run: Saved, coast: Coast | None, bed: Bed | None, closed: Sequence[ClosedArea]
 ) -> list[str]:
-    """Return where ways of a plan's rule lead over land, below the sea bed or into closed areas."""
+    """Return where paths of a plan's rule lead over land, below the sea bed or into closed areas."""
     found = []
     for turn in (run.stated("promise") or {}).get("turns", ()):
         places = np.asarray(turn["positions"], float)
@@ -193,7 +193,7 @@ def _late_way_faults(
         if bed is not None:
             looked.append(("below the sea bed", bed.altitude(where) < 0.0))
         found += [
-            f"way where it is late after leg {turn['leg']}: {text} {samples.between(*stretch)} in"
+            f"path if late after leg {turn['leg']}: {text} {samples.between(*stretch)} after it begins"
             for text, inside in looked
             for stretch in events(inside)
         ]

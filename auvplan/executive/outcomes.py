@@ -5,6 +5,7 @@ The vehicle keeps the tracks of its legs, at its speed through the water: what c
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import jax
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Mission
-from auvplan.path import PathConfig
-from auvplan.path.outlook import Chain, chain_times, leg_times, ruled_times
+from auvplan.path.outlook import Chain, Drawn, chain_times, leg_times, ruled_times
 from auvplan.records import LegRecord
 from auvplan.runtime import prng
 from auvplan.runtime.intervals import wilson
@@ -39,8 +39,8 @@ class Outcomes:
         done: [D, L] whether each task is in time for its window.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
-        home, past: [D, K] s, that it takes straight to the destination from one of the first K stops, and
-            past the next task to the one after, that task included; infinite where there is no such way.
+        past, home: [D, K] s, that it takes from one of the first K stops past the next task to the one after,
+            that task included, and straight to the destination; infinite where there is no such way.
     """
 
     ends: Array
@@ -48,8 +48,8 @@ class Outcomes:
     done: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
-    home: Array
     past: Array
+    home: Array
 
     @property
     def in_time(self) -> NDArray[np.bool_]:
@@ -88,12 +88,12 @@ class Ways(NamedTuple):
     """Legs that may be gone in place of a plan's from the first K stops; None where there is none.
 
     Attributes:
-        home: straight to the destination.
         past: past the next task to the one after.
+        home: straight to the destination.
     """
 
-    home: Sequence[LegRecord | None]
     past: Sequence[LegRecord | None]
+    home: Sequence[LegRecord | None]
 
 
 class Rule(NamedTuple):
@@ -144,12 +144,12 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways
         ways: that may be gone in place of them, followed as well.
     """
     run, count, begins = mission.run, len(legs), mission.now
-    parts = [_chain(mission, legs), *([] if ways is None else _chains(mission, legs, ways)[1:])]
+    config = mission.context.path_config.only()
+    parts = [_chain(mission, legs)] if ways is None else _chains(mission, legs, ways)
     travels, overs, dones, members = [], [], [], []
     others: list[list[Array]] = [[] for _ in parts[1:]]
-    for number, drawn in enumerate(_drawn(mission, legs, key, len(parts))):
-        (sea, config), factors, late = drawn
-        found = chain_times(parts[0], factors[0], late[0], np.float32(begins), *sea, config=config)
+    for number, (seas, factors, late) in enumerate(_drawn(mission, legs, key, len(parts))):
+        found = chain_times(parts[0], factors[0], late[0], np.float32(begins), seas, config=config)
         travel, end, done = (np.asarray(part, float) for part in jax.device_get(found))
         dones.append(done[:, :count].astype(bool))
         travels.append(travel[:, :count])
@@ -157,56 +157,54 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways
         members.append(np.full(len(end), number))
         leaves = np.concatenate([np.full((len(end), 1), begins), end[:, :-1]], axis=1).astype(np.float32)
         for kind, chain in enumerate(parts[1:], 1):
-            lasts = np.asarray(jax.device_get(leg_times(chain, leaves, *sea, config=config)), float)
+            lasts = np.asarray(jax.device_get(leg_times(chain, leaves, seas, config=config)), float)
             others[kind - 1].append(lasts + late[kind] + factors[kind] * np.asarray(chain.task))
     travel, stops, available = np.concatenate(travels), np.concatenate(overs), run.t_available - begins
     used = (stops[:, -1] - begins) / available
     if (spent := _energy_used(mission, legs)) is not None:
         used = np.maximum(used, spent(travel))
-    elsewhere: list[Array] = [np.zeros((len(used), 0))] * 2
+    past, home = np.zeros((2, len(used), 0))
     if ways is not None:
-        for kind, legs_of in enumerate(ways):
-            lasts = np.concatenate(others[1 - kind])[:, 1 : len(legs_of) + 1]
-            elsewhere[kind] = np.where([leg is None for leg in legs_of], np.inf, lasts)
-    return Outcomes(
-        stops[:, -1], stops, np.concatenate(dones), used, np.concatenate(members), elsewhere[0], elsewhere[1]
-    )
+        past, home = (
+            np.where([leg is None for leg in some], np.inf, np.concatenate(rows)[:, 1 : len(some) + 1])
+            for some, rows in zip(ways, others, strict=True)
+        )
+    return Outcomes(stops[:, -1], stops, np.concatenate(dones), used, np.concatenate(members), past, home)
 
 
 def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, rule: Rule) -> Ruled:
     """Follow a plan by a rule in seas that are drawn; arguments as for `outcomes`."""
     run, count, begins = mission.run, len(legs), mission.now
+    config = mission.context.path_config.only()
     chains: Any = jax.tree.map(lambda *leaves: np.stack(leaves), *_chains(mission, legs, ways))
     latest = np.full((len(chains.task[0]), 2), np.inf)
     latest[1 : len(rule.on) + 1] = np.stack(rule, axis=1)
     rows: list[tuple[Array, ...]] = []
     members = []
-    for number, drawn in enumerate(_drawn(mission, legs, key, 3)):
-        (sea, config), factors, late = drawn
-        shared = np.float32(begins), *sea
-        found = ruled_times(chains, latest.astype(np.float32), factors, late, *shared, config=config)
+    for number, (seas, factors, late) in enumerate(_drawn(mission, legs, key, 3)):
+        begun = latest.astype(np.float32), factors, late, np.float32(begins)
+        found = ruled_times(chains, *begun, seas, config=config)
         rows.append(tuple(np.asarray(part, float)[:, :count] for part in jax.device_get(found)))
         members.append(np.full(len(rows[-1][0]), number))
     kind, travel, stops, done = (np.concatenate(part) for part in zip(*rows, strict=True))
     kind, done = kind.astype(int), done.astype(bool)
-    used = (stops[:, -1] - begins) / (run.t_available - begins)
+    over = stops[:, -1] if count else np.full(len(stops), begins)
+    used = (over - begins) / (run.t_available - begins)
     if (spent := _energy_used(mission, legs, ways)) is not None:
         used = np.maximum(used, spent(travel, kind))
-    taken = [legs, [None, *ways.past], [None, *ways.home]]
     won = np.zeros(len(used))
-    for which, some in enumerate(taken):
+    for which, some in enumerate(_by_kind(legs, ways)):
         for number, leg in enumerate(some):
             if leg is not None:
                 won += leg.priority * ((kind[:, number] == which) & done[:, number])
-    none = np.zeros((len(used), 0))
-    found = Outcomes(stops[:, -1], stops, done, used, np.concatenate(members), none, none)
+    found = Outcomes(over, stops, done, used, np.concatenate(members), *np.zeros((2, len(used), 0)))
     return Ruled(rule, kind[:, 1 : len(rule.on) + 1], found, float(won.mean()))
 
 
 def _drawn(
     mission: Mission, legs: list[LegRecord], key: jax.Array, kinds: int
-) -> Iterator[tuple[tuple[tuple[Any, ...], PathConfig], Array, Array]]:
-    """Yield seas of each member, as `chain_times` takes them, with factors of tasks and delays of legs.
+) -> Iterator[tuple[Drawn, Array, Array]]:
+    """Yield the seas of each member, with factors of tasks and delays of legs.
 
     Of legs there are several `kinds` [kinds, D, L], with numbers of their own: those of the plan come first.
     """
@@ -214,7 +212,7 @@ def _drawn(
     scenario = context.scenario
     sea_key, chance = prng.parts(key, 2)
     rng = prng.generator(chance)
-    forecast, common = mission.sea.forecast(), context.vehicle.without_transit()
+    forecast, vehicle = mission.sea.forecast(), context.vehicle.without_transit()
     detour = context.rules.detour * scenario.simulation.obstacles.total
     error, count = scenario.mission.duration_error, len(legs)
     size = count + -count % _LEGS
@@ -224,7 +222,7 @@ def _drawn(
         for kind in range(kinds):
             factors[kind] = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0)
             late[kind] = detour * rng.standard_exponential((seas.count, size)) * (np.arange(size) < count)
-        yield ((forecast, seas.shared, seas.own, common), context.path_config.only()), factors, late
+        yield Drawn(forecast, seas.shared, seas.own, vehicle), factors, late
 
 
 def _energy_used(
@@ -254,8 +252,7 @@ def _energy_used(
                 rows[number] = alone.total, leg.t_path, watts
         return rows
 
-    kinds = [legs] if ways is None else [legs, [None, *ways.past], [None, *ways.home]]
-    known = np.stack([figures(some) for some in kinds])
+    known = np.stack([figures(some) for some in ([legs] if ways is None else _by_kind(legs, ways))])
 
     def used(travel: Array, kind: NDArray[np.integer] | None = None) -> Array:
         if kind is None:
@@ -269,13 +266,18 @@ def _energy_used(
     return used
 
 
+def _by_kind(legs: list[LegRecord], ways: Ways) -> list[list[LegRecord | None]]:
+    """Return what may be gone before each leg, of the kinds of `Ruled`; before the first there is no stop."""
+    return [[*legs], *([None, *some] for some in ways)]
+
+
 def _chains(mission: Mission, legs: list[LegRecord], ways: Ways) -> list[Chain]:
     """Return a plan's legs, those past a task, and those to the destination; for such as lack, the plan's."""
-    others = [
-        [*legs[:1], *(leg if way is None else way for leg, way in zip(legs[1:], some, strict=False))]
-        for some in (ways.past, ways.home)
-    ]
-    return [_chain(mission, [*some, *legs[len(some) :]]) for some in (legs, *others)]
+    filled = (
+        [leg if way is None else way for leg, way in zip_longest(legs, some[: len(legs)])]
+        for some in _by_kind(legs, ways)
+    )
+    return [_chain(mission, some) for some in filled]
 
 
 def _chain(mission: Mission, legs: list[LegRecord]) -> Chain:

@@ -1,7 +1,7 @@
 """Plans that keep what they promise: to reach their destination in time as surely as was asked for.
 
 A plan that is to be home more surely keeps a share of the time and of the energy back when its tasks are
-chosen, or turns back where it is late.
+chosen, or leaves out what is late.
 """
 
 import math
@@ -113,7 +113,7 @@ def plan_with_promise(mission: Mission, asked: float | None, complete: Complete)
 
 
 def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> Mission:
-    """Plan a mission that turns back where it is late, with the rule that does most and keeps a promise."""
+    """Plan a mission that leaves out what is late, by the rule that wins most and keeps a promise."""
     aim = _USUAL if asked is None else asked
     first = planned_with(mission, 0.0, complete)
     if first.found is None:

@@ -139,7 +139,7 @@ def _time_departures(mission: Mission) -> tuple[ByDeparture, float]:
     mission.sea.advance(mission.now)
     env = context.environment(mission.sea.forecast())
     until = mission.run.t_available
-    if until <= mission.now:  # too late for all of them, but what is left is timed
+    if until <= mission.now:  # too late for all of them, but the rest is timed
         until = mission.now + _LATE
     departures = np.linspace(mission.now, until, context.rules.departures)
     at = env, context.vehicle, departures, effort(context.path_config)

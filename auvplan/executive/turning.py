@@ -33,7 +33,7 @@ _LATER, _EARLIER, _HALVED = 0.1, 0.5, 12
 #: The same, of rules that are close to keeping a promise.
 _STEPS = 0.001, 0.002, 0.004, 0.007, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2
 
-#: Moments at which a stop may be left that are told apart, and every which sea rules are made in.
+#: Moments at which a stop may be left that are distinguished, and every which sea rules are made in.
 _MOMENTS, _SEAS = 300, 2
 
 #: Worth of what cannot be done; sums with it keep their digits.
@@ -70,7 +70,7 @@ def ways_of(mission: Mission, run: MissionRun) -> Ways:
         lasts, rho = (float(of[edge]) if task else 0.0 for of in (graph.duration, graph.priority))
         under_way = mission.context.scenario.tasks_under_way
         past.append(LegRecord(*edge, np.nan, 0.0 if under_way else lasts, rho))
-    return Ways(_planned(mission, run, home, _HOME), _planned(mission, run, past, _PAST))
+    return Ways(_planned(mission, run, past, _PAST), _planned(mission, run, home, _HOME))
 
 
 def _planned(mission: Mission, run: MissionRun, records: list[LegRecord], key: int) -> list[LegRecord | None]:

@@ -44,9 +44,6 @@ _NONE = Allowance()
 #: mission by itself.
 _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
 
-#: s between measured currents that count, and how many of them do beside the last.
-_OFTEN, _KEPT = 60.0, 200
-
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
 
@@ -118,7 +115,7 @@ class RollingPlan:
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         forecast = self._first.sea.forecast()
         self._forecasts = (forecast, *map(SumCurrent, self._context.area.members))
-        self.measured = Measured(np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
+        self.measured = Measured.none()
         self._first.sea = Sea(forecast)
         self.reason, self._stop, self._task = "", 0.0, 0.0
         self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
@@ -245,32 +242,24 @@ class RollingPlan:
 
         Of several forecasts that one is planned in from now on which fits best what was measured up to now.
         One on a grid is moved by its most probable error, where and when that is near what was measured; any
-        other by what it is off, everywhere.
+        other by its difference, everywhere.
 
         Returns:
             The correction, or None where there is no forecast to compare with; nothing is changed then.
         """
-        times, new = self.measured.times, (velocity[:2], position, now)
-        end = len(times) - bool(len(times) > 1 and times[-1] - times[-2] < _OFTEN)
-        kept = [part[:end][-_KEPT:] for part in self.measured]
-        measured = Measured(
-            *(
-                np.concatenate([part, np.asarray(one, float)[None]])
-                for part, one in zip(kept, new, strict=True)
-            )
-        )
+        measured = self.measured.added(velocity[:2], position, now)
         errs = self._context.scenario.current.members or MemberSettings()
         scale = ErrorScale(errs.error, errs.length, errs.duration)
         weights = member_weights(self._forecasts, measured, scale) if len(self._forecasts) > 1 else np.ones(1)
         member = int(weights.argmax())
-        forecast, off = self._forecasts[member], measured.off(self._forecasts[member])
+        forecast = self._forecasts[member]
         moment = (np.asarray(part, np.float32) for part in (*position, now))
         offset = velocity - np.asarray([float(part) for part in forecast(*moment)])  # type: ignore[arg-type]
         if not np.isfinite(offset).all():
             return None
         shared, own = partition(forecast)
         if isinstance(shared, GriddedCurrent):
-            moved = combine(corrected(shared, off, measured, scale), own)
+            moved = combine(corrected(shared, measured.off(forecast), measured, scale), own)
         else:
             moved = perturbed(forecast, offset=offset) if offset.any() else forecast
         self.measured = measured

@@ -23,6 +23,9 @@ _WAVES = 32
 #: m/s, by which a forecast is taken to err at least, and a measured current.
 _ERRS, _MEASURES = 0.1, 0.02
 
+#: s between measured currents that count, and how many of them do beside the last.
+_OFTEN, _KEPT = 60.0, 200
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -87,6 +90,17 @@ class Measured(NamedTuple):
     velocities: NDArray[Any]
     positions: NDArray[Any]
     times: NDArray[Any]
+
+    @classmethod
+    def none(cls) -> "Measured":
+        """Nothing."""
+        return cls(np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
+
+    def added(self, velocity: ArrayLike, position: ArrayLike, time: float) -> "Measured":
+        """Return these and one more [2] m/s at [3] m and s: one a minute, and 200 beside the last."""
+        end = len(self.times) - bool(len(self.times) > 1 and self.times[-1] - self.times[-2] < _OFTEN)
+        parts = zip(self, (velocity, position, time), strict=True)
+        return Measured(*(np.concatenate([part[:end][-_KEPT:], np.asarray([one])]) for part, one in parts))
 
     def off(self, forecast: Current) -> NDArray[np.floating]:
         """[n, 2] m/s, less a forecast."""

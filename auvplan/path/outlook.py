@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -129,17 +130,25 @@ class Chain:
     task: jax.Array
 
 
+class Drawn(NamedTuple):
+    """Currents that were drawn, and who goes through them.
+
+    Attributes:
+        forecast: that legs were planned in.
+        shared, own: parts of D drawn currents, as `currents.partition` has them; leaves of `own` have a
+            leading axis D.
+        vehicle: limits; the speed is that of the leg.
+    """
+
+    forecast: Current
+    shared: Current | None
+    own: Current | None
+    vehicle: Vehicle
+
+
 @partial(compiled, static_argnames=("config",), quick=True)
 def chain_times(
-    chain: Chain,
-    factors: jax.Array,
-    delays: jax.Array,
-    begins: jax.Array,
-    forecast: Current,
-    shared: Current | None,
-    own: Current | None,
-    vehicle: Vehicle,
-    config: PathConfig,
+    chain: Chain, factors: jax.Array, delays: jax.Array, begins: jax.Array, seas: Drawn, config: PathConfig
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Follow the legs of a plan in D drawn currents: the paths stay, the times change.
 
@@ -151,21 +160,18 @@ def chain_times(
         factors: [D, L], of the times that tasks take.
         delays: [D, L] s, that legs take longer.
         begins: s since the epoch.
-        forecast: that it was planned in.
-        shared, own: parts of the drawn currents, as `currents.partition` has them; leaves of `own` have a
-            leading axis D.
-        vehicle: limits; the speed is that of the leg.
+        seas: that are drawn.
         config: static settings.
 
     Returns:
         ``(travel [D, L] s, ends [D, L] s since the epoch, done [D, L])``: of each leg, when its task is over,
         and whether it is done.
     """
-    taken = partial(_taken, vehicle=vehicle, config=config)
-    expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
+    taken = partial(_taken, vehicle=seas.vehicle, config=config)
+    expected = jax.lax.map(lambda leg: taken(seas.forecast, leg, leg.departs), chain)
 
     def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, ...]:
-        current = combine(shared, own)
+        current = combine(seas.shared, own)
 
         def go(time: jax.Array, row: tuple) -> tuple[jax.Array, tuple[jax.Array, ...]]:
             found = _gone(taken, current, time, *row)
@@ -173,7 +179,7 @@ def chain_times(
 
         return jax.lax.scan(go, begins, (chain, expected, factors, delays))[1]
 
-    travel, ends, done = jax.vmap(followed)(own, factors, delays)
+    travel, ends, done = jax.vmap(followed)(seas.own, factors, delays)
     return travel, ends, done
 
 
@@ -184,10 +190,7 @@ def ruled_times(
     factors: jax.Array,
     delays: jax.Array,
     begins: jax.Array,
-    forecast: Current,
-    shared: Current | None,
-    own: Current | None,
-    vehicle: Vehicle,
+    seas: Drawn,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Follow a plan in D drawn currents, by a rule that leaves out what there is no time for.
@@ -200,19 +203,19 @@ def ruled_times(
         latest: [L, 2] s since the epoch, until when each leg of the plan is begun, and the one past its task.
         factors: [3, D, L], of the times that tasks at the ends of these legs take.
         delays: [3, D, L] s, that they take longer.
-        begins, forecast, shared, own, vehicle, config: as for `chain_times`.
+        begins, seas, config: as for `chain_times`.
 
     Returns:
         ``(kind, travel s, ends s since the epoch, done)``, [D, L] each: which of the legs is gone, minus 1
         for none; how long it takes; when its task, or that of the leg before, is over; whether it is done.
     """
-    taken = partial(_taken, vehicle=vehicle, config=config)
+    taken = partial(_taken, vehicle=seas.vehicle, config=config)
     expected = jax.lax.map(
-        lambda legs: jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), legs), chains
+        lambda legs: jax.lax.map(lambda leg: taken(seas.forecast, leg, leg.departs), legs), chains
     )
 
     def followed(own: Current | None, factors: jax.Array, delays: jax.Array) -> tuple[jax.Array, ...]:
-        current = combine(shared, own)
+        current = combine(seas.shared, own)
 
         def go(state: tuple[jax.Array, ...], row: tuple) -> tuple[tuple, tuple[jax.Array, ...]]:
             (time, past, home), (latest, *legs) = state, row
@@ -229,7 +232,7 @@ def ruled_times(
         rows = latest, *(jax.tree.map(by_leg, part) for part in (chains, expected, factors, delays))
         return jax.lax.scan(go, (begins, jnp.bool_(False), jnp.bool_(False)), rows)[1]
 
-    kind, travel, ends, done = jax.vmap(followed, in_axes=(0, 1, 1))(own, factors, delays)
+    kind, travel, ends, done = jax.vmap(followed, in_axes=(0, 1, 1))(seas.own, factors, delays)
     return kind, travel, ends, done
 
 
@@ -253,27 +256,19 @@ def _gone(
 
 
 @partial(compiled, static_argnames=("config",), quick=True)
-def leg_times(
-    chain: Chain,
-    leaves: jax.Array,
-    forecast: Current,
-    shared: Current | None,
-    own: Current | None,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> jax.Array:
+def leg_times(chain: Chain, leaves: jax.Array, seas: Drawn, config: PathConfig) -> jax.Array:
     """Follow L legs in D drawn currents, each from a moment of its own; travel times [D, L] s.
 
     Args:
         chain: the legs; what is not of their paths does not count.
         leaves: [D, L] s since the epoch, when they are begun.
-        forecast, shared, own, vehicle, config: as for `chain_times`.
+        seas, config: as for `chain_times`.
     """
-    taken = partial(_taken, vehicle=vehicle, config=config)
-    expected = jax.lax.map(lambda leg: taken(forecast, leg, leg.departs), chain)
+    taken = partial(_taken, vehicle=seas.vehicle, config=config)
+    expected = jax.lax.map(lambda leg: taken(seas.forecast, leg, leg.departs), chain)
 
     def followed(own: Current | None, leaves: jax.Array) -> jax.Array:
-        current = combine(shared, own)
+        current = combine(seas.shared, own)
 
         def go(row: tuple) -> jax.Array:
             leg, expects, depart = row
@@ -281,7 +276,7 @@ def leg_times(
 
         return jax.lax.map(go, (chain, expected, leaves))
 
-    return jax.vmap(followed)(own, leaves)
+    return jax.vmap(followed)(seas.own, leaves)
 
 
 def _taken(

@@ -118,13 +118,13 @@ def _draw_refused(pen: Map, run: MissionRun) -> None:
 
 
 def _draw_turns(pen: Map, run: MissionRun) -> None:
-    """Draw the ways that a plan's rule takes where the vehicle is late."""
+    """Draw the paths that a plan's rule takes if the vehicle is late."""
     kind: dict[str, Any] = {"color": style.ORANGE, "ls": "--", "lw": 1.0}
     turns = () if run.promise is None else run.promise.turns
     for turn in turns:
         pen.axes.plot(*pen.flat(np.asarray(turn.positions)).T, zorder=1.7, alpha=0.8, **kind)
     if turns:
-        pen.handles.append(style.line("way where it is late", **kind))
+        pen.handles.append(style.line("path if late", **kind))
 
 
 def _middle(line: Array) -> int:

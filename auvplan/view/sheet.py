@@ -54,8 +54,8 @@ class Stop:
         speed: m/s through the water on the leg to it; None where all are gone at the vehicle's.
         latest: s since the departure, until when all here has to be over for the mission to be home in time
             as surely as it promises; None where it promises nothing.
-        otherwise: where the vehicle goes when it leaves later, until when, s since the departure, and s that
-            it takes there; the last one whenever. Empty without such a rule.
+        otherwise: where the vehicle goes when it leaves later; until when, s since the departure, None of the
+            last; and s that it takes there. Empty without such a rule.
         position_std: m, standard deviation of the position along each horizontal axis on arrival; None where
             it is known exactly.
         risk: chance of touching coast or an obstacle on the leg to it, at most; None without that.
@@ -83,7 +83,7 @@ class Stop:
     transit: tuple[float, float, float] | None = None
     speed: float | None = None
     latest: float | None = None
-    otherwise: tuple[tuple[str, float, float], ...] = ()
+    otherwise: tuple[tuple[str, float | None, float], ...] = ()
     position_std: float | None = None
     risk: float | None = None
     fix: float | None = None
@@ -207,9 +207,10 @@ class MissionSheet:
 
     def _otherwise(self, stop: Stop) -> str:
         """Return where the vehicle goes from a stop that is left later."""
-        *first, last = stop.otherwise or (None,)
-        words = [f"to {to}, {takes:.0f} s, until {self._moment(stop, until)}" for to, until, takes in first]
-        return "; ".join([*words, f"to {last[0]}, {last[2]:.0f} s"] if last else [])
+        return "; ".join(
+            f"to {to}, {takes:.0f} s" + ("" if until is None else f", until {self._moment(stop, until)}")
+            for to, until, takes in stop.otherwise
+        )
 
     def _moment(self, stop: Stop, seconds: float) -> str:
         """Return a time, s since the departure, as the arrival at a stop is given."""
@@ -261,7 +262,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     turns = run.promise.turns if run.promise else ()
     for number in {turn.leg for turn in turns}:
         here = sorted((turn for turn in turns if turn.leg == number), key=lambda turn: turn.latest)
-        until = [turn.latest for turn in here[1:]] + [math.inf]
+        until = [*(turn.latest for turn in here[1:]), None]
         goals = [run.goal if turn.past is None else run.done[turn.past].goal for turn in here]
         names = [waypoint_name(run, goal) for goal in goals]
         ways = zip(names, until, [turn.takes for turn in here], strict=True)
@@ -311,14 +312,10 @@ def _promised(promise: Promise) -> str:
     over = f"over after {first} to {last} in 90 % of them, {middle} in the median"
     rule = ""
     if promise.priority is not None:
-        past, home = (
-            100.0 * sum(turn.share for turn in promise.turns if (turn.past is None) == home)
-            for home in (False, True)
-        )
-        rule = (
-            f"; what is late is left out: a task in {past:.1f} %, all that is left in {home:.1f} % of them, "
-        )
-        rule += f"priority {promise.priority:.1f} in the mean"
+        skipped = sum(turn.share for turn in promise.turns if turn.past is not None)
+        home = 100.0 * sum(turn.share for turn in promise.turns if turn.past is None)
+        rule = f"; what is late is left out: {skipped:.2f} tasks in the mean, all the rest in {home:.1f} %"
+        rule += f" of them; priority {promise.priority:.1f} in the mean"
     return f"{promise.line}{asked}{back}; {over}{rule}"
 
 

@@ -228,7 +228,7 @@ def test_ways_home_are_looked_at():
         run.promise = Promise(0.9, 0.95, 0.93, 0.96, 1000, 1, (1.0, 2.0, 3.0), 0.0, (100.0,), 3.0, (turn,))
         faults = check(run).faults
         assert bool(faults) == bool(words)
-        assert all(fault.startswith("way where it is late after leg 0") for fault in faults)
+        assert all(fault.startswith("path if late after leg 0") for fault in faults)
         assert not words or any(words in fault for fault in faults)
 
 

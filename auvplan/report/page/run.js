@@ -204,7 +204,7 @@
     present.length && ["obstacles", "obstacles", "disc", present[0][1]],
     run.simulated && present.length && ["boundary", "their uncertainty boundaries", "halo", "quiet"],
     run.sensing && present.length && ["sensed", "sensed range", "ring", "sense"],
-    turns.length && ["late", "ways where it is late", "dash", "earlier"],
+    turns.length && ["late", "paths if late", "dash", "earlier"],
     replanned.length && ["replans", "route re-planned", "square", "earlier"],
     ["waypoints", "waypoints", "disc", "task"],
     ["names", "names", "text", "text"],
