@@ -17,9 +17,9 @@ from auvplan.check.run import check_run
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
-from auvplan.executive.outcomes import Outcomes, Rule, outcomes
+from auvplan.executive.outcomes import Outcomes, Rule, outcomes, ruled
 from auvplan.executive.planning import leaving, plan_promises, planning_context
-from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until_when
+from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until_when, ways_of
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
@@ -360,11 +360,11 @@ def test_late_vehicles_leave_out_what_the_rule_says():
     found = drawn(stops, [[30, 25]] * 4, [[50, np.inf]] * 4)
     rule = Rule(np.asarray([25.0, 60.0]), np.asarray([30.0, 60.0]))
     won = stakes(1.0, 2.0, 4.0, 0.0, past=(4.0, 0.0))
-    ruled = turned(found, rule, won)
-    assert ruled.kind.tolist() == [[0, 0], [2, -1], [1, -1], [0, 2]]
-    assert ruled.found.ends.tolist() == [95.0, 70.0, 28.0 + 50.0 + 20.0, 90.0]
-    assert ruled.found.in_time.tolist() == [True] * 4
-    assert ruled.priority == pytest.approx((7.0 + 1.0 + 5.0 + 3.0) / 4.0)
+    goes = turned(found, rule, won)
+    assert goes.kind.tolist() == [[0, 0], [2, -1], [1, -1], [0, 2]]
+    assert goes.found.ends.tolist() == [95.0, 70.0, 28.0 + 50.0 + 20.0, 90.0]
+    assert goes.found.in_time.tolist() == [True] * 4
+    assert goes.priority == pytest.approx((7.0 + 1.0 + 5.0 + 3.0) / 4.0)
     found.done[0, 1] = False  # its window was missed
     assert turned(found, rule, won).priority == pytest.approx((5.0 + 1.0 + 5.0 + 3.0) / 4.0)
     assert found.in_time.tolist() == [True, False, False, False]
@@ -480,6 +480,29 @@ def test_a_rule_is_followed_leg_by_leg():
         assert kinds[sea].tolist() == expected.tolist()
         assert ends[sea, -1] == pytest.approx(time, rel=1e-4)
     assert {0, 1, 2} <= set(kinds.ravel().tolist())
+
+
+def test_a_rule_that_leaves_nothing_out_is_the_plan():
+    """In time and energy; one that leaves all out after the first stop is its leg and the way from there."""
+    power = {"hotel": 100.0, "propulsion": {"constant": 0.0, "factor": 10.0}}
+    vehicle = {"power": power | {"battery": {"capacity": 60.0, "reserve": 0.0}}}
+    settings, area = channel_with(STREAMS[1:], available=3000.0, vehicle=vehicle)
+    mission = mission_of(settings, area)
+    done = mission.fork()
+    complete(done)
+    legs, key = done.run.done, jax.random.key(0)
+    ways = ways_of(mission, done.run)
+    plain, count = outcomes(mission, legs, key, ways), len(legs) - 2
+    never = Rule(*np.full((2, count), np.inf))
+    alone = ruled(mission, legs, key, ways, never)
+    np.testing.assert_allclose(alone.found.ends, plain.ends, rtol=1e-6)
+    np.testing.assert_allclose(alone.found.used, plain.used, rtol=1e-5)
+    assert (plain.used > plain.ends / 3000.0).any(), "energy is the scarcer"
+    assert alone.priority == pytest.approx(sum(leg.priority for leg in legs))
+    home = ruled(mission, legs, key, ways, Rule(*np.full((2, count), -1.0)))
+    np.testing.assert_allclose(home.found.ends, plain.stops[:, 0] + plain.home[:, 0], rtol=1e-6)
+    assert (home.kind[:, 0] == 2).all()
+    assert (home.found.used < plain.used).all()
 
 
 @pytest.fixture(scope="module")
