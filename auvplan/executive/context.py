@@ -307,13 +307,6 @@ class Leg:
         return float(np.linalg.norm(self.target - self.origin)) <= ONE_PLACE
 
     @property
-    def speed_made(self) -> float:
-        """Median of the speed through the water under way, m/s; NaN where it never was."""
-        *_, ground, water = (np.concatenate(part) for part in zip(*self.stretches, strict=True))
-        moving = np.linalg.norm(ground, axis=1) > 0.0
-        return float(np.median(np.linalg.norm(ground - water, axis=1)[moving])) if moving.any() else np.nan
-
-    @property
     def followed(self) -> PathPlan:
         """The plan being followed; there is one from the leg's beginning on."""
         assert self.plan is not None
@@ -371,7 +364,7 @@ class Mission:
         visited: waypoints that were reached or left.
         barred: edges (i, j) whose path was refused for a broken limit.
         path_calls: planning calls so far, which number the keys.
-        pace: share of its speed through the water that the vehicle made on the last leg.
+        pace: share of the speed through the water that it is asked for which the vehicle made last.
         faults: injected.
         parts: of survey lines, by the edge (i, j) that follows them.
         navigation: how well the vehicle knew where it was at `navigated`, s since the epoch; or None.
@@ -433,14 +426,21 @@ class Mission:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle at the speed of the leg that it is on."""
-        speed = None if self.leg is None else self.leg.record.speed
-        return self.context.vehicle if speed is None else replace(self.context.vehicle, speed=speed)
+        """The vehicle at the speed that it makes on its leg."""
+        chosen = self.leg is not None and self.leg.record.speed is not None
+        vehicle = self.context.vehicle
+        return replace(vehicle, speed=self.speed) if chosen or self.pace != 1.0 else vehicle
+
+    @property
+    def asked_speed(self) -> float:
+        """|v| that it is asked for on the leg that it is on, m/s."""
+        chosen = None if self.leg is None else self.leg.record.speed
+        return self.context.speed if chosen is None else chosen
 
     @property
     def speed(self) -> float:
-        """|v| on the leg that it is on, m/s."""
-        return float(self.vehicle.speed)  # type: ignore[arg-type]
+        """|v| that it makes, m/s."""
+        return self.pace * self.asked_speed
 
     @property
     def known(self) -> Navigation | None:

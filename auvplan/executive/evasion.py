@@ -10,7 +10,7 @@ from auvplan.executive.context import MissionContext
 Array = NDArray[np.floating]
 
 #: Share of the speed through the water that an escape is made at; the rest is left to the current.
-_ESCAPE_SPEED = 0.4
+ESCAPE_SPEED = 0.4
 
 
 def escape_track(
@@ -19,8 +19,8 @@ def escape_track(
     now: float,
     seconds: float,
     clearance: Callable[[Array, Array], Array],
+    speed: float,
     stay: float = 0.0,
-    share: float = _ESCAPE_SPEED,
 ) -> Array | None:
     """Return the straight track of most clearance among sixteen headings, off coast, sea bed and box.
 
@@ -29,8 +29,8 @@ def escape_track(
         position, now: [3] m and s, where and when the vehicle is.
         seconds: how long the escape lasts.
         clearance: [n] m, of places [n, 3] m at [n] s to the nearest obstacle.
+        speed: m/s over ground that are reckoned with.
         stay: s that station is kept at its end.
-        share: of the speed through the water that is reckoned with over ground.
 
     Returns:
         [S, 3] m, or None where keeping station is as good.
@@ -42,7 +42,7 @@ def escape_track(
     gone = np.minimum(parts * (1.0 + stay / seconds), 1.0)
     best, choice = _worth(clearance(np.broadcast_to(position, (samples, 3)), times)), None
     for heading in np.arange(16) * np.pi / 8.0:
-        way = share * context.speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
+        way = speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
         track = position + gone[:, None] * way
         if (track[-1] < lower).any() or (track[-1] > upper).any():
             continue

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.context import Clock, Leg, Mission, MissionContext, Stretch
 from auvplan.executive.decide import Act, Facts, Phase, decide
-from auvplan.executive.evasion import escape_track
+from auvplan.executive.evasion import ESCAPE_SPEED, escape_track
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
 from auvplan.executive.surfacing import lost
@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 
 #: Scenarios, JSON, whose legs were begun to compile what they need.
 _warmed_up: set[str] = set()
+
+#: Share by which the speed that a vehicle makes must differ from what it is asked for to be planned with.
+_PACE = 0.02
 
 #: Within this distance of its goal, m, a vehicle goes on without re-planning.
 CLOSE = 40.0
@@ -160,7 +163,7 @@ def _course(mission: Mission) -> Course:
     """Return what a vehicle does until the next look; one that is held up keeps station."""
     leg, now, faults = mission.active_leg, mission.now, mission.faults
     moving, share = leg.moving and not faults.left(HeldUp, now), faults.speed(now)
-    share *= mission.speed / mission.context.speed if leg.record.speed is not None else 1.0
+    share *= mission.asked_speed / mission.context.speed
     return Course(leg.track, leg.arc, moving, now, mission.sea.field, leg.truth.motion, share)
 
 
@@ -189,6 +192,10 @@ def _take(mission: Mission, moving: bool, out: Transit) -> None:
     leg.truth.position = np.asarray(out.obstacles[-1], float)
     leg.moves, leg.arc = np.asarray(out.moves, float), float(out.arc)
     mission.now = float(times[-1])
+    if moving and fresh.any():
+        ground, water = leg.stretches[-1].ground[-1], leg.stretches[-1].water[-1]
+        made = float(np.linalg.norm(ground - water)) / mission.asked_speed
+        mission.pace = made if abs(made - 1.0) > _PACE else 1.0
     # The end of an escape is not the goal.
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and moving:
@@ -261,7 +268,8 @@ def let_appear(mission: Mission, tangent: Array) -> None:
 def _give_way(mission: Mission) -> None:
     """Keep station, or escape where something comes too near."""
     leg, interval = mission.active_leg, mission.context.scenario.sensors.interval
-    track = escape_track(mission.context, leg.position, mission.now, interval, leg.belief.clearance)
+    speed, clearance = ESCAPE_SPEED * mission.speed, leg.belief.clearance
+    track = escape_track(mission.context, leg.position, mission.now, interval, clearance, speed)
     leg.moving = leg.escaping = track is not None
     if track is not None:
         leg.track, leg.arc = track, 0.0

@@ -48,9 +48,6 @@ from auvplan.simulation.world import make_sea
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
 
-#: Share by which a vehicle's speed must differ from what is assumed for its times to be recalculated.
-_PACE = 0.02
-
 Progress = Callable[[int, float, str], None]
 
 
@@ -368,7 +365,7 @@ def why_refused(mission: Mission, times: np.ndarray) -> str:
         return ""  # the route counts on edges that the estimate closed, for which a path may be found yet
     # A route that had to do without the margin would be made again.
     back = (1.0 + mission.last_route.return_margin) * to_go
-    lasts = leg.followed.travel_time / mission.pace + leg.record.t_task
+    lasts = leg.followed.travel_time + leg.record.t_task
     late = mission.now + lasts + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
@@ -406,9 +403,6 @@ def _judge(mission: Mission) -> None:
     if isinstance(mission.sea, ModelSea):
         record.current_difference = mission.sea.difference(record.positions, record.times)
         record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
-    if context.simulated:
-        made = leg.speed_made / mission.speed
-        mission.pace = made if abs(made - 1.0) > _PACE else 1.0
     if planning.charge_compute:
         mission.charge(record.cpu)
     if not record.arrived:

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auvplan.executive.context import HORIZON, Leg, Mission
+from auvplan.executive.context import HORIZON, Array, Leg, Mission
 from auvplan.executive.path_calls import Offer, offered, take
 from auvplan.ocean.currents import Current
 from auvplan.path import PathPlan
+from auvplan.path.motion import progress_along
 from auvplan.path.outlook import Outlook, outlook
 
 #: A path that takes this many times as long as its leg was expected to is planned again.
@@ -103,8 +104,19 @@ def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
     leg, plan = mission.active_leg, mission.active_leg.followed
     arc = 0.0 if leg.escaping else leg.arc
     # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
-    times = mission.now + plan.times - np.interp(arc, leg.marks, plan.times)
+    times = _times(plan, mission.speed)
+    times = mission.now + times - np.interp(arc, leg.marks, times)
     return _meets(mission, plan.positions, times, horizon)
+
+
+def _times(plan: PathPlan, speed: float) -> Array:
+    """Return s [S] at which a vehicle that makes a speed through the water, m/s, is at a plan's places."""
+    planned = float(np.asarray(plan.conditions.vehicle.speed))
+    if np.isclose(speed, planned, rtol=1e-3):
+        return plan.times
+    steps = np.diff(np.asarray(plan.positions, float), axis=0)
+    _, ground = progress_along(plan.conditions.config.speed_reading, speed, steps, np.asarray(plan.water))
+    return plan.times[0] + np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1) / ground)])
 
 
 def _standing(mission: Mission, plan: PathPlan) -> _Standing:

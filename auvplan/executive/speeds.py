@@ -136,7 +136,7 @@ def hurries(mission: Mission) -> bool:
     if options is None or leg.record.speed is None or leg.record.goal != mission.run.goal:
         return False
     now = int(np.searchsorted(options.speeds, leg.record.speed - 1e-9))
-    lasts = leg.followed.travel_time / mission.pace * leg.record.speed / options.speeds
+    lasts = leg.followed.travel_time * leg.record.speed / options.speeds
     whole = (1.0 + mission.last_route.return_margin) * lasts + leg.record.t_task
     if whole[now] <= mission.run.t_available - mission.now:
         return False
@@ -181,7 +181,7 @@ def lacking(mission: Mission) -> str:
     assert options is not None
     assert chosen is not None
     edge, duration = (leg.record.start, leg.record.goal), mission.timed.duration
-    lasts = leg.followed.travel_time / mission.pace
+    lasts = leg.followed.travel_time
     left = mission.run.t_available - mission.now - lasts - leg.record.t_task
     own = options.power[chosen[edge]] * lasts + options.fixed[edge]
     charge = mission.energy_left / drawn(mission) - own

@@ -301,8 +301,8 @@ class RollingPlan:
             position: [3] m, where the vehicle is.
             now: s.
         """
-        how = {"stay": 2.0 * _ASIDE, "share": _BRISK}
-        track = escape_track(self._context, position, now, _ASIDE, self._clearances, **how)
+        how = _ASIDE, self._clearances, _BRISK * self._context.speed, 2.0 * _ASIDE
+        track = escape_track(self._context, position, now, *how)
         if track is None:
             return None
         leg, ends = self.legs[count], np.stack([position, track[-1]])

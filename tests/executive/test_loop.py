@@ -50,7 +50,7 @@ def on_route(edges=EDGES, tasks=TASKS, nodes=(0, 1, GOAL), now=0.0, slack=0.0, m
     return mission
 
 
-def leg_of(record, travel_time=200.0, broken=(), speed_made=SPEED, stopped="", under_way=True):
+def leg_of(record, travel_time=200.0, broken=(), stopped="", under_way=True):
     """A stand-in for a leg that is planned."""
     plan = SimpleNamespace(travel_time=travel_time, broken=lambda: broken, explain=lambda *_: "is on land")
     belief = SimpleNamespace(certain=True)
@@ -58,7 +58,6 @@ def leg_of(record, travel_time=200.0, broken=(), speed_made=SPEED, stopped="", u
         record=record,
         followed=plan,
         belief=belief,
-        speed_made=speed_made,
         stopped=stopped,
         under_way=under_way,
         stays=False,
@@ -205,14 +204,14 @@ def test_where_nothing_says_that_a_leg_can_be_done_the_least_is_expected(begins)
     ],
 )
 def test_a_leg_leaves_time_for_the_way_back(available, changes, why):
-    """At 300 s a path takes 690 s at full speed, its task 100 s, the way back 1,200 s and a quarter more."""
+    """At 300 s a path takes 862.5 s, its task 100 s, the way back 1,200 s and a quarter more."""
     edges = changes.get("edges", [(0, 1), (1, GOAL), (0, GOAL)])
     rules = {"guard_return": changes.get("guard", True), "visits": changes.get("visits", "once")}
     slow = [(1, GOAL, 1.0, changes["slow"])] if "slow" in changes else []
     mission = on_route(edges, [], now=300.0, margin=0.25, available=available, edge_tasks=slow, **rules)
-    mission.pace, mission.refusals = 0.8, changes.get("refusals", 0)
+    mission.refusals = changes.get("refusals", 0)
     mission.run.goal = changes.get("goal", GOAL)
-    mission.leg = leg_of(LegRecord(0, 1, 200.0, 100.0, 1.0), travel_time=690.0)
+    mission.leg = leg_of(LegRecord(0, 1, 200.0, 100.0, 1.0), travel_time=862.5)
     found = loop.why_refused(mission, mission.timed.leg_times(SPEED))
     assert why in found
     assert bool(why) == bool(found)
@@ -273,8 +272,7 @@ def after_leg(
     )
     given.times, given.positions = np.array([700.0, 800.0, arrives]), np.zeros((3, 3))
     given.plans = [SimpleNamespace(cpu=cpu)]
-    made = record.get("speed_made", SPEED)
-    mission.leg = leg_of(given, speed_made=made, stopped="the current beat the vehicle", under_way=False)
+    mission.leg = leg_of(given, stopped="the current beat the vehicle", under_way=False)
     mission.refusals = 3
     mission.sea = SimpleNamespace() if "sea" not in record else record["sea"]
     loop.step([mission])
@@ -309,15 +307,6 @@ def test_at_the_destination_a_mission_ends_and_where_a_leg_is_given_up_it_fails(
     assert mission.ended
     assert mission.run.reason == "leg 0 to 1 was not finished: the current beat the vehicle"
     assert mission.now == 1000.0
-
-
-@pytest.mark.parametrize(
-    ("made", "pace"), [(2.5, 1.0), (2.46, 1.0), (2.54, 1.0), (2.0, 0.8), (3.0, 1.2), (2.43, 0.972)]
-)
-def test_a_vehicle_that_is_slower_or_faster_than_thought_is_timed_by_its_pace(called, made, pace):
-    """From a share of a fiftieth on."""
-    mission, _ = after_leg(called, leg={"speed_made": made})
-    assert mission.pace == pytest.approx(pace)
 
 
 @pytest.mark.parametrize(

@@ -42,26 +42,30 @@ def slowed(monkeypatch) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("arc", "horizon", "meets"),
+    ("arc", "horizon", "speed", "meets"),
     [
-        pytest.param(0.0, 130.0, False, id="beyond the horizon"),
-        pytest.param(0.0, 140.0, True, id="within it"),
-        pytest.param(300.0, 10.0, True, id="at its centre"),
-        pytest.param(329.0, 10.0, True, id="on the way out"),
-        pytest.param(331.0, 600.0, False, id="passed"),
+        pytest.param(0.0, 130.0, 2.0, False, id="beyond the horizon"),
+        pytest.param(0.0, 140.0, 2.0, True, id="within it"),
+        pytest.param(300.0, 10.0, 2.0, True, id="at its centre"),
+        pytest.param(329.0, 10.0, 2.0, True, id="on the way out"),
+        pytest.param(331.0, 600.0, 2.0, False, id="passed"),
+        pytest.param(0.0, 265.0, 1.0, False, id="beyond the horizon of a slow vehicle"),
+        pytest.param(0.0, 275.0, 1.0, True, id="within that"),
     ],
 )
-def test_an_obstacle_between_the_only_two_samples_of_a_plan_is_a_hazard(arc, horizon, meets):
+def test_an_obstacle_between_the_only_two_samples_of_a_plan_is_a_hazard(arc, horizon, speed, meets):
     """1,000 m at 2 m/s, which the vehicle does late, and an obstacle of 30 m that stands at 300 m."""
     place = np.array([[300.0, 0.0, 0.0]])
     truth = TrueObstacles(place, np.zeros((1, 3)), np.zeros(1), np.array([30.0]), ["static"])
     exact = SensorSettings(prior_std=0.0, velocity_std=0.0, growth=0.0)
     belief = ObstacleBelief(truth, np.zeros((1, 3)), 0.0, exact, np.random.default_rng(0))
-    plan = SimpleNamespace(positions=np.array([[0.0, 0, 0], [1000.0, 0, 0]]), times=np.array([40.0, 540.0]))
+    how = SimpleNamespace(vehicle=SimpleNamespace(speed=2.0), config=SimpleNamespace(speed_reading="track"))
+    places, times = np.array([[0.0, 0, 0], [1000.0, 0, 0]]), np.array([40.0, 540.0])
+    plan = SimpleNamespace(positions=places, times=times, water=np.zeros((1, 3)), conditions=how)
     leg = SimpleNamespace(
         followed=plan, marks=np.array([0.0, 1000.0]), arc=arc, escaping=False, belief=belief
     )
-    assert replans.hazard(SimpleNamespace(active_leg=leg, now=5000.0), horizon) is meets
+    assert replans.hazard(SimpleNamespace(active_leg=leg, now=5000.0, speed=speed), horizon) is meets
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 import auvplan as ap
 from auvplan.executive.belief import ObstacleBelief, as_obstacles
 from auvplan.executive.context import make_context
-from auvplan.executive.evasion import escape_track
+from auvplan.executive.evasion import ESCAPE_SPEED, escape_track
 from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.ocean import CurrentUpdate, Seabed
 from auvplan.path.motion import Motion
@@ -197,16 +197,16 @@ def test_escape_goes_away_from_what_comes():
         np.array([[60.0, 0, 0]]), np.array([[-1.0, 0, 0]]), np.ones(1), np.array([40.0]), ["self-motivated"]
     )
     belief = ObstacleBelief(truth, np.array([[-1.0, 0, 0]]), 0.0, sensors, np.random.default_rng(0))
-    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance)
+    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance, ESCAPE_SPEED * 2.5)
     assert track is not None
     assert track[-1, 0] < 0
     # Where the sea bed rises behind the vehicle it gives way to another side.
     depth = np.full((200, 200), 100.0)
     depth[:99] = 2.0
     bed = Seabed.from_depth(depth, 10.0, (-1000.0, -1000.0))
-    aside = escape_track(open_water(bed), np.zeros(3), 0.0, 30.0, belief.clearance)
+    aside = escape_track(open_water(bed), np.zeros(3), 0.0, 30.0, belief.clearance, ESCAPE_SPEED * 2.5)
     assert aside is None or (bed.altitude(aside) >= 5.0).all()
-    far = escape_track(open_water(), np.array([-5e3, 0, 0]), 0.0, 30.0, belief.clearance)
+    far = escape_track(open_water(), np.array([-5e3, 0, 0]), 0.0, 30.0, belief.clearance, ESCAPE_SPEED * 2.5)
     assert far is None or np.linalg.norm(far[-1] - [-5e3, 0, 0]) <= 0.4 * 2.5 * 30 + 1e-6
 
 

@@ -9,8 +9,10 @@ import pytest
 import auvplan as ap
 from auvplan.check.run import check_dataset
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.evasion import escape_track
+from auvplan.executive.evasion import ESCAPE_SPEED, escape_track
 from auvplan.executive.loop import start_mission, step
+from auvplan.executive.path_calls import plan_legs
+from auvplan.executive.replans import hazard
 from auvplan.io.results import to_dataset
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord, MissionRun
@@ -76,13 +78,51 @@ def test_a_slower_vehicle_is_noticed_and_reckoned_with(shared):
     mission = under_way(shared, Slower(0.0, 0.7))
     while mission.leg is not None:
         step([mission])
-    assert mission.pace == pytest.approx(0.7, abs=0.02)
+    assert mission.pace == pytest.approx(0.7, rel=1e-3)
     expected = mission.timed.leg_times(shared.speed)
     step([mission])
     slower = mission.timed.leg_times(shared.speed)
     open_edges = np.isfinite(expected) & np.isfinite(slower) & (mission.graph.duration == 0.0)
     if open_edges.any():
         assert (slower[open_edges] > expected[open_edges]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "pace"), [(1.0, 1.0), (0.984, 1.0), (1.016, 1.0), (0.8, 0.8), (1.2, 1.2), (0.972, 0.972)]
+)
+def test_a_vehicle_that_is_slower_or_faster_than_thought_is_planned_with_at_its_pace(shared, factor, pace):
+    """From a share of a fiftieth on."""
+    mission = under_way(shared, Slower(0.0, factor))
+    step([mission])
+    assert mission.pace == pytest.approx(pace, rel=1e-3)
+    assert mission.speed == pytest.approx(pace * shared.speed, rel=1e-3)
+    plan_legs([mission], "window")
+    plan = mission.active_leg.followed
+    gaps, water = np.diff(np.asarray(plan.positions, float), axis=0), np.asarray(plan.water)
+    through = gaps / np.diff(plan.times)[:, None] - water
+    np.testing.assert_allclose(np.linalg.norm(through, axis=1), mission.speed, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_an_obstacle_is_foreseen_at_the_pace_that_the_vehicle_makes(shared):
+    """What drifts across the path is met by a vehicle at half its speed, and was gone by the plan's times."""
+    mission = under_way(shared)
+    leg = mission.active_leg
+    step([mission])
+    begins, plan = float(np.interp(leg.arc, leg.marks, leg.followed.times)), leg.followed
+    place = np.asarray([np.interp(begins + 60.0, plan.times, axis) for axis in plan.positions.T])
+    ahead = np.diff(plan.positions[-2:], axis=0)[0]
+    aside = np.cross(ahead / np.linalg.norm(ahead), [0.0, 0.0, 1.0])
+    # It is at the place at the time of a vehicle that is half as fast, and far from it at that of the plan.
+    leg.belief.velocity[:] = 0.0
+    leg.belief.position[:] = [0.0, 0.0, 1e6]
+    leg.belief.radius[:], leg.belief.std[:] = 20.0, 0.0
+    leg.belief.velocity[0], leg.belief.position[0] = 3.0 * aside, place - 3.0 * 120.0 * aside
+    leg.belief.observed_at[:] = mission.now
+    assert not hazard(mission)
+    mission.pace = 0.5
+    assert hazard(mission)
 
 
 @pytest.mark.slow
@@ -146,7 +186,7 @@ def test_an_escape_from_inside_a_boundary_leads_away():
     belief = ObstacleBelief(truth, truth.velocity, 0.0, sensors, np.random.default_rng(0))
     belief.look(np.zeros(3), truth, truth.velocity, 0.0)
     assert belief.clearance(np.zeros((1, 3)), np.zeros(1))[0] < 0.0
-    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance)
+    track = escape_track(open_water(), np.zeros(3), 0.0, 30.0, belief.clearance, ESCAPE_SPEED * 2.5)
     assert track is not None
     assert track[-1, 0] < -20.0
 

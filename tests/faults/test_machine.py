@@ -18,6 +18,7 @@ from hypothesis.stateful import (
 
 import auvplan as ap
 from auvplan.check.run import check_run
+from auvplan.executive.legs import finish
 from auvplan.executive.loop import step
 from auvplan.runtime.files import OutputError, ResultError
 from auvplan.simulation.faults import (
@@ -191,6 +192,17 @@ class Executed(RuleBasedStateMachine):
         assert "\n" not in run.reason
         assert run.success == (run.reason == "destination reached in time")
         assert not [str(hit) for hit in collisions(run, self.mission.faults.given) if hit.avoidable]
+
+
+def test_a_slow_vehicle_gives_way_by_the_pace_that_it_makes():
+    """At six tenths of its speed it met what moves on the first leg where it was foreseen at all of it."""
+    mission = begun(context(scenario(mission=scenario().mission.model_dump() | {"time_available": 2400})), 1)
+    steps = [CurrentStep(0.0, (0.05, 0.0), known=True)] * 2
+    mission.faults.given += [*steps, Slower(0.0, 0.6)]
+    while mission.now < 200.0:
+        step([mission])
+    finish(mission.active_leg)
+    assert not collisions(mission.run, mission.faults.given)
 
 
 def fired(examples: int, steps: int) -> None:
