@@ -90,8 +90,8 @@ class Planner(RollingPlan):
         self.reason = "the planner is out" if out else self.reason
         return out
 
-    def from_leg(self, count: int, now: float) -> Prospect | None:
-        return None if self._out() else super().from_leg(count, now)
+    def from_leg(self, count: int, now: float, late: bool = False) -> Prospect | None:
+        return None if self._out() else super().from_leg(count, now, late)
 
     def from_position(self, count: int, position: np.ndarray, now: float) -> Prospect | None:
         return None if self._out() else super().from_position(count, position, now)

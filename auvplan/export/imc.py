@@ -331,5 +331,5 @@ def _current(itinerary: Itinerary, leg: PlannedLeg) -> Array:
     last = leg.motion[-1:]
     level = np.cos(last.pitch)
     hull = np.stack([level * np.cos(last.yaw), level * np.sin(last.yaw)], axis=1)
-    found = last.ground_velocity[0, :2] - itinerary.through_water(leg) * hull[0]
+    found = last.ground_velocity[0, :2] - leg.pace * itinerary.through_water(leg) * hull[0]
     return found if np.isfinite(found).all() else np.zeros(2)

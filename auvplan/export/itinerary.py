@@ -68,6 +68,7 @@ class PlannedLeg:
         speed: m/s through the water; None where it is the itinerary's.
         rise: s of the hold, at its end, in which the vehicle surfaces for a fix, up and down included.
         fix: s of these at the surface.
+        pace: share of the speed that the vehicle is asked for which it makes; times and motion are by it.
     """
 
     number: int
@@ -89,6 +90,7 @@ class PlannedLeg:
     speed: float | None = None
     rise: float = 0.0
     fix: float = 0.0
+    pace: float = 1.0
 
     @classmethod
     def of(

@@ -52,13 +52,14 @@ class Stretch(NamedTuple):
 
 
 def led(leg: "PlannedLeg") -> Array:
-    """Return [k, 2] m/s that a leg's lines make over ground, and of it along the hull, to each waypoint.
+    """Return [k, 2] m/s that are asked for on a leg's lines over ground, and of it along the hull.
 
-    The hull points where the vehicle moves through the water, so that across a current it sees less than it
-    makes. What leads to the first waypoint is known of a leg that was cut; NaN where it is not.
+    It is to each waypoint; of it the vehicle makes `PlannedLeg.pace`. The hull points where the vehicle moves
+    through the water, so that across a current it sees less than it makes. What leads to the first waypoint
+    is known of a leg that was cut; NaN where it is not.
     """
     gaps = np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1)
-    over_ground = gaps / np.maximum(np.diff(leg.kept_times), 1e-9)
+    over_ground = gaps / np.maximum(np.diff(leg.kept_times), 1e-9) / leg.pace
     body = leg.motion.body_velocity
     length = np.linalg.norm(body, axis=1)
     ahead = np.where(length > 0.0, body[:, 0] / np.where(length > 0.0, length, 1.0), np.nan)

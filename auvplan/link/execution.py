@@ -8,11 +8,11 @@ safe end.
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
 from auvplan.export.itinerary import ExportError
@@ -43,6 +43,9 @@ _PAUSE = 60.0
 
 #: s of mission time that a plan from a hold may begin later than it was made for.
 _LATE = 20.0
+
+#: s by which a plan that ends too late must end sooner than the one in hand to replace it.
+_SOONER = 60.0
 
 #: State of a vehicle that was sent nothing.
 _NOT_STARTED = "the vehicle was not started"
@@ -120,7 +123,8 @@ class _Executor:
         self._phase = Phase.READY
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
-        self._settled = -1  # legs that were done when the rest was last re-planned for its times
+        # Legs that were done, and s that it was late, when the rest was last re-planned for its times.
+        self._settled = -1, 0.0
         self._tries: Counter[str] = Counter()  # answers in a row, by kind, to what did not go away
         self._spent = ""  # what was answered too often
         self._failed = -math.inf  # s, when something failed that is tried again later
@@ -265,10 +269,13 @@ class _Executor:
             if not idle:
                 off = progress.drift(place, now, self._limits)
                 astray = f"{off:.0f} m off its track" if off else ""
+                progress.time_pace(place, now - report.heard * self._link.rate)
                 late = progress.late(place, now) or 0.0
-                settled = self._due or new is not None or self._settled == self._count
-                if not settled and abs(late) > max(self._limits.late, self._plan.tolerance):
-                    self._due, self._settled = "late" if late > 0.0 else "early", self._count
+                count, known = self._settled
+                more = abs(late - known) if count == self._count else abs(late)
+                settled = self._due or new is not None
+                if not settled and more > max(self._limits.late, self._plan.tolerance):
+                    self._due, self._settled = "late" if late > 0.0 else "early", (self._count, late)
         end = "" if self._end is None else _state_in_words(self._end)
         taken = self._end is not None and self._end.state is State.STOPPED
         return Facts(
@@ -531,10 +538,12 @@ class _Executor:
         self._link.start(more)
         self._phase = after(self._phase, Act.START)
         self._aside, begun = False, None if self._sight is None else self._sight[1]
-        self._progress = Progress(new.sent, more, more, more, since=self._now, begun=begun)
+        pace = new.prospect.states[-1].pace
+        self._progress = Progress(new.sent, more, more, more, since=self._now, begun=begun, counted=pace)
         self._progress.stay_on(before)
         self._plan.followed = new.prospect
         self._new, self._due, self._looked, self._blocked = None, "", -math.inf, False
+        self._settled = self._count, 0.0
         steps = [[*map(float, step.position.round(3)), step.hold] for step in new.sent.steps]
         number, when = new.upload.number, round(self._now, 1)
         self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})
@@ -544,7 +553,7 @@ class _Executor:
         """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
         cause = decision.why
         for _ in range(2):
-            asked = self._now
+            asked, self._plan.pace = self._now, self._progress.pace.share
             begins = asked + self._cost
             found = self._plan.from_position(self._count, self._place, begins)
             self._cost = self._now - asked
@@ -562,29 +571,36 @@ class _Executor:
     def _plan_rest(self, decision: Decision) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
         cause, legs, progress, begin = decision.why, self._plan.legs, self._progress, self._now
-        late = progress.late(self._place, begin) or 0.0
+        late, self._plan.pace = progress.late(self._place, begin) or 0.0, progress.pace.share
+        delays = dict(enumerate(_delays(legs[self._count :], begin, late, progress.slower), self._count))
         kept = self._count + 1
-        while kept < len(legs) and _after(legs[kept - 1], late) < begin + self._cost:
+        while kept < len(legs) and delays[kept - 1].done < begin + self._cost:
             kept += 1
         if kept >= len(legs):
             self._due = ""
             return
-        found = self._plan.from_leg(kept, _after(legs[kept - 1], late))
+        begins, ends = delays[kept - 1].done, delays[len(legs) - 1].done
+        found = self._plan.from_leg(kept, begins)
+        if found is None and ends > self._record.t_available:
+            found = self._plan.from_leg(kept, begins, late=True)
+            found = found if found is not None and found.ends < ends - _SOONER else None
         if found is None:
             self._due = ""
             self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)
-        staying = [
-            replace(leg, times=leg.times + late, kept_times=leg.kept_times + late)
-            for leg in present.itinerary.legs
-            if leg.number <= kept
-        ]
+        staying = []
+        for leg in (leg for leg in present.itinerary.legs if leg.number <= kept):
+            delay = delays[leg.number - 1]
+            times, corners = delay(leg.times), delay(leg.kept_times)
+            staying.append(replace(leg, times=times, kept_times=corners, pace=leg.pace / delay.slower))
         rest, first = self._plan.itinerary(found, kept), present.steps[0]
-        origin = first.left, first.left_at + late
+        origin = first.left, float(delays[self._count](first.left_at))
         if progress.ahead == 0 and present.origin is None:  # it is on its way to the start
             origin = progress.line[0], first.left_at
         upload = Upload(replace(rest, legs=(*staying, *rest.legs)), progress.upload.number + 1, origin)
+        for number in range(self._count, kept):
+            found.legs[number] = replace(legs[number], times=delays[number](legs[number].times))
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
         anew = counted(len(found.legs) - kept, "leg")
@@ -653,9 +669,39 @@ def _state_in_words(report: Report) -> str:
     return f"the vehicle is {report.state.value}{words}"
 
 
-def _after(leg: LegRecord, late: float) -> float:
-    """Return s, when a leg and its task are done by a vehicle that is late."""
-    return float(leg.times[-1]) + late + max(leg.t_wait - max(late, 0.0), 0.0) + leg.t_task
+@dataclass(frozen=True)
+class _Delay:
+    """When a vehicle that is late and slower than planned is at the places of a leg.
+
+    Attributes:
+        late: s, at `since`, s by the plan.
+        since: s by the plan, from when on all takes `slower` times as long.
+        slower: factor.
+        done: s, when the leg and its task are done.
+    """
+
+    late: float
+    since: float
+    slower: float
+    done: float
+
+    def __call__(self, times: ArrayLike) -> Array:
+        """Return s, when it does what was planned for s."""
+        times = np.asarray(times, float)
+        return times + self.late + (self.slower - 1.0) * (times - self.since)
+
+
+def _delays(legs: Sequence[LegRecord], now: float, late: float, slower: float) -> list[_Delay]:
+    """Return how late each of these legs is of a vehicle that is on the first of them."""
+    found: list[_Delay] = []
+    for leg in legs:
+        planned = float(leg.times[-1])
+        since = float(leg.times[0]) if found else min(now - late, planned)
+        behind = late + (slower - 1.0) * (planned - since)
+        made_up = min(leg.t_wait, max(behind, 0.0))
+        found.append(_Delay(late, since, slower, planned + behind + leg.t_wait - made_up + leg.t_task))
+        late = behind - made_up
+    return found
 
 
 #: What is done between two looks, by what was decided.

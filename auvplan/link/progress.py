@@ -15,8 +15,42 @@ Array = NDArray[np.floating]
 #: m from the place of a task within which the vehicle is taken to be at it.
 _AT_TASK = 15.0
 
+#: s of mission time between two sightings by which the pace is judged, s of what was planned in the past that
+#: it begins with, and s after which 1/e of what was seen counts.
+_APART, _PRIOR, _MEMORY = 30.0, 60.0, 3600.0
+
+#: Pace up to which a vehicle counts as slow, and the least that is counted on.
+_SLOW, _LEAST = 0.95, 0.3
+
+#: Share of the planned pace below which a vehicle is not under way.
+_STANDS = 0.2
+
 #: Greatest speed over ground: factor on the greatest speed through the water, and m/s more.
 _TIMES, _MORE = 2.0, 2.0
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a vehicle gets on, in shares of what it is asked for.
+
+    Attributes:
+        planned: s that it was to take for what it went, at the full pace.
+        taken: s that it took.
+    """
+
+    planned: float = _PRIOR
+    taken: float = _PRIOR
+
+    def after(self, planned: float, taken: float) -> "Pace":
+        """Return the pace after a way that was to take `planned` s at the full pace, and took `taken` s."""
+        kept = math.exp(-taken / _MEMORY)
+        return Pace(kept * self.planned + planned, kept * self.taken + taken)
+
+    @property
+    def share(self) -> float:
+        """The share that is counted on; 1 where it is hardly less, as currents make it differ as well."""
+        share = self.planned / self.taken
+        return max(share, _LEAST) if share < _SLOW else 1.0
 
 
 @dataclass
@@ -32,6 +66,10 @@ class Progress:
         astray: s since when it is off its track, or infinite.
         begun: [3] m, where it was when it began, or None.
         task: the step at whose task it was last seen, and s when it was first seen there.
+        pace: that it makes, from upload to upload.
+        counted: share of the full pace by which the upload's times were planned.
+        sight: the last sighting under way that its pace is judged by, or None: the step ahead, s by the plan
+            and s when it was, and [3] m.
         stayed: [n] s that it can have been at the place of each step, by where it was seen; -1 for never.
     """
 
@@ -44,6 +82,9 @@ class Progress:
     astray: float = math.inf
     begun: Array | None = None
     task: tuple[int, float] = (-1, 0.0)
+    pace: Pace = Pace()
+    counted: float = 1.0
+    sight: tuple[int, float, float, Array] | None = None
     stayed: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -84,9 +125,31 @@ class Progress:
         self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
 
     def stay_on(self, before: "Progress") -> None:
-        """Take over how long the vehicle was at places that it also goes to by this upload."""
+        """Take over its pace, and how long it was at places that it also goes to by this upload."""
+        self.pace = before.pace
         known = {step.key: float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)}
         self.stayed = np.asarray([known.get(step.key, -1.0) for step in self.upload.steps])
+
+    def time_pace(self, place: Array, now: float) -> None:
+        """Take note of how far the vehicle, seen under way at [3] m at s, has come by the plan."""
+        late = self.late(place, now)
+        if late is None or self.to_the_start or self.leaves_task(place):
+            self.sight = None
+            return
+        if self.sight is not None:
+            step, planned, when, before = self.sight
+            if (taken := now - when) < _APART:
+                return
+            gone = float(np.linalg.norm(place - before))
+            holds = any(passed.hold for passed in self.upload.steps[step : self.ahead])
+            if not holds and gone > _STANDS * self.step.pace * taken:
+                self.pace = self.pace.after(self.counted * (now - late - planned), taken)
+        self.sight = self.ahead, now - late, now, place
+
+    @property
+    def slower(self) -> float:
+        """Factor by which what is ahead takes longer than the upload's times say, from what was seen."""
+        return max(self.counted / self.pace.share, 1.0)
 
     def complete(self, count: int, now: float) -> list[Step]:
         """Complete steps up to a count as far as the vehicle can have been at them; return these.
@@ -194,9 +257,10 @@ class Progress:
             if step.leg != self.step.leg or times[-1] >= HORIZON:
                 break
             gap = float(np.linalg.norm(step.position - places[-1]))
-            share = min(1.0, (HORIZON - times[-1]) * step.pace / max(gap, 1e-6))
+            pace = step.pace / self.slower
+            share = min(1.0, (HORIZON - times[-1]) * pace / max(gap, 1e-6))
             places.append(places[-1] + share * (step.position - places[-1]))
-            times.append(times[-1] + share * gap / step.pace)
+            times.append(times[-1] + share * gap / pace)
         return np.asarray(places), np.asarray(times)
 
     def time_to_step(self, place: Array) -> float:

@@ -87,9 +87,11 @@ class RollingPlan:
         followed: the plan that is executed, from the first call of `plan` on.
         reason: how the last planning ended, in words.
         measured: currents that count.
+        pace: share of the speed that it is asked for which the vehicle makes; counted on from now on.
     """
 
     followed: Prospect
+    pace: float = 1.0
 
     def __init__(
         self,
@@ -161,9 +163,13 @@ class RollingPlan:
             self.followed = found
         return found is not None
 
-    def from_leg(self, count: int, now: float) -> Prospect | None:
-        """Re-plan all after the first `count` legs, which end at `now`; None where there is no plan."""
-        return self._complete(self.followed.states[count].fork(now=now, cause="late"), count)
+    def from_leg(self, count: int, now: float, late: bool = False) -> Prospect | None:
+        """Re-plan all after the first `count` legs, which end at `now`.
+
+        None where there is no plan that reaches the destination, in time if not `late`.
+        """
+        state = self.followed.states[count].fork(now=now, cause="late", pace=self.pace)
+        return self._complete(state, count, late=late)
 
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
@@ -183,7 +189,7 @@ class RollingPlan:
         old, (before, after) = self.legs[count], self.followed.states[count : count + 2]
         # The route that the leg belongs to may have been made at its beginning, after the state was kept.
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
-        state = before.fork(now=now, cause="", **route)
+        state = before.fork(now=now, cause="", pace=self.pace, **route)
         state.run.routes[:] = after.run.routes
         if state.navigation is not None and (old.t_fix or state.at_surface):  # it had a fix as it left
             state.navigation, state.navigated = after_fix(state), float(old.times[0])
@@ -199,7 +205,7 @@ class RollingPlan:
 
     def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
         """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
-        old, before = self.legs[count], self.followed.states[count].fork()
+        old, before = self.legs[count], self.followed.states[count].fork(pace=self.pace)
         if old.start != old.goal:
             before.barred |= {(old.start, old.goal), (old.goal, old.start)}
             before.graph = before.graph.without_edges([(old.start, old.goal)])
@@ -269,16 +275,23 @@ class RollingPlan:
         return Correction(offset, member, float(weights[member]))
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
-        """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
-        # What the vehicle takes longer anyway it is not asked to stay.
-        rest = [
-            replace(leg, t_task=max(leg.t_task - self._stop - self._task, 0.0))
-            for leg in prospect.legs[count:]
-        ]
-        run = replace(prospect.states[-1].run, legs=rest, obstacles=self._context.area.obstacles)
+        """Return the itinerary of all after the first `count` legs, numbered as in the whole mission.
+
+        Times are by the pace that the vehicle makes, speeds those that it is asked for to make it.
+        """
+        end, rest, asked = prospect.states[-1], [], [leg.speed for leg in prospect.legs[count:]]
+        for leg, speed in zip(prospect.legs[count:], asked, strict=True):
+            # What the vehicle takes longer anyway it is not asked to stay.
+            task = max(leg.t_task - self._stop - self._task, 0.0)
+            rest.append(replace(leg, t_task=task, speed=None if speed is None else end.pace * speed))
+        run = replace(end.run, legs=rest, obstacles=self._context.area.obstacles)
+        run.vehicle = replace(run.vehicle, speed=end.pace * self._context.speed)
         found = itinerary_of(run, self.site)
-        legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
-        return replace(found, legs=legs)
+        legs = [
+            replace(leg, number=leg.number + count, speed=speed, pace=end.pace)
+            for leg, speed in zip(found.legs, asked, strict=True)
+        ]
+        return replace(found, speed=self._context.speed, legs=tuple(legs))
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, how far a path through [n, 3] m at [n] s stays from the spheres of known obstacles."""
@@ -301,7 +314,7 @@ class RollingPlan:
             position: [3] m, where the vehicle is.
             now: s.
         """
-        how = _ASIDE, self._clearances, _BRISK * self._context.speed, 2.0 * _ASIDE
+        how = _ASIDE, self._clearances, _BRISK * self.pace * self._context.speed, 2.0 * _ASIDE
         track = escape_track(self._context, position, now, *how)
         if track is None:
             return None

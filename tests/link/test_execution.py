@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from auvplan.export.speeds import led
 from auvplan.link import Limits, Lost, Refused, State, Upload, execute
 from auvplan.link.limits import Allowance
 from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
@@ -176,6 +177,39 @@ def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current
         off[told] = np.abs(np.subtract(times, planned)) / planned
     assert off[True].max() < 0.01
     assert off[False].max() > 0.03
+
+
+@pytest.mark.parametrize("speed", [2.0, 1.7])
+def test_a_slower_vehicle_is_planned_with_at_the_pace_that_it_makes(speed):
+    """It is asked for the speeds that it was asked for, and comes when the last plan says."""
+    plan, vehicle = made(speed=speed)
+    record = executed(plan, vehicle)
+    replans = [event for event in record.events if event.kind == "replan"]
+    ends = float(replans[-1].text.split("planned end ")[1].split(" s")[0])
+    assert record.t_mission == pytest.approx(ends, rel=0.03)
+    off = [float(event.text.split(", ")[-1].split(" s")[0]) for event in record.events if event.kind == "leg"]
+    assert max(map(abs, off)) < 120.0
+    asked = [{leg.number: led(leg)[-1, 0] for leg in one.itinerary.legs} for one in vehicle.uploads]
+    paces = [leg.pace for one in vehicle.uploads[1:] for leg in one.itinerary.legs]
+    assert max(paces) < 0.9
+    for later in asked[1:]:
+        for number, over_ground in later.items():
+            assert over_ground == pytest.approx(asked[0][number], rel=0.03)
+
+
+def test_where_no_plan_is_in_time_the_one_that_is_least_late_may_be_asked_for():
+    plan, _ = made()
+    assert plan.plan()
+    begins = plan.run.t_available - 300.0
+    assert plan.from_leg(1, begins) is None
+    late = plan.from_leg(1, begins, late=True)
+    assert late is not None
+    assert late.ends > plan.run.t_available
+    assert late.legs[-1].goal == plan.run.goal
+    plan.pace = 0.5
+    slow = plan.from_leg(1, begins, late=True)
+    assert slow is not None
+    assert slow.ends - begins > 1.7 * (late.ends - begins)
 
 
 def test_reported_obstacles_compile_nothing_under_way():

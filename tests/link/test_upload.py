@@ -95,6 +95,52 @@ def test_the_track_ahead_is_gone_at_the_pace_of_each_line():
     assert track[-1] == pytest.approx(first.left + share * (first.position - first.left))
 
 
+def under_way(upload, pace, until, every=5.0, stands=()):
+    """Progress of a vehicle that goes all but the last step of an upload's first leg at a share of its pace.
+
+    It is seen every so many s of the plan, and stands still for 100 s where `stands` says.
+    """
+    progress, now, first = Progress(upload, ahead=1), upload.steps[1].left_at, upload.steps[1].left_at
+    for planned in np.arange(first, until, every):
+        while upload.steps[progress.ahead].time < planned:
+            progress.ahead += 1
+        step = progress.step
+        share = (planned - step.left_at) / (step.time - step.left_at)
+        place = step.left + share * (step.position - step.left)
+        for still in np.arange(0.0, 100.0 if planned in stands else 1.0, every):
+            progress.time_pace(place, now + still)
+        now += every / pace + (100.0 if planned in stands else 0.0)
+    return progress
+
+
+@pytest.mark.parametrize("pace", [0.5, 0.7, 0.9, 1.0, 1.2])
+def test_the_pace_is_what_was_planned_for_the_way_made_by_what_it_took(upload, pace):
+    """From 60 s at the full pace on, of which 1/e is forgotten in an hour; currents make a little of it."""
+    first = upload.steps[1].left_at
+    until = max(step.time for step in upload.steps if step.leg == 1) - 10.0
+    progress = under_way(upload, pace, until)
+    planned, taken = progress.pace.planned, progress.pace.taken
+    kept = np.exp(-(until - first) / pace / 3600.0)
+    begun, seen = 60.0 * kept, 3600.0 * (1.0 - kept)
+    assert planned / taken == pytest.approx((begun + pace * seen) / (begun + seen), rel=0.02)
+    assert progress.pace.share == (1.0 if planned / taken >= 0.95 else planned / taken)
+    assert progress.slower == pytest.approx(1.0 / progress.pace.share)
+    # What the plan reckons with already is not slower than that.
+    progress.counted = progress.pace.share
+    assert progress.slower == pytest.approx(1.0)
+    _, seconds = progress.track_ahead(progress.step.left, 0.0)
+    progress.counted = 1.0
+    _, later = progress.track_ahead(progress.step.left, 0.0)
+    assert later[1] == pytest.approx(min(seconds[1] / progress.pace.share, 180.0), rel=1e-6)
+
+
+def test_a_vehicle_that_stands_still_has_no_other_pace(upload):
+    first = upload.steps[1].left_at
+    until = max(step.time for step in upload.steps if step.leg == 1) - 10.0
+    progress = under_way(upload, 1.0, until, stands=(first + 50.0, first + 100.0))
+    assert progress.pace.share == 1.0
+
+
 def test_at_a_task_the_track_ahead_stays_for_what_is_left_of_it(upload):
     progress = Progress(upload)
     ahead = next(k for k, step in enumerate(upload.steps) if step.hold > 0.0)
