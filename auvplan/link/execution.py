@@ -339,7 +339,7 @@ class _Executor:
             self._tries.clear()
             if not step.ends_leg:
                 continue
-            for leg in self._plan.legs[self._count : step.leg]:
+            for number, leg in list(enumerate(self._plan.legs))[self._count : step.leg]:
                 self._record.route.append(self._plan.run.called(leg.goal))
                 if leg.priority > 0.0:
                     self._record.tasks.append(self._leg_name(leg))
@@ -347,6 +347,7 @@ class _Executor:
                 task = ", task done" if leg.priority > 0.0 else ""
                 off = f"{self._now - leg.ends:+.0f} s off the plan"
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
+                self._plan.ended(number, self._now)
             self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)

@@ -6,7 +6,7 @@ may still change, with what has been learnt since.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,13 +163,28 @@ class RollingPlan:
             self.followed = found
         return found is not None
 
+    def ended(self, count: int, now: float) -> None:
+        """Count on the leg after the first `count` having ended, with its task, at `now`, s."""
+        legs = list(self.legs)
+        leg = legs[count]
+        begin = legs[count - 1].ends + leg.t_hold if count else float(leg.times[0])
+        lasts, planned = now - leg.t_wait - leg.t_task - begin, leg.t_path
+        if lasts > 0.0 and planned > 0.0:
+            legs[count] = replace(leg, times=begin + (leg.times - leg.times[0]) * lasts / planned)
+            self.followed = replace(self.followed, legs=legs)
+
+    def _before(self, count: int, **changes: Any) -> Mission:
+        """Return the planners' state before the leg after the first `count`, with these as they were gone."""
+        state, gone = self.followed.states[count].fork(pace=self.pace, **changes), iter(self.legs[:count])
+        state.run.legs[:] = [next(gone) if leg.arrived else leg for leg in state.run.legs]
+        return state
+
     def from_leg(self, count: int, now: float, late: bool = False) -> Prospect | None:
         """Re-plan all after the first `count` legs, which end at `now`.
 
         None where there is no plan that reaches the destination, in time if not `late`.
         """
-        state = self.followed.states[count].fork(now=now, cause="late", pace=self.pace)
-        return self._complete(state, count, late=late)
+        return self._complete(self._before(count, now=now, cause="late"), count, late=late)
 
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
@@ -186,10 +201,10 @@ class RollingPlan:
         Returns:
             The plan, or None.
         """
-        old, (before, after) = self.legs[count], self.followed.states[count : count + 2]
+        old, before, after = self.legs[count], self._before(count), self.followed.states[count + 1]
         # The route that the leg belongs to may have been made at its beginning, after the state was kept.
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
-        state = before.fork(now=now, cause="", pace=self.pace, **route)
+        state = before.fork(now=now, cause="", **route)
         state.run.routes[:] = after.run.routes
         if state.navigation is not None and (old.t_fix or state.at_surface):  # it had a fix as it left
             state.navigation, state.navigated = after_fix(state), float(old.times[0])
@@ -205,7 +220,7 @@ class RollingPlan:
 
     def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
         """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
-        old, before = self.legs[count], self.followed.states[count].fork(pace=self.pace)
+        old, before = self.legs[count], self._before(count)
         if old.start != old.goal:
             before.barred |= {(old.start, old.goal), (old.goal, old.start)}
             before.graph = before.graph.without_edges([(old.start, old.goal)])

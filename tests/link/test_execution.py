@@ -212,6 +212,24 @@ def test_where_no_plan_is_in_time_the_one_that_is_least_late_may_be_asked_for():
     assert slow.ends - begins > 1.7 * (late.ends - begins)
 
 
+def test_what_a_leg_drew_by_lasting_longer_is_planned_with():
+    """400 s more under way, at 8 W + 12 W s3/m3 x 2.5^3, in place of 400 s at rest."""
+    power = {"hotel": 40, "propulsion": {"constant": 8, "factor": 12}}
+    plan = RollingPlan(SETTINGS.with_({"vehicle.power": power}), 1)
+    assert plan.plan()
+    done = plan.legs[0].ends
+    late = plan.from_leg(1, done + 400.0, late=True)
+    plan.ended(0, done + 400.0)
+    assert plan.legs[0].ends == pytest.approx(done + 400.0)
+    drew = plan.from_leg(1, done + 400.0, late=True)
+    assert late is not None
+    assert drew is not None
+    rest = [found.states[-1].run.legs[1:] for found in (late, drew)]
+    assert [leg.t_path for leg in rest[0]] == [leg.t_path for leg in rest[1]]
+    stayed, gone = (found.states[-1].run.energy.total for found in (late, drew))
+    assert gone - stayed == pytest.approx((8.0 + 12.0 * 2.5**3) * 400.0 / 3600.0, rel=0.05)
+
+
 def test_reported_obstacles_compile_nothing_under_way():
     plan, _ = made()
     plan.itinerary(plan.followed, 0)
