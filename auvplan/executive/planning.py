@@ -113,29 +113,16 @@ def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | No
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: as `load_area`.
     """
-    from auvplan.io.area import load_area, load_closures, load_jobs
+    from auvplan.io.area import load_area
 
     moments, site = np.asarray(departs, float), scenario.site
     first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
-    if scenario.current.source != "file" or site is None or site.departure is None:
-        area = load_area(scenario, folder, until=last)
-        require_known(scenario, area, moments)
-        return area
-    # What lies between the scenario's own departure and the first of these need not be covered.
-    leaving = site.model_copy(update={"departure": site.departure + timedelta(seconds=first)})
-    area = load_area(scenario.model_copy(update={"site": leaving}), folder, until=last - first)
-    assert isinstance(area.forecast, GriddedCurrent)
-    assert isinstance(area.truth, GriddedCurrent)
-    home = scenario.folder if folder is None else folder
-    forecast = replace(area.forecast, times=area.forecast.times + first)
-    return replace(
-        area,
-        site=site.site,
-        jobs=load_jobs(scenario, site.site, home, last, forecast),
-        closures=load_closures(scenario, site.site, home, last),
-        forecast=forecast,
-        truth=replace(area.truth, times=area.truth.times + first),
-    )
+    if scenario.current.source == "file" and site is not None and site.departure is not None:
+        # What lies between the scenario's own departure and the first of these need not be covered.
+        return load_area(scenario, folder, until=last, since=first)
+    area = load_area(scenario, folder, until=last)
+    require_known(scenario, area, moments)
+    return area
 
 
 def planning_context(

@@ -256,9 +256,9 @@ def _untimed(mission: Mission) -> MissionGraph:
         return with_still_water(mission.timed, mission.graph)
     if timetable is None:
         return replace(mission.timed, adjacency=adjacency)
-    still = replace(mission.graph, travel_time=None, duration=0.0 * mission.graph.duration)
+    still = mission.graph.still_times(mission.context.speed)
     known = np.isfinite(timetable.travel_time)
-    filled = np.where(known, timetable.travel_time, still.leg_times(mission.context.speed))
+    filled = np.where(known, timetable.travel_time, still)
     return mission.graph.with_timetable(replace(timetable, travel_time=filled))
 
 

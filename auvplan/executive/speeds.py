@@ -80,8 +80,7 @@ def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:
     """Return a graph with speeds whose closed edges, open in the whole one, are timed as in still water."""
     options = graph.options
     assert options is not None
-    still = replace(whole, travel_time=None, duration=0.0 * whole.duration, timetable=None)
-    times = np.stack([still.leg_times(speed) for speed in options.speeds.tolist()])
+    times = np.stack([whole.still_times(speed) for speed in options.speeds.tolist()])
     shape = (slice(None), None) if options.clocked else slice(None)
     known = np.isfinite(options.travel_time)
     options = replace(options, travel_time=np.where(known, options.travel_time, times[shape]))

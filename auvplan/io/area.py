@@ -52,6 +52,7 @@ def load_area(
     folder: str | Path | None = None,
     until: float | None = None,
     given: Mapping[str, Any] | None = None,
+    since: float = 0.0,
 ) -> OperatingArea:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
@@ -67,6 +68,7 @@ def load_area(
             for "bathymetry.file" a `Dataset` or `DataArray`; for "chart.file", "chart.uncertain",
             "chart.no_go", "obstacles.file" and "mission.jobs" features, as GeoJSON in a mapping or in
             whatever has a `__geo_interface__`, such as a GeoDataFrame in degrees.
+        since: s since the epoch, from which on currents are read.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
@@ -82,7 +84,7 @@ def load_area(
             ...
         ValueError: given: the scenario has no current.files: name it, such as "in memory"
     """
-    files = AreaFiles(scenario, folder, until, given=given)
+    files = AreaFiles(scenario, folder, until, given=given, since=since)
     with gathered_warnings() as lines:
         area = files.area()
     noted = (*scenario.warnings, *scenario.overrides, *lines, *area.notes)
@@ -238,15 +240,16 @@ class AreaFiles:
         site: Site | None = None,
         unread: Collection[str] = (),
         given: Mapping[str, Any] | None = None,
+        since: float = 0.0,
     ) -> None:
         """Read nothing yet.
 
         Args:
-            scenario, folder, until, given: as for `load_area`.
+            scenario, folder, until, given, since: as for `load_area`.
             site: where and when local coordinates begin; as the scenario has it if absent.
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
-        self.until = scenario.mission.time_available if until is None else until
+        self.until, self.since = scenario.mission.time_available if until is None else until, since
         self.unread, self.given = unread, dict(given or {})
         for field in self.given:
             if field not in GIVEN:
@@ -513,7 +516,7 @@ class AreaFiles:
         source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
         how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
         how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
-        how["times"] = site.epoch and (0.0, self.until)
+        how["times"] = site.epoch and (self.since, self.until)
         key = "current", tuple(paths), site, tuple(how.values()), chart
 
         def read() -> "CurrentFile":

@@ -133,6 +133,11 @@ class MissionGraph:
         edge = self.adjacency & ~xp.eye(self.size, dtype=bool)
         return xp.where(edge, travel + self.duration, xp.inf)
 
+    def still_times(self, speed: Any) -> Any:
+        """[..., N, N] s, as `leg_times`: those of legs in still water, d_ij / |v|, without their tasks."""
+        bare = {"travel_time": None, "waypoint_duration": None, "timetable": None}
+        return replace(self, duration=0.0 * self.duration, **bare).leg_times(speed)
+
     def without_edges(self, used: Iterable[tuple[int, int]], both_ways: bool = True) -> Self:
         """Return a copy without the passed edges, the same shapes (section 3.3.2).
 

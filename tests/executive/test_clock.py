@@ -187,3 +187,19 @@ def test_expected_times_hold_where_the_sea_is_timed_by_the_clock(departures, lea
     run = plan_scenario(settings, area=area)
     expected, executed = run.routes[0].time - 12_000.0, run.t_mission - 12_000.0
     assert least <= abs(expected / executed - 1.0) <= most
+
+
+POWER = {"hotel": 20, "propulsion": {"constant": 5, "factor": 10}, "battery": {"capacity": 900}}
+
+
+@pytest.mark.parametrize("vehicle", [{}, {"speed_range": [1.5, 2.5], "power": POWER}])
+def test_where_the_stream_is_too_strong_for_every_leg_the_plan_fails_with_the_reason(vehicle):
+    """Jobs that last: edges that the estimate closed are timed as in still water, without their tasks."""
+    jobs = Jobs(
+        (JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0), JobPoint("float", (600.0, -40.0, 8.0), 2.0, 30.0))
+    )
+    area = replace(tidal_area(-4.0, 0.0), jobs=jobs)
+    mission = CHANNEL["mission"] | {"jobs": "jobs.csv"}
+    run = plan_scenario(channel(mission=mission, planning=PLANNING, vehicle=vehicle), area=area)
+    assert not run.arrived
+    assert "the current is stronger than the vehicle" in run.reason or "against a speed of" in run.reason

@@ -213,6 +213,25 @@ def test_currents_are_read_for_all_departures_and_count_from_the_scenarios_own(d
             load_area_at(settings, departs, folder)
 
 
+def test_members_and_windows_are_those_of_the_departure(dated):
+    """A member that is the forecast is it at every departure, and windows count from the scenario's own."""
+    settings, folder = dict(dated[0]), dated[1]
+    jobs = "name,north,east,depth,priority,duration,from,to\nlander,100,50,5,3,60,4400,5600\n"
+    (folder / "jobs.csv").write_text(jobs)
+    settings["current"] = settings["current"] | {"members": {"files": "sea.nc", "error": 0.0}}
+    settings["mission"] = settings["mission"] | {"jobs": "jobs.csv", "time_available": 2000}
+    del settings["mission"]["waypoints"]
+    area = load_area_at(Scenario.model_validate(settings), [1.2 * HOUR], folder)
+    (member,) = area.members
+    np.testing.assert_array_equal(member.times, area.forecast.times)
+    for seconds in (1.2 * HOUR, 1.4 * HOUR):
+        np.testing.assert_array_equal(
+            member(30.0, -50.0, 4.0, seconds), area.forecast(30.0, -50.0, 4.0, seconds)
+        )
+    assert area.jobs is not None
+    assert [point.name for point in area.jobs.points] == ["lander"]
+
+
 def test_departures_of_a_scenario_that_begins_with_its_file(dated):
     undated = {"longitude": LON + 0.035, "latitude": LAT + 0.025}
     settings = Scenario.model_validate(dated[0] | {"site": undated})
