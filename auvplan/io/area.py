@@ -24,6 +24,7 @@ from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.provenance import changed_at
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 
@@ -324,10 +325,8 @@ class AreaFiles:
         """What the chart's file has of the area and around it."""
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
-        picture = settings.image and in_folder(self.home, settings.image)
-        files = self._source("chart.file") or picture, self._source("chart.uncertain")
-        key = settings, self._place, self._box, current
-        return self._once(lambda: read_land(*key, *files), "land", self.home, *key)
+        key, files = (settings, self._place, self._box, current), self._chart_files
+        return self._once(lambda: read_land(*key, *files), files, "land", self.home, *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -490,15 +489,24 @@ class AreaFiles:
         assert self._stated is not None
         return self._stated
 
-    def _once(self, read: Callable[[], _Read], *key: Any) -> _Read:
-        """`_once`; where objects are given, which no key distinguishes, nothing is kept."""
-        return read() if self.given else _once(read, *key)
+    def _once(self, read: Callable[[], _Read], files: Sequence[Any], *key: Any) -> _Read:
+        """`_once` as long as files stay as they are; where objects are given, nothing is kept."""
+        if self.given or not all(isinstance(file, str | Path | None) for file in files):
+            return read()
+        return _once(read, *key, *(changed_at(Path(file)) for file in files if file is not None))
 
     def _source(self, field: str) -> Any:
         """Return the path of the file that a field names, or what is given in its place; else None."""
         section, name = field.split(".")
         file = getattr(getattr(self.scenario, section), name)
         return self.given.get(field, file and in_folder(self.home, file))
+
+    @property
+    def _chart_files(self) -> tuple[Any, Any]:
+        """The chart, and areas whose coast is uncertain; None where there are none."""
+        settings = self.scenario.chart
+        picture = settings.image and in_folder(self.home, settings.image)
+        return self._source("chart.file") or picture, self._source("chart.uncertain")
 
     def _current_of(self, field: str, site: Site, sources: Sequence[Any] = ()) -> "CurrentFile":
         """Read the files of a current that a field names, or such sources, on the box, clear of the coast."""
@@ -523,8 +531,7 @@ class AreaFiles:
             return currents.read_current(source, site, land=land, **how)
 
         with error_context("current", field):
-            named = all(isinstance(path, str | Path) for path in paths)
-            found = self._once(read, *key) if named else read()
+            found = self._once(read, [*paths, *self._chart_files], *key)
         if site.epoch is None:  # the data's first time is it: now it can be seen whether the data lasts
             return self._current_of(field, replace(site, epoch=found.epoch))
         return found
@@ -551,7 +558,8 @@ class AreaFiles:
             return cropped(closed, settings, box)
 
         current = self.readable("current") if settings.source == "current" else None
-        return self._once(burnt, "closed", settings, self._place, box, self.home, current, wide is None)
+        key = settings, self._place, box, self.home, current, wide is None
+        return self._once(burnt, [self._source("chart.no_go")], "closed", *key)
 
     def _low_water(self) -> tuple[float, tuple[str, ...]]:
         """Return the surface at its lowest, m above the sea bed's datum, and what is to be noted of it.

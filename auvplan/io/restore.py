@@ -18,6 +18,7 @@ from auvplan.ocean.closures import Closure
 from auvplan.records import MissionRun
 from auvplan.runtime.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.scenario.file import validate_scenario
+from auvplan.scenario.provenance import changed_source
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 
@@ -32,17 +33,37 @@ def restore_run(folder: str | Path) -> MissionRun:
         folder: that `save_run` wrote.
 
     Raises:
-        ResultError: a file is missing, damaged or incomplete; one line that names it.
+        ResultError: a file is missing, damaged or incomplete, or one that is read again is not what the run
+            was made from; one line that names it.
         ScenarioError, CurrentError and the like: the scenario's own files cannot be read any more.
     """
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
     try:
+        _require_unchanged(dataset.attrs, Path(folder))
         return _run_of(summary, dataset)
     except AuvplanError:
         raise
     except Exception as error:  # whatever values of the wrong kind lead to
         raise ResultError(f"{Path(folder) / MISSION}: incomplete ({reason_of(error)})") from None
+
+
+def _sources(attributes: dict[str, Any]) -> list[dict[str, Any]] | None:
+    """Return digests of the files that a saved run was made from; None of an older one."""
+    return json.loads(attributes.get("sources", "null"))
+
+
+def _require_unchanged(attributes: dict[str, Any], folder: Path) -> None:
+    """Refuse a run whose currents or closed areas would be read from other files than it was made from."""
+    settings, sources = json.loads(attributes["scenario"]), _sources(attributes)
+    current, home = settings["current"], str(attributes["scenario_folder"])
+    read = {
+        "current": {name: current.get(name) for name in ("files", "constituents", "truth")},
+        "chart": {"no_go": settings["chart"].get("no_go")},
+    }
+    if sources is not None and (changed := changed_source(sources, read, home)):
+        line = "put back what the run was made from, or make the run again"
+        raise ResultError(f"{folder / MISSION}: {changed}: {line}")
 
 
 def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
@@ -75,7 +96,7 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
         closures=_closures(settings, dataset, home),
         followable=dataset["task_followable"].values if "task_followable" in dataset else None,
         coast=chart_of(dataset, "coast", "coast") or (None if known["zones"] else chart),
-        sources=json.loads(attributes.get("sources", "null")),
+        sources=_sources(attributes),
         saved_bound=float(summary.get("priority_bound", 0.0)),
         **own,
         **known,

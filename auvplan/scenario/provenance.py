@@ -73,6 +73,24 @@ def source_digests(settings: dict[str, Any], folder: str | Path) -> list[dict[st
     ]
 
 
+def changed_source(known: list[dict[str, Any]], settings: dict[str, Any], folder: str | Path) -> str:
+    """Return which of the files that settings name is not as it was, by their digests then, in words.
+
+    Files that are gone are not looked at: whoever reads them says so. Empty where all are as they were.
+    """
+
+    def by_name(rows: list[dict[str, Any]]) -> dict[tuple[str, str], str]:
+        # Of large files no digest is kept.
+        stated = [(row, row["sha256"][:16] or f"{row['size']} bytes") for row in rows]
+        return {(row["field"], Path(row["path"]).name): digest for row, digest in stated}
+
+    before, now = by_name(known), by_name(source_digests(settings, folder))
+    for (field, name), stated in now.items():
+        if (then := before.get((field, name))) != stated:
+            return f"{field}: {name} was {then}, and is {stated} now" if then else f"{field}: {name} is new"
+    return ""
+
+
 def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
     """Return field and text of all files, patterns and folders that the settings of a scenario name."""
     found: list[tuple[str, str]] = []
@@ -98,12 +116,24 @@ def vehicle_file(given: Any) -> str | None:
 
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
     for field, pattern in file_names(settings):
-        path = folder / Path(pattern).expanduser()
-        for one in [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]:
-            yield field, one
-            if one.suffix == ".000":  # updates of an S-57 cell that lie beside it are applied to it
-                beside = sorted(one.parent.glob(f"{glob_escape(one.stem)}.[0-9][0-9][0-9]"))
-                yield from ((field, update) for update in beside if update != one)
+        for path in files_at(folder / Path(pattern).expanduser()):
+            yield field, path
+
+
+def files_at(path: Path) -> Iterator[Path]:
+    """Yield the files and folders that a path, which may be a pattern, stands for."""
+    for one in [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]:
+        yield one
+        if one.suffix == ".000":  # updates of an S-57 cell that lie beside it are applied to it
+            beside = sorted(one.parent.glob(f"{glob_escape(one.stem)}.[0-9][0-9][0-9]"))
+            yield from (update for update in beside if update != one)
+
+
+def changed_at(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Return name, bytes and time of the last change, ns, of every file that a path stands for."""
+    parts = [part for one in files_at(path) for part in ([one] if one.is_file() else sorted(one.rglob("*")))]
+    stats = [(str(part), part.stat()) for part in parts]
+    return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
 
 
 def _origin(name: str, path: Path) -> dict[str, str]:

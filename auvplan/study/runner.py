@@ -102,7 +102,7 @@ def run_study(
     for case in design.cases:
         make_graph(case, make_context(case, folder).area, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
-        store = Store(out, design, resume, force)
+        store = Store(out, design, resume, force, folder)
         if resume and store.finished:
             return load_study(out)
         tasks, started = store.missing(), time.perf_counter()

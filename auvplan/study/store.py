@@ -22,6 +22,7 @@ from auvplan.runtime.files import (
     write_json,
 )
 from auvplan.runtime.formatting import counted
+from auvplan.scenario.provenance import changed_source, source_digests
 from auvplan.study.design import Design
 from auvplan.study.table import VARIABLES, Row, rows_of
 
@@ -43,14 +44,27 @@ class Store:
         design: what is run.
     """
 
-    def __init__(self, folder: str | Path, design: Design, resume: bool = False, force: bool = False):
+    def __init__(
+        self,
+        folder: str | Path,
+        design: Design,
+        resume: bool = False,
+        force: bool = False,
+        home: str | Path | None = None,
+    ):
         """Open a new study, with `resume` the same again or one of more missions; `force` replaces it.
+
+        Args:
+            folder, design: as the attributes.
+            resume, force: which of these.
+            home: folder that relative paths in the scenario start from; that of its file if absent.
 
         Raises:
             StudyError: the folder holds a study that is not to be replaced, or to resume another one or none.
             OutputError: the folder cannot be written.
         """
         self.folder, self.design = Path(folder), design
+        self._home = design.scenario.folder if home is None else home
         # As it comes back from JSON: tuples are lists there.
         plain = json.loads(json.dumps(design.plain()))
         if resume:
@@ -63,7 +77,7 @@ class Store:
         self._drop_results()
         for name in (PIECES, RUNS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
-        write_json(self.folder / DESIGN, plain)
+        write_json(self.folder / DESIGN, plain | {"sources": self._sources()})
         output_folder(self.folder / PIECES)
 
     def _resume(self, plain: dict[str, Any]) -> None:
@@ -71,17 +85,29 @@ class Store:
 
         Its steps are in an order that can be broken off anywhere, and the folder resumed.
         """
-        kept = _same(self.folder / DESIGN, plain)
+        known = _same(self.folder / DESIGN, plain)
+        kept = int(known["count"])
+        for case in self.design.cases if "sources" in known else ():
+            if changed := changed_source(known["sources"], case.model_dump(mode="json"), self._home):
+                raise StudyError(f"{self.folder / DESIGN}: {changed}; run it in another folder")
         if self.finished:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)  # broken off while it cleaned up
         if kept == plain["count"]:
             return
         if self.finished:
-            known = replace(self.design, count=kept)
-            for task, row in zip(known.tasks, rows_of(load_study(self.folder)), strict=True):
+            done = replace(self.design, count=kept)
+            for task, row in zip(done.tasks, rows_of(load_study(self.folder)), strict=True):
                 self.add(*task, row)
             self._drop_results()
-        write_json(self.folder / DESIGN, plain)
+        write_json(self.folder / DESIGN, known | plain)
+
+    def _sources(self) -> list[dict[str, Any]]:
+        """Return digests of the files that the scenarios of all cases name."""
+        found: list[dict[str, Any]] = []
+        for case in self.design.cases:
+            rows = source_digests(case.model_dump(mode="json"), self._home)
+            found += [row for row in rows if row not in found]
+        return found
 
     def _drop_results(self) -> None:
         for name in (SUMMARY, DATASET, REHEARSAL, REPORT):
@@ -186,8 +212,8 @@ def saved_runs(folder: str | Path) -> list[Path]:
     return found
 
 
-def _same(path: Path, plain: dict[str, Any]) -> int:
-    """Return the missions of each case so far; refuse to continue what is not there or is another study."""
+def _same(path: Path, plain: dict[str, Any]) -> dict[str, Any]:
+    """Return the design of the study so far; refuse to continue what is not there or is another study."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
@@ -204,7 +230,7 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
                 inner = [key for key in value if there.get(key) != value[key]]
             field = ".".join([name, *inner[:1]])
             raise StudyError(f"{path}: {field} differs from the study asked for; run it in another folder")
-    return int(kept["count"])
+    return kept
 
 
 def _read(path: Path) -> Row:

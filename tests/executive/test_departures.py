@@ -7,6 +7,7 @@ from datetime import timedelta
 import jax
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 from scipy.optimize import brentq
 
@@ -15,8 +16,11 @@ from auvplan.errors import ScenarioError
 from auvplan.executive import load_area_at, plan_departures, plan_scenario, route_calls
 from auvplan.executive.route_calls import effort
 from auvplan.io.area import load_area
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.gridded import CurrentError
+from auvplan.runtime.files import ResultError
 from auvplan.scenario.scenario import Scenario
 from tests.executive.small import SMALL, planning, scenario
 from tests.executive.tide import CHANNEL, EPOCH, PERIOD, channel, stream, tidal_area
@@ -230,6 +234,27 @@ def test_members_and_windows_are_those_of_the_departure(dated):
         )
     assert area.jobs is not None
     assert [point.name for point in area.jobs.points] == ["lander"]
+
+
+def test_a_plan_whose_forecast_was_overwritten_is_not_read_with_the_new_one(dated, tmp_path):
+    settings, folder = Scenario.model_validate(dated[0]), dated[1]
+    here = 0.0, 0.0, 4.0, 600.0
+    east = float(load_area(settings, folder).forecast(*here)[1])
+    saved = save_run(plan_scenario(settings, folder=folder), tmp_path / "out")
+    assert restore_run(saved).sources is not None
+    sea = xr.load_dataset(folder / "sea.nc", engine="h5netcdf", decode_times=False)
+    (folder / "sea.nc").unlink()
+    write(sea.assign(uo=sea.uo + 0.3), folder / "sea.nc")
+    with pytest.raises(
+        ResultError, match=r"mission\.nc: current\.files: sea\.nc was .* put back what"
+    ) as error:
+        restore_run(saved)
+    assert "\n" not in str(error.value)
+    assert float(load_area(settings, folder).forecast(*here)[1]) == pytest.approx(east + 0.3, abs=1e-3)
+    write(sea, folder / "tomorrow.nc")
+    (folder / "sea.nc").unlink()
+    with pytest.raises(CurrentError, match=r"sea\.nc"):
+        restore_run(saved)
 
 
 def test_departures_of_a_scenario_that_begins_with_its_file(dated):

@@ -18,6 +18,7 @@ from auvplan.runtime.files import ResultError, read_summary, write_dataset
 from auvplan.scenario.scenario import Scenario
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
 from auvplan.study import runner as runner_module
+from auvplan.study.store import Store
 from auvplan.study.table import VARIABLES
 from tests.study import dying, light
 from tests.study.light import mission, small
@@ -506,3 +507,23 @@ def test_what_ends_a_worker_is_stated_and_the_study_can_be_resumed(
         run_study(design, tmp_path, workers=2, resume=True)
     assert len(pieces(tmp_path)) == 1
     assert_same(run_here(design, tmp_path, resume=True), three[1])
+
+
+def test_a_study_is_not_resumed_with_other_files_than_it_was_begun_with(tmp_path):
+    site = {"longitude": 5.0, "latitude": 60.0}
+    jobs = {"jobs": "jobs.csv", "start": [0, 0, 5], "goal": [900, 0, 5], "time_available": 2000}
+    design = Design(Scenario.model_validate({"name": "jobs", "site": site, "mission": jobs}), 3)
+    (tmp_path / "jobs.csv").write_text("name,north,east,depth\nlander,100,50,5\n")
+    begun = Store(tmp_path / "out", design, home=tmp_path)
+    assert len(begun.missing()) == 3
+    longer = replace(design, count=5)
+    assert len(Store(tmp_path / "out", longer, resume=True, home=tmp_path).missing()) == 5
+    (tmp_path / "jobs.csv").write_text("name,north,east,depth\nlander,100,60,5\n")
+    with pytest.raises(StudyError, match=r"mission\.jobs: jobs\.csv was \w+, and is \w+ now; run it in"):
+        Store(tmp_path / "out", longer, resume=True, home=tmp_path)
+    # What is known of older studies is their settings alone.
+    design_file = tmp_path / "out" / "study.json"
+    plain = json.loads(design_file.read_text())
+    del plain["sources"]
+    design_file.write_text(json.dumps(plain))
+    assert len(Store(tmp_path / "out", longer, resume=True, home=tmp_path).missing()) == 5
