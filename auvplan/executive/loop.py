@@ -39,7 +39,7 @@ from auvplan.runtime import prng
 from auvplan.runtime.compiled import MISSIONS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.waypoints import make_graph
+from auvplan.scenario.waypoints import make_graph, shut_in
 from auvplan.simulation.faults import OF_A_LINK, Fault, Faults, FaultySea, PlannerOut
 from auvplan.simulation.sea import ModelSea, Sea
 from auvplan.simulation.simulator import WIDTH
@@ -231,6 +231,8 @@ def step(missions: list[Mission]) -> None:
     waiting = [mission for mission in missions if mission.leg is None]
     for mission in waiting:  # what is decided without its planner would be decided for the wrong time
         mission.charge(mission.faults.left(PlannerOut, mission.now))
+        _require_open(mission)
+    waiting = [mission for mission in waiting if not mission.ended]
     _update_edge_times(waiting)
     plan_routes([mission for mission in waiting if mission.cause])
     _begin([mission for mission in waiting if not mission.ended])
@@ -242,6 +244,15 @@ def step(missions: list[Mission]) -> None:
     for mission in under_way:
         if not mission.active_leg.under_way:
             _judge(mission)
+
+
+def _require_open(mission: Mission) -> None:
+    """End a mission that would begin in an area while that is closed."""
+    if mission.run.legs or mission.run.routes:
+        return
+    place = np.asarray(mission.graph.positions[mission.here])
+    if why := shut_in(place, mission.context.area, mission.now):
+        mission.end(f"{mission.run.place(mission.here)} {why}: depart later, or start elsewhere")
 
 
 def complete(mission: Mission, progress: Callable[[float, str], None] | None = None) -> None:

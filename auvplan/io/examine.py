@@ -219,15 +219,15 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
     """Start, goal and jobs that no vehicle can go to."""
     from auvplan.path.clearance import distance_to_land
     from auvplan.scenario.area import OperatingArea
-    from auvplan.scenario.waypoints import misplaced
+    from auvplan.scenario.waypoints import misplaced, misplaced_end
 
     scenario, closed = files.scenario, OperatingArea(chart=files.readable("closed_water"))
     mission, asked = scenario.mission, scenario.safety.coast
 
-    def wrong_with(position: Any) -> str:
-        """What is wrong with a place and where it is; or nothing."""
+    def wrong_with(position: Any, end: bool = False) -> str:
+        """What is wrong with a place, an end of the mission or a job's, and where it is; or nothing."""
         at = np.asarray(position)
-        wrong = misplaced(at, scenario, area)
+        wrong = (misplaced_end if end else misplaced)(at, scenario, area)
         if not wrong and misplaced(at, scenario, closed):
             wrong = f"lies in a closed area ({scenario.chart.no_go})"
         if not wrong and area.chart is not None:
@@ -242,7 +242,7 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
         return wrong and f"{local} {wrong}"
 
     for name, point in (("start", mission.start), ("goal", mission.goal)):
-        if point is not None and (wrong := wrong_with(point)):
+        if point is not None and (wrong := wrong_with(point, end=True)):
             yield finding_at(("mission", name), wrong, document)
     for name, position in () if area.jobs is None else area.jobs.places:
         if wrong := wrong_with(position):
@@ -252,9 +252,11 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
 def _check_graph(files: "AreaFiles") -> None:
     """Raise where no graph can be made; warn of legs that are too steep and lines that are blocked."""
     from auvplan.scenario.lines import line_warnings
-    from auvplan.scenario.waypoints import make_graph, slope_warnings
+    from auvplan.scenario.waypoints import make_graph, shut_in, slope_warnings
 
     scenario, area = files.scenario, files.area()
+    if (start := scenario.mission.start) is not None and (why := shut_in(np.asarray(start), area, 0.0)):
+        warn(f"mission.start {why}: depart later, or start elsewhere")
     graph, names = make_graph(scenario, area, np.random.default_rng(0))
     stated = area.jobs is not None or graph.size == 2
     steep = slope_warnings(scenario, graph, names or ["start", "goal"]) if stated else []

@@ -345,9 +345,11 @@ class _Executor:
                     self._record.tasks.append(self._leg_name(leg))
                     self._record.total_priority += leg.priority
                 task = ", task done" if leg.priority > 0.0 else ""
-                off = f"{self._now - leg.ends:+.0f} s off the plan"
+                # What the vehicle waits for the next leg is part of its stay as well.
+                ended = self._now - sum(after.t_hold for after in self._plan.legs[number + 1 : number + 2])
+                off = f"{ended - leg.ends:+.0f} s off the plan"
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
-                self._plan.ended(number, self._now)
+                self._plan.ended(number, ended)
             self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)

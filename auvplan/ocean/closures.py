@@ -58,6 +58,13 @@ class Closure:
         first, last = (jnp.asarray(moment)[..., None] for moment in (first, last))
         return ((last > self.begins) & (first < self.ends)).any(axis=-1)
 
+    def shut_until(self, place: NDArray[np.floating], now: float) -> float | None:
+        """Return s until when they stay closed about a place [3] m; None where it is free at `now`."""
+        ends = [last for first, last in self.spans if first <= now < last]
+        if not ends or float(self.chart.distance(place[0], place[1])) > 0.0:
+            return None
+        return max(ends)
+
     def after(self, seconds: float) -> "Closure":
         """Return the same for an epoch that is later by `seconds`."""
         return replace(self, begins=self.begins - seconds, ends=self.ends - seconds)

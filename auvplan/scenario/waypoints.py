@@ -14,6 +14,7 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder, clear_lines
 from auvplan.scenario.scenario import Scenario
+from auvplan.site import at_time
 
 #: m, apart that far two waypoints are at one place.
 _ONE_PLACE = 0.01
@@ -42,7 +43,7 @@ def make_graph(
     """
     settings = scenario.mission
     for name, point in (("start", settings.start), ("goal", settings.goal)):
-        if point is not None and (fault := misplaced(np.asarray(point), scenario, area)):
+        if point is not None and (fault := misplaced_end(np.asarray(point), scenario, area)):
             raise ScenarioError(f"{point} {fault}", field=f"mission.{name}")
     if area.jobs is not None:
         with error_context("mission", "jobs"):
@@ -210,6 +211,30 @@ def misplaced(position: np.ndarray, scenario: Scenario, area: OperatingArea) -> 
         room = float(_deepest(position[None], area.seabed)[0]) - position[2]
         if room < 0.0:
             return f"is {-room:.1f} m too deep for the clearance of the sea bed"
+    return ""
+
+
+def misplaced_end(position: np.ndarray, scenario: Scenario, area: OperatingArea) -> str:
+    """Return what is wrong with a mission's start or goal [3] m, or an empty string.
+
+    Jobs may lie in a known obstacle, and are left out: the others are done.
+    """
+    if fault := misplaced(position, scenario, area):
+        return fault
+    place, now = np.asarray(position, float), np.zeros(1)
+    for obstacle in area.obstacles:
+        if not obstacle.moves and float(obstacle.distance(place[None], now)[0]) < 0.0:
+            return f"lies within the known obstacle {obstacle.name!r}"
+    return ""
+
+
+def shut_in(position: np.ndarray, area: OperatingArea, now: float) -> str:
+    """Return in which area, closed at `now`, s, a place [3] m lies, and until when; or an empty string."""
+    for closure in area.closures:
+        if (until := closure.shut_until(position, now)) is not None:
+            epoch = None if area.site is None else area.site.epoch
+            opens = f"opens {at_time(until, epoch)}" if np.isfinite(until) else "does not open"
+            return f"lies in the closed area {closure.name!r}, which {opens}"
     return ""
 
 

@@ -99,6 +99,22 @@ def test_the_checker_sees_a_vehicle_in_an_area_that_is_closed(plan):
     assert any("in the closed area 'narrows'" in fault for fault in faults)
 
 
+def test_a_mission_that_would_begin_in_a_closed_area_says_until_when(tmp_path):
+    """The band is closed until 06:20, and a minute more; a plan that departs then is made."""
+    mission = CHANNEL["mission"] | {"start": [500, 0, 5]}
+    settings = settings_with(band(tmp_path, {"to": "2026-03-01T06:20Z"}), mission=mission)
+    area = tidal_area(0.0, 0.0)
+    area = replace(area, closures=load_closures(settings, area.site, tmp_path))
+    words = "lies in the closed area 'narrows', which opens 2026-03-01 06:21 UTC: depart later"
+    refused = plan_scenario(settings, area=area, folder=tmp_path)
+    assert not refused.arrived
+    assert words in refused.reason
+    assert not refused.legs
+    later = plan_scenario(settings, area=area, folder=tmp_path, depart=1290.0)
+    assert later.success, later.reason
+    assert check_dataset(later.summary(), to_dataset(later)).faults == []
+
+
 def test_a_path_goes_round_an_area_while_it_is_closed_and_through_it_before():
     water = np.ones((100, 100), bool)
     water[40:60, 35:65] = False

@@ -1,5 +1,6 @@
 """Scenarios against their schema, and against the files that they name."""
 
+import json
 import re
 from datetime import datetime
 
@@ -7,11 +8,14 @@ import numpy as np
 import pytest
 import yaml
 
+import auvplan as ap
+from auvplan.errors import ScenarioError
 from auvplan.io.examine import examine_folder, examine_scenario
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.mission.graph import MissionGraph
 from auvplan.scenario.file import scenario_schema, validate_scenario
 from auvplan.scenario.waypoints import slope_warnings
+from auvplan.site import Site
 from tests.io.bad_input import everywhere
 from tests.io.refusals import refusal
 from tests.io.small_site import SmallSite, square
@@ -239,3 +243,37 @@ def test_an_area_is_not_held_against_a_chart_that_the_scenario_does_not_name(tmp
     fields = [fault.field for fault in examine_scenario(tmp_path / "scenario.yaml").faults]
     assert "chart.source" in fields
     assert "area" not in fields
+
+
+def test_a_goal_within_a_known_obstacle_is_said_before_anything_is_planned(tmp_path):
+    """One that stands; a job may lie in one, and others are done."""
+    text = (
+        "site: {longitude: 148.96, latitude: -20.34}\n"
+        "area: {lower: [0, 0, 0], upper: [3000, 3000, 30]}\n"
+        "chart: {source: none}\n"
+        "obstacles: {file: obstacles.geojson}\n"
+        "mission: {jobs: jobs.csv, start: [200, 200, 5], goal: [2800, 2800, 5]}\n"
+    )
+    (tmp_path / "my.yaml").write_text(text)
+    (tmp_path / "jobs.csv").write_text("name,north,east,depth\nwreck,1000,1000,5\n")
+    site, places = Site(148.96, -20.34), [(2790.0, 2800.0), (1000.0, 1000.0)]
+    points = [[float(part) for part in site.to_geographic(*place)] for place in places]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": f"wreck {k}", "radius": 60},
+            "geometry": {"type": "Point", "coordinates": point},
+        }
+        for k, point in enumerate(points)
+    ]
+    file = tmp_path / "obstacles.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    (fault,) = examine_scenario(tmp_path / "my.yaml").faults
+    assert fault.field == "mission.goal"
+    assert "lies within the known obstacle 'wreck 0'" in fault.reason
+    with pytest.raises(ScenarioError, match=r"mission\.goal .* within the known obstacle 'wreck 0'"):
+        ap.plan_scenario(ap.load_scenario(tmp_path / "my.yaml"))
+    for feature in features:
+        feature["properties"] |= {"course": 90, "speed": 0.5}
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    assert not examine_scenario(tmp_path / "my.yaml").faults

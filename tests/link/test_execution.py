@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from auvplan.export.speeds import led
+from auvplan.io.area import load_closures
 from auvplan.link import Limits, Lost, Refused, State, Upload, execute
 from auvplan.link.limits import Allowance
 from auvplan.link.notices import CurrentNotice, GoneNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
+from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.compiled import compilations
-from tests.executive.tide import CHANNEL, STREAMS, channel_with, stream
+from tests.executive.test_closures import band, settings_with
+from tests.executive.tide import CHANNEL, STREAMS, channel_with, stream, tidal_area
 from tests.link.scripted import SETTINGS, Fails, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -741,3 +744,24 @@ def test_currents_that_are_measured_all_the_time_count_once_a_minute():
     assert found is not None
     assert found.member in (3, 4)
     assert len(plan.measured.times) in (15, 16, 17)
+
+
+def test_what_a_vehicle_waits_for_its_next_leg_is_not_late(tmp_path):
+    """At the buoy it waits a quarter of an hour and more for the narrows to open."""
+    mission = CHANNEL["mission"] | {"jobs": "jobs.csv"}
+    settings = settings_with(band(tmp_path, {"to": "2026-03-01T06:20Z"}), mission=mission)
+    area = tidal_area(0.0, 0.0)
+    jobs, closures = (
+        Jobs((JobPoint("buoy", (200.0, 0.0, 5.0), 3.0, 60.0),)),
+        load_closures(settings, area.site, tmp_path),
+    )
+    plan = RollingPlan(settings, 0, area=replace(area, jobs=jobs, closures=closures))
+    vehicle = ScriptedVehicle(np.asarray([0.0, 0.0, 5.0]), told=True)
+    record = executed(plan, vehicle)
+    assert record.success
+    assert plan.legs[1].t_hold > 900.0
+    (buoy, goal) = [event for event in record.events if event.kind == "leg"]
+    for event in (buoy, goal):
+        assert abs(float(event.text.split(", ")[-1].split(" s")[0])) < 15.0, event.text
+    assert plan.legs[0].ends == pytest.approx(buoy.time - plan.legs[1].t_hold, abs=1.0)
+    assert record.count("replan") == 0
