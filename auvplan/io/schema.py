@@ -50,43 +50,75 @@ class Column:
     name: str  # of its variable; what stands before the first "_" is its dimension
     words: str  # what it is
     units: str | None = None  # or None for indices and flags
-    kind: type | tuple[str, ...] = float  # of its values: float, int, bool, or the names that it may take
+    #: Of its values: float, int, bool, or the names that it may take; of arrays NumPy's.
+    kind: type | tuple[str, ...] = float
     field: str = ""  # of the record that has it; the rest of the name if absent
     kept: bool = True  # whether the record is made from it; otherwise it follows from the rest
+    along: tuple[str, ...] = ()  # dimensions of a record's row; the first is padded to the longest, or none
+    some: bool = False  # whether only some records have it; there is no variable where none does
 
     @property
     def attribute(self) -> str:
         """The record's attribute."""
         return self.field or self.name.split("_", 1)[1]
 
-    def values(self, records: Iterable[Any]) -> NDArray[Any]:
-        """Return the figure of each record; names as their codes from 1."""
+    def values(self, records: Iterable[Any], length: int | None = None) -> NDArray[Any]:
+        """Return the figure of each record, NaN of those without it; names as their codes from 1.
+
+        Args:
+            length: that rows are padded to; the longest one's if absent.
+        """
         values = [getattr(record, self.attribute) for record in records]
         if isinstance(self.kind, tuple):
             return np.asarray([self.kind.index(value) + 1 for value in values], np.int32)
-        return np.asarray(values, {float: float, int: np.int32, bool: bool}[self.kind])
+        kind = np.int32 if self.kind is int else self.kind
+        if self.along:
+            return padded(values, -1 if self.kind is int else np.nan, kind, length)
+        return np.asarray([np.nan if value is None else value for value in values], kind)
 
-    def variable(self, records: Sequence[Any]) -> xr.Variable:
-        """Return the column of some records."""
-        dim = self.name.split("_", 1)[0]
+    def variable(self, records: Sequence[Any], length: int | None = None) -> xr.Variable | None:
+        """Return the column of some records; None where none of them has it."""
+        dims: tuple[str, ...] = (self.name.split("_", 1)[0], *self.along)
         if isinstance(self.kind, tuple):
-            names = np.asarray([getattr(record, self.attribute) for record in records])
-            codes, about = flags(names, self.kind)
-            return variable(dim, codes, self.words, **about)
-        values = self.values(records)
-        return (
-            yes_or_no(dim, values, self.words)
-            if self.kind is bool
-            else variable(dim, values, self.words, self.units)
-        )
+            codes, about = flags(np.asarray([getattr(one, self.attribute) for one in records]), self.kind)
+            return variable(dims, codes, self.words, **about)
+        values = self.values(records, length)
+        if self.some and np.isnan(values).all():
+            return None
+        if self.kind is bool:
+            return yes_or_no(dims, values, self.words)
+        return variable(dims, values, self.words, self.units)
 
     def read(self, dataset: xr.Dataset) -> list[Any]:
-        """Return the figures that `variable` wrote."""
+        """Return the figures that `variable` wrote; None of records without it."""
         values = dataset[self.name].values
         if isinstance(self.kind, tuple):
             names = str(dataset[self.name].attrs["flag_meanings"]).split()
             return [names[int(code)] for code in values]
-        return [self.kind(value) for value in values]
+        if self.along:
+            there = values >= 0 if self.kind is int else np.isfinite(values)
+            rows = [row[own.reshape(len(own), -1)[:, 0]] for row, own in zip(values, there, strict=True)]
+            arrays = self.kind not in (int, float)
+            return [row.astype(float) if arrays else row.astype(self.kind).tolist() for row in rows]
+        return [None if self.some and np.isnan(value) else self.kind(value) for value in values]
+
+
+def table(columns: Iterable[Column], records: Sequence[Any]) -> Variables:
+    """Return the columns of some records, by the names of their variables; their rows are equally long."""
+    columns = list(columns)
+    rows = [getattr(record, one.attribute) for one in columns if one.along for record in records]
+    longest = max(map(len, rows), default=0)
+    made = {column.name: column.variable(records, longest) for column in columns}
+    return {name: found for name, found in made.items() if found is not None}
+
+
+def rows_of(columns: Iterable[Column], dataset: xr.Dataset) -> list[dict[str, Any]]:
+    """Return what records are made from, by their attributes; what is not there is left out."""
+    known = [one for one in columns if one.kept and (one.name in dataset or not (one.some or one.along))]
+    read = zip(*(column.read(dataset) for column in known), strict=True)
+    names = [column.attribute for column in known]
+    found = (zip(names, row, strict=True) for row in read)
+    return [{name: value for name, value in row if value is not None} for row in found]
 
 
 LEG = (
@@ -105,8 +137,24 @@ LEG = (
     Column(
         "leg_current_difference", "root mean square of the current's forecast error along the track", "m s-1"
     ),
-)
+    Column(
+        "leg_speed", "speed through the water that the leg is gone at, none where it is the vehicle's",
+        "m s-1", some=True,
+    ),
+    Column(
+        "leg_t_fix", "time surfaced for a fix at the waypoint left, part of the time waited there", "s",
+        some=True,
+    ),
+    Column(
+        "leg_position_std",
+        "standard deviation of the position along each horizontal axis at the leg's end", "m", some=True,
+    ),
+    Column("leg_risk", "chance of touching coast or an obstacle on the leg, at most", "1", some=True),
+)  # fmt: skip
 PLAN = (
+    Column("plan_lower_bound", "travel time that no path can beat", "s", some=True),
+    Column("plan_position", "planned place", "m", np.float32, "positions", along=("sample", "axis")),
+    Column("plan_time", "planned time of the sample", TIME_UNITS, np.float64, "times", along=("sample",)),
     Column("plan_made_at", "when it was made", TIME_UNITS),
     Column("plan_cost", "cost of the path (Eq. 12)", "s"),
     Column("plan_feasible", "whether the planner saw every limit kept", None, bool),
@@ -114,24 +162,26 @@ PLAN = (
     Column("plan_cause", "why it was made", None, PLAN_CAUSES),
 )
 ROUTE = (
+    Column("route_nodes", "waypoints in order of visit; -1 pads", None, int, along=("stop",)),
+    Column(
+        "route_leg_time", "time expected of the leg from each stop, waiting and task included", "s",
+        field="leg_times", along=("stop",),
+    ),
+    Column("route_wait", "part of it that waits for the task's window", "s", field="waits", along=("stop",)),
+    Column(
+        "route_speed", "speed through the water of the leg from each stop", "m s-1",
+        field="speeds", along=("stop",), some=True,
+    ),
+    Column(
+        "route_energy", "energy expected of the leg from each stop with its task", "J",
+        field="energies", along=("stop",), some=True,
+    ),
     Column("route_made_at", "when it was made", TIME_UNITS),
     Column("route_time", "expected time", "s"),
     Column("route_priority", "total priority", "1"),
     Column("route_cpu", "wall-clock time of planning", "s"),
     Column("route_cause", "why it was made", None, ROUTE_CAUSES),
-)
-#: What is known of the legs of some routes alone: name, field of the record, what it is, and its unit.
-_ROUTE_MORE = (
-    ("speed", "speeds", "speed through the water of the leg from each stop", "m s-1"),
-    ("energy", "energies", "energy expected of the leg from each stop with its task", "J"),
-)
-#: What is known of some legs alone: field of the record, what it is, and its unit; NaN of the others.
-_LEG_MORE = (
-    ("speed", "speed through the water that the leg is gone at, none where it is the vehicle's", "m s-1"),
-    ("t_fix", "time surfaced for a fix at the waypoint left, part of the time waited there", "s"),
-    ("position_std", "standard deviation of the position along each horizontal axis at the leg's end", "m"),
-    ("risk", "chance of touching coast or an obstacle on the leg, at most", "1"),
-)
+)  # fmt: skip
 #: What survey lines come to, by the figures of `LinePart`; NaN of legs without one.
 _LINE = {
     "length": "length of the part of a survey line that the leg follows, none of others",
@@ -166,7 +216,7 @@ def flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int
 
 def padded(rows: Sequence[Any], fill: float, dtype: Any = float, length: int | None = None) -> NDArray[Any]:
     """Return rows of different lengths as one array, filled up to the longest, or to a length."""
-    trail = np.shape(rows[0])[1:]
+    trail = np.shape(max(rows, key=len))[1:]
     most = max(len(row) for row in rows) if length is None else length
     found = np.full((len(rows), most, *trail), fill, dtype)
     for here, row in zip(found, rows, strict=True):
@@ -201,24 +251,12 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
             "leg", np.arange(len(legs), dtype=np.int32), "number of the leg", cf_role="trajectory_id"
         ),
         "row_size": variable("leg", counts, words, "1", sample_dimension="obs"),
-        **{column.name: column.variable(legs) for column in LEG},
-        **_leg_more(legs),
+        **table(LEG, legs),
         **_lines(legs),
         **_obstacles(legs),
         **_current(legs),
         **motion_variables("obs", Motion.joined([leg.motion for leg in legs])),
     }  # fmt: skip
-
-
-def _leg_more(legs: Sequence[LegRecord]) -> Variables:
-    """Return what some legs alone have, each where there is any."""
-    found = {}
-    for name, words, units in _LEG_MORE:
-        values = [getattr(leg, name) for leg in legs]
-        if any(value is not None for value in values):
-            own = [np.nan if value is None else value for value in values]
-            found[f"leg_{name}"] = variable("leg", own, words, units)
-    return found
 
 
 def _lines(legs: Sequence[LegRecord]) -> Variables:
@@ -276,22 +314,16 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     Args:
         model: the true current where it is no vortices, which files keep.
     """
-    table = {column.attribute: column.read(dataset) for column in LEG if column.kept}
     motion, plans = motion_of(dataset), _plans_of(dataset, model)
     refusals = json.loads(dataset.attrs.get("refusals", "[]")) or [""] * len(plans)
     place = np.stack([dataset[name].values for name in ("x", "y", "depth")], axis=1).astype(float)
     ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
     codes = dataset.get("obstacle_kind")
     names = [] if codes is None else str(codes.attrs["flag_meanings"]).split()
-    own = [name for name, *_ in _LEG_MORE if f"leg_{name}" in dataset]
-    more = {name: dataset[f"leg_{name}"].values.tolist() for name in own}
     legs = []
-    for row, (begin, end) in enumerate(zip(ends - counts, ends, strict=True)):
-        part = slice(int(begin), int(end))
-        figures = {name: values[row] for name, values in table.items()}
+    for row, figures in enumerate(rows_of(LEG, dataset)):
+        part = slice(int(ends[row] - counts[row]), int(ends[row]))
         leg = LegRecord(**figures, plans=plans[row], refused=refusals[row])
-        for name, values in more.items():
-            setattr(leg, name, None if np.isnan(values[row]) else values[row])
         leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
         leg.motion, leg.line = motion[part], _line_of(dataset, row)
         leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))
@@ -366,19 +398,10 @@ def plan_variables(legs: Sequence[LegRecord]) -> Variables:
     if not plans:
         return {}
     numbers = np.repeat(np.arange(len(legs), dtype=np.int32), [len(leg.plans) for leg in legs])
-    most = max(len(plan.times) for plan in plans)
-    places = padded([plan.positions for plan in plans], np.nan, np.float32, most)
-    times = padded([plan.times for plan in plans], np.nan, length=most)
-    bounds, bounded = np.asarray([plan.lower_bound for plan in plans]), {}
-    if np.isfinite(bounds).any():
-        bounded["plan_lower_bound"] = variable("plan", bounds, "travel time that no path can beat", "s")
-    motion = Motion.padded([plan.motion for plan in plans], most - 1)
+    motion = Motion.padded([plan.motion for plan in plans], max(len(plan.times) for plan in plans) - 1)
     return {
-        **bounded,
-        "plan_position": variable(("plan", "sample", "axis"), places, "planned place", "m"),
-        "plan_time": variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
         "plan_leg": variable("plan", numbers, "index of the leg"),
-        **{column.name: column.variable(plans) for column in PLAN},
+        **table(PLAN, plans),
         **history_variables([plan.history for plan in plans]),
         **motion_variables(("plan", "segment"), motion, "plan_"),
     }
@@ -389,24 +412,14 @@ def _plans_of(dataset: xr.Dataset, model: Current | None) -> list[list[PlanRecor
     found: list[list[PlanRecord]] = [[] for _ in range(dataset.sizes["leg"])]
     if "plan_leg" not in dataset:
         return found
-    table = {column.attribute: column.read(dataset) for column in PLAN}
-    motion, bounds = motion_of(dataset, "plan_"), dataset.get("plan_lower_bound")
-    for row, leg in enumerate(dataset["plan_leg"].values):
-        times = np.asarray(dataset["plan_time"].values[row], float)
-        real = np.isfinite(times)
+    motion, legs = motion_of(dataset, "plan_"), dataset["plan_leg"].values
+    for row, figures in enumerate(rows_of(PLAN, dataset)):
         current = vortices_of(dataset, row) or model
         if current is None:
             raise KeyError("the current of a plan")
-        plan = PlanRecord(
-            **{name: values[row] for name, values in table.items()},
-            positions=np.asarray(dataset["plan_position"].values[row], float)[real],
-            times=times[real],
-            history=history_of(dataset, row),
-            current=current,
-            motion=motion[row, : real.sum() - 1],
-            lower_bound=np.nan if bounds is None else float(bounds.values[row]),
-        )
-        found[int(leg)].append(plan)
+        own = motion[row, : len(figures["times"]) - 1]
+        plan = PlanRecord(**figures, history=history_of(dataset, row), current=current, motion=own)
+        found[int(legs[row])].append(plan)
     return found
 
 
@@ -415,51 +428,12 @@ def _plans_of(dataset: xr.Dataset, model: Current | None) -> list[list[PlanRecor
 
 def route_variables(routes: Sequence[RouteRecord]) -> Variables:
     """Return the first route and every re-plan."""
-    if not routes:
-        return {}
-    nodes = padded([route.nodes for route in routes], -1, np.int32)
-    legs = padded([route.leg_times for route in routes], np.nan, length=nodes.shape[1])
-    waits = padded([route.waits for route in routes], np.nan, length=nodes.shape[1])
-    stops = ("route", "stop")
-    more = {
-        f"route_{name}": variable(
-            stops, padded([getattr(route, field) for route in routes], np.nan, length=nodes.shape[1]), *about
-        )
-        for name, field, *about in _ROUTE_MORE
-        if any(getattr(route, field) for route in routes)
-    }
-    return {
-        "route_nodes": variable(stops, nodes, "waypoints in order of visit; -1 pads"),
-        "route_leg_time": variable(
-            stops, legs, "time expected of the leg from each stop, waiting and task included", "s"
-        ),
-        "route_wait": variable(stops, waits, "part of it that waits for the task's window", "s"),
-        **more,
-        **{column.name: column.variable(routes) for column in ROUTE},
-    }
+    return table(ROUTE, routes) if routes else {}
 
 
 def routes_of(dataset: xr.Dataset) -> list[RouteRecord]:
     """Return the routes that `route_variables` wrote."""
-    if "route_nodes" not in dataset:
-        return []
-    table = {column.attribute: column.read(dataset) for column in ROUTE}
-
-    def row_of(name: str, row: int) -> list[float]:
-        values = dataset[name].values[row] if name in dataset else np.zeros(0)
-        return values[np.isfinite(values)].astype(float).tolist()
-
-    return [
-        RouteRecord(
-            **{name: values[row] for name, values in table.items()},
-            nodes=nodes[nodes >= 0].tolist(),
-            leg_times=row_of("route_leg_time", row),
-            waits=row_of("route_wait", row),
-            speeds=row_of("route_speed", row),
-            energies=row_of("route_energy", row),
-        )
-        for row, nodes in enumerate(dataset["route_nodes"].values)
-    ]
+    return [RouteRecord(**row) for row in rows_of(ROUTE, dataset)] if "route_nodes" in dataset else []
 
 
 # --- the graph of tasks ------------------------------------------------------------------------------
@@ -563,39 +537,32 @@ def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
     """Return what `stated` wrote by the names of `MissionRun`, but for the areas closed at some hours."""
 
     def read(name: str, absent: str = "[]") -> Any:
-        return json.loads(attributes.get(name, absent))
+        return _frozen(json.loads(attributes.get(name, absent)))
 
-    def job(kind: type, place: str, values: dict[str, Any]) -> Any:
-        windows = tuple(
-            (-np.inf if opens is None else opens, np.inf if closes is None else closes)
-            for opens, closes in values["windows"]
-        )
-        at = values[place] if place == "position" else map(tuple, values[place])
-        rest = {"windows": windows, "falls": tuple(map(tuple, values["falls"]))}
-        return kind(**(values | rest | {place: tuple(at)}))
+    def job(kind: type, values: dict[str, Any]) -> Any:
+        spans = ((-np.inf if a is None else a, np.inf if b is None else b) for a, b in values["windows"])
+        return kind(**(values | {"windows": tuple(spans)}))
 
-    jobs = read("jobs", "null")
-    promise: dict[str, Any] = read("promise", "{}")
-    promise |= {name: tuple(values) for name, values in promise.items() if isinstance(values, list)}
-    if promise:
-        promise["turns"] = tuple(
-            TurnBack(**(one | {"positions": tuple(map(tuple, one["positions"]))}))
-            for one in promise.get("turns", ())
-        )
+    jobs, promise = read("jobs", "null"), read("promise", "null")
     return {
         "obstacles": tuple(
-            KnownObstacle(**(one | {
-                "position": tuple(one["position"]), "velocity": tuple(one["velocity"]),
-                "depth_max": np.inf if one["depth_max"] is None else float(one["depth_max"]),
-            }))
+            KnownObstacle(**(one | {"depth_max": np.inf if one["depth_max"] is None else one["depth_max"]}))
             for one in read("known_obstacles")
         ),
-        "assumed": tuple(read("assumed")),
-        "promise": Promise(**promise) if promise else None,
+        "assumed": read("assumed"),
+        "promise": promise
+        and Promise(**(promise | {"turns": tuple(TurnBack(**one) for one in promise.get("turns", ()))})),
         "zones": tuple(Zone(name, shapely.from_wkt(text)) for name, text in read("closed_areas")),
         "names": [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)],
         "jobs": jobs and Jobs(
-            tuple(job(JobPoint, "position", values) for values in jobs["points"]),
-            tuple(job(JobLine, "positions", values) for values in jobs["lines"]),
+            tuple(job(JobPoint, values) for values in jobs["points"]),
+            tuple(job(JobLine, values) for values in jobs["lines"]),
         ),
     }  # fmt: skip
+
+
+def _frozen(value: Any) -> Any:
+    """Return plain data with tuples in place of its lists."""
+    if isinstance(value, dict):
+        return {name: _frozen(part) for name, part in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
