@@ -12,7 +12,7 @@ import numpy as np
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning, error_context
 from auvplan.io import currents, geo
 from auvplan.io.cross_checks import check_jobs, warn_of_contradictions, warn_of_idle_obstacles
-from auvplan.io.land import Land, beyond, cropped, degrees_of, in_folder, on_land, pixels_of, read_land
+from auvplan.io.land import beyond, cropped, in_folder, on_land, read_land
 from auvplan.io.tides import read_tide
 from auvplan.mission.jobs import Jobs, Position
 from auvplan.ocean import whitsunday
@@ -215,21 +215,22 @@ class AreaFiles:
     the coast does a current, do without it where it cannot be read; those made of it raise its error.
     """
 
-    #: The parts in the order in which they are read, and the section of the scenario that each belongs to.
-    PARTS: ClassVar[dict[str, str]] = {
-        "land": "chart",
-        "current": "current",
-        "truth": "current",
-        "members": "current",
-        "no_go": "chart",
-        "chart": "chart",
-        "seabed": "bathymetry",
-        "contradictions": "chart",
-        "tide": "current",
-        "jobs": "mission",
-        "obstacles": "obstacles",
-        "closures": "chart",
-        "no_surfacing": "chart",
+    #: The parts in the order in which they are read; of each the section of the scenario that it belongs to,
+    #: and the fields of that which name its files.
+    PARTS: ClassVar[dict[str, tuple[str, ...]]] = {
+        "land": ("chart", "image", "file"),
+        "current": ("current", "files"),
+        "truth": ("current", "truth"),
+        "members": ("current", "members"),
+        "no_go": ("chart", "no_go"),
+        "chart": ("chart",),
+        "seabed": ("bathymetry", "file"),
+        "contradictions": ("chart",),
+        "tide": ("current", "constituents"),
+        "jobs": ("mission", "jobs"),
+        "obstacles": ("obstacles", "file"),
+        "closures": ("chart",),
+        "no_surfacing": ("chart", "no_surfacing"),
     }
 
     def __init__(
@@ -315,13 +316,13 @@ class AreaFiles:
     @property
     def dry_land(self) -> Chart | None:
         """The chart of the area without closed areas and water; None where it cannot be read."""
-        land = self.readable("land") or Land()
-        if land.cells is not None:
-            return land.cells.land
-        return None if land.chart is None else cropped(land.chart, self.scenario.chart, self._box)
+        land = self.readable("land") or geo.Land()
+        if land.land is not None or land.chart is None:
+            return land.land
+        return cropped(land.chart, self.scenario.chart, self._box)
 
     @_Part
-    def land(self) -> Land:
+    def land(self) -> geo.Land:
         """What the chart's file has of the area and around it."""
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
@@ -453,21 +454,22 @@ class AreaFiles:
             depth, size, corner = found.depth, found.pixel_size, found.origin
             notes = *(f"{settings.file}: {note}" for note in found.notes), *notes
         elif settings.source == "chart":
-            cells = self.land.cells
-            assert cells is not None
-            depth, size, corner = cells.depth, float(cells.land.pixel_size), cells.land.lower
+            land, depth = self.land.land, self.land.depth
+            assert land is not None
+            assert depth is not None
+            size, corner = float(land.pixel_size), land.lower
         else:
-            current, corner = self.current, self._box[0][:2]
+            current = self.current
             assert current is not None
             if current.sea_floor is None:
                 raise ScenarioError(
                     "'current': the current's files do not give the depth", field="bathymetry.source"
                 )
-            size = settings.pixel_size or min(current.spacing) / 2.0
-            pixels = pixels_of(self._box, size, "bathymetry.pixel_size")
-            depth = current.source.sea_floor(*degrees_of(current.site, corner, size, pixels))
+            with error_context("bathymetry", "pixel_size"):
+                grid = self._extent(settings.pixel_size or min(current.spacing) / 2.0).grid()
+            depth = current.source.sea_floor(*map(np.ravel, grid.degrees(current.site)))
             assert depth is not None
-            depth = depth.reshape(pixels)
+            depth, size, corner = depth.reshape(grid.shape), grid.pixel_size, grid.lower
         clearance = self.scenario.safety.seabed
         return Seabed.from_depth(depth + low, size, np.asarray(corner), clearance=clearance), notes
 

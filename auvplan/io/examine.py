@@ -25,20 +25,6 @@ if TYPE_CHECKING:
 
 #: Fields that no file of their section depends on.
 _APART = {("mission", "start"), ("mission", "goal")}
-#: Parts of an area, see `AreaFiles`, by the fields that name their files.
-_PARTS = {
-    ("chart", "image"): "land",
-    ("chart", "file"): "land",
-    ("chart", "no_go"): "no_go",
-    ("chart", "no_surfacing"): "no_surfacing",
-    ("bathymetry", "file"): "seabed",
-    ("current", "files"): "current",
-    ("current", "constituents"): "tide",
-    ("current", "truth"): "truth",
-    ("current", "members"): "members",
-    ("obstacles", "file"): "obstacles",
-    ("mission", "jobs"): "jobs",
-}
 
 
 @dataclass(frozen=True)
@@ -107,8 +93,11 @@ def examine_scenario(source: str | Path) -> Examination:
     if ("chart", "uncertain") in missing:
         plain = scenario.chart.model_copy(update={"uncertain": None})
         scenario = scenario.model_copy(update={"chart": plain})
-    unread = {part for part, section in AreaFiles.PARTS.items() if section in sections}
-    unread |= {_PARTS[field] for field in missing.keys() & _PARTS.keys()}
+    unread = {
+        part
+        for part, (section, *names) in AreaFiles.PARTS.items()
+        if section in sections or any((section, name) in missing for name in names)
+    }
     files = AreaFiles(scenario, folder, unread=unread)
     with gathered_warnings(show=False) as lines:
         wrong = _attempt(files, document)
@@ -182,7 +171,7 @@ def _attempt(files: "AreaFiles", document: Document) -> list[Finding]:
     from auvplan.io.area import UnreadError
 
     errors: dict[int, list[Finding]] = {}
-    for part, section in files.PARTS.items():
+    for part, (section, *_) in files.PARTS.items():
         try:
             getattr(files, part)
         except UnreadError:
@@ -199,7 +188,7 @@ def _errors(error: AuvplanError, section: str, document: Document) -> list[Findi
 
 def _readable(files: "AreaFiles") -> "tuple[OperatingArea, tuple[Zone, ...]]":
     """Return what could be read, in one, and the closed areas."""
-    from auvplan.io.land import Land
+    from auvplan.io.geo import Land
     from auvplan.scenario.area import OperatingArea
 
     seabed, _ = files.readable("seabed") or (None, ())

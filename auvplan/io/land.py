@@ -1,10 +1,10 @@
 """Land of a scenario: its chart, from pictures, polygons, S-57 cells or where a current has no water."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,8 +13,6 @@ from auvplan.errors import ScenarioError, error_context, warn
 from auvplan.io import geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
-from auvplan.ocean.closures import Zone
-from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.settings import ChartSettings
 from auvplan.site import Site
 
@@ -23,29 +21,8 @@ if TYPE_CHECKING:
 
 #: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
 _LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
-#: Pixels of a raster made from a current's file at most.
-_MAX_PIXELS = 16_000_000
 
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
-
-
-class Land(NamedTuple):
-    """What a chart's file has of the area and around it."""
-
-    coast: Chart | None = None  # coast and uncertain areas; None for open water
-    chart: Chart | None = None  # the same with the areas that the file closes
-    notes: tuple[str, ...] = ()  # what was assumed, a line each
-    cells: geo.Cells | None = None  # what S-57 cells have, where they are the chart
-
-    @property
-    def hazards(self) -> tuple[KnownObstacle, ...]:
-        """Obstacles of S-57 cells."""
-        return () if self.cells is None else self.cells.hazards
-
-    @property
-    def closed(self) -> tuple[Zone, ...]:
-        """Closed areas of S-57 cells."""
-        return () if self.cells is None else self.cells.closed
 
 
 def read_land(
@@ -55,7 +32,7 @@ def read_land(
     current: "CurrentFile | None",
     file: Any,
     uncertain: Any,
-) -> Land:
+) -> geo.Land:
     """Read a chart's file, or what is given in its place, as far beyond the area as it and `beyond` do.
 
     Raises:
@@ -65,8 +42,8 @@ def read_land(
         ScenarioWarning: a picture shows no land, or nothing else.
     """
     if settings.source == "none":
-        return Land()
-    size, notes, cells = settings.pixel_size, (), None
+        return geo.Land()
+    size, notes = settings.pixel_size, ()
     extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
     if settings.source in ("whitsunday", "image"):
         with error_context("chart", "image"):
@@ -75,13 +52,13 @@ def read_land(
         assert site is not None
         depth, radius = settings.safety_depth, settings.hazard_radius
         with error_context("chart", "file"):
-            cells = geo.read_cells(
+            return geo.read_cells(
                 file, site, extent, deepest=box[1][2], safety_depth=depth, hazard_radius=radius
             )
-        coast, chart, notes = cells.coast, cells.chart, cells.notes
     elif settings.source == "current":
         assert current is not None
-        coast = chart = _water_chart(current, box, size)
+        with error_context("chart", "pixel_size"):
+            coast = chart = _water_chart(current, extent.grid())
     else:
         assert site is not None
         with error_context("chart", "file"):
@@ -98,7 +75,7 @@ def read_land(
             what = "no land" if dry == 0.0 else "nothing but land"
             picture = settings.file or settings.image
             warn(f"{picture}: shows {what} in the area: land and water are distinguished by their colours")
-    return Land(coast, chart, notes, cells)
+    return geo.Land(coast, chart, notes)
 
 
 def _picture(settings: ChartSettings, path: str) -> tuple[Chart, Chart, tuple[str, ...]]:
@@ -162,47 +139,22 @@ def on_land(chart: Chart) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     return land
 
 
-def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
+def _water_chart(current: "CurrentFile", grid: geo.LocalGrid) -> Chart:
     """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
     from auvplan.io.currents.times import seconds_of
 
-    pixels = pixels_of(box, size, "chart.pixel_size")
     source, first = current.source, float(seconds_of(current.epoch))
     times = np.asarray(current.field.times, float)
     frames = source.frames(first + times[0], first + times[-1])
     reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
 
-    def is_water(offset: float, count: np.ndarray) -> np.ndarray:
-        places = degrees_of(current.site, box[0], size, count, offset)
-        return source.is_water(*places, frames, reach).reshape(count)
+    def is_water(offset: float) -> np.ndarray:
+        longitude, latitude = grid.degrees(current.site, offset)
+        return source.is_water(longitude.ravel(), latitude.ravel(), frames, reach).reshape(longitude.shape)
 
-    corners = is_water(0.0, pixels + 1)
-    water = is_water(0.5, pixels)
+    corners, water = is_water(0.0), is_water(0.5)
     water &= corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
-    return Chart.from_mask(water, size, box[0][:2])
-
-
-def degrees_of(
-    site: Site, corner: Sequence[float], size: float, pixels: np.ndarray, offset: float = 0.5
-) -> tuple[np.ndarray, np.ndarray]:
-    """[n]: longitude and latitude, degrees, of pixels' centres, or of what lies at another offset in them."""
-    axes = [corner[k] + size * (np.arange(count) + offset) for k, count in enumerate(pixels)]
-    north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-    return site.to_geographic(north, east)
-
-
-def pixels_of(box: Corners, size: float, field: str) -> np.ndarray:
-    """Return the pixels of a box, north and east.
-
-    Raises:
-        ScenarioError: they are too many.
-    """
-    extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
-    pixels = np.ceil(extent / size - 1e-9).astype(int)
-    if pixels.prod() > _MAX_PIXELS:
-        makes = f"{size:g} m makes {pixels[0]} x {pixels[1]} pixels, more than {_MAX_PIXELS}"
-        raise ScenarioError(makes, field=field)
-    return pixels
+    return Chart.from_mask(water, grid.pixel_size, grid.lower)
 
 
 def in_folder(folder: str | Path, name: str) -> str:

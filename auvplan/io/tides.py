@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.io.geo.error import Faults
+from auvplan.io.geo.error import Faults, read_text, reading
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.scenario.yaml_lines import YamlError, read_yaml
@@ -95,13 +95,11 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
 
 
 def _document(path: str | Path) -> dict[str, Any]:
+    with reading(path, CurrentError):
+        text = read_text(path, _MAX_BYTES)
     try:
-        if Path(path).stat().st_size > _MAX_BYTES:
-            raise CurrentError(f"{path}: larger than {_MAX_BYTES} bytes, no constituents")
-        document = read_yaml(Path(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise CurrentError(f"{path}: {error.strerror or error}") from None
-    except (YamlError, UnicodeDecodeError) as error:
+        document = read_yaml(text)
+    except YamlError as error:
         raise CurrentError(f"{path}: is no YAML: {' '.join(str(error).split())[:120]}") from None
     for _, reason, (line, _) in document.faults:
         raise CurrentError(f"{path}: line {line}: {reason}")

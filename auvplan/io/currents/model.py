@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
+from scipy.sparse import csr_array
 
 from auvplan.io.currents.files import Array, File, Pick, Series, same_values
-from auvplan.io.currents.geometry import Curvilinear, Regular, Window
-from auvplan.io.currents.levels import Levels, find_levels
+from auvplan.io.currents.geometry import Curvilinear, Index, Regular, Window, mix
+from auvplan.io.currents.levels import Levels, at_depth, find_levels
 from auvplan.io.currents.names import (
     MASK_NAMES,
     MASKS,
@@ -170,6 +171,34 @@ class Block:
     floor: Array | None  # [1 or T, P] m, the sea bed below the surface; None where it is not known
     up: Array | None  # [T, Ku, P] m/s, or None
     depths_up: Array  # [1 or T, Ku, 1 or P] m, those of `up`
+
+    def at(self, depth: Array, weights: csr_array | Array, corners: Index | None = None) -> Array:
+        """[3, T, M] m/s east, north and up at depths, NaN where there is no water.
+
+        Args:
+            depth: [1] m, of all places; or [M], with corners.
+            weights: [M, P] of the points that make up each place; or [M, C], of its corners alone.
+            corners: [M, C] points, of a block of one time.
+        """
+
+        def column(field: Array) -> Array:
+            if corners is None or field.shape[-1] != self.east.shape[-1]:
+                return field
+            return field[..., corners.ravel()]
+
+        def mixed(fields: tuple[Array, ...], depths: Array) -> tuple[Array, ...]:
+            floor = None if self.floor is None else column(self.floor)
+            found = at_depth(tuple(map(column, fields)), column(depths), deep, floor)
+            return mix(
+                weights, *(found if corners is None else (level.reshape(corners.shape) for level in found))
+            )
+
+        deep = depth if corners is None else np.repeat(depth, corners.shape[1])
+        east, north = mixed((self.east, self.north), self.depths)
+        up = np.full_like(east, np.nan)
+        if self.up is not None:
+            up = np.where(np.isnan(east), np.nan, mixed((self.up,), self.depths_up)[0])
+        return np.stack([east, north, up])
 
 
 @dataclass(frozen=True)

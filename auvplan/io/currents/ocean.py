@@ -16,8 +16,7 @@ from xarray.core import indexing
 from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
 from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix
-from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.model import Block, Model, Part, find_model
+from auvplan.io.currents.model import Model, Part, find_model
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
 from auvplan.ocean.gridded import CurrentError
@@ -278,27 +277,10 @@ class OceanData:
                 wanted = np.flatnonzero((before + end == frame) & ((share > 0) if end else (share < 1)))
                 if len(wanted):
                     block = block or self.part(slice(int(frame), int(frame) + 1), window).block
-                    ends[end][:, wanted] = _gathered(block, window, weights, depth, wanted)
+                    corners, weight = window.index[wanted], weights.weight[wanted]
+                    ends[end][:, wanted] = block.at(depth[wanted], weight, corners)
         values = (1.0 - share) * ends[0] + share * ends[1]
         return np.where(share <= 0, ends[0], np.where(share >= 1, ends[1], values))
-
-
-def _gathered(block: Block, window: Window, weights: Weights, depth: Array, wanted: np.ndarray) -> Array:
-    """[3, m] m/s of some places in a block of one time."""
-    index, weight = window.index[wanted], weights.weight[wanted]
-    corners, deep = index.ravel(), np.repeat(depth[wanted], index.shape[1])
-
-    def of(field: Array) -> Array:
-        return field[..., corners] if field.shape[-1] > 1 or window.points == 1 else field
-
-    floor = None if block.floor is None else of(block.floor)
-    level = at_depth((of(block.east), of(block.north)), of(block.depths), deep, floor)
-    east, north = mix(weight, *(values.reshape(index.shape) for values in level))
-    up = np.full(len(wanted), np.nan)
-    if block.up is not None:
-        (rising,) = at_depth((of(block.up),), of(block.depths_up), deep, floor)
-        (up,) = mix(weight, rising.reshape(index.shape))
-    return np.stack([east, north, np.where(np.isnan(east), np.nan, up)])
 
 
 def describe(beyond: Array) -> str:

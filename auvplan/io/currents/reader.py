@@ -15,8 +15,6 @@ from scipy.sparse import csr_array
 from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
-from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.model import Block
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, open_ocean, understood
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
@@ -361,11 +359,11 @@ def _gridded(
     rows = np.repeat(np.arange(places), corners)
     matrix = csr_array((weights.weight.ravel(), (rows, window.index.ravel())), (places, window.points))
     step = max(1, _CHUNK // each)
-    parts = [
-        _block_at(source.part(slice(k, min(k + step, frames.stop)), window).block, matrix, wanted)
-        for k in range(frames.start, frames.stop, step)
-    ]
-    east, north, up = (np.concatenate(part) for part in zip(*parts, strict=True))
+    parts = []
+    for first in range(frames.start, frames.stop, step):
+        block = source.part(slice(first, min(first + step, frames.stop)), window).block
+        parts.append(np.stack([block.at(np.full(1, depth), matrix) for depth in wanted], axis=2))
+    east, north, up = np.concatenate(parts, axis=1)
     floor, lowest, part = None, None, source.part(frames, window)
     if "deptho" in source.names:
         floor = mix(matrix, part.floor)[0][0]
@@ -379,18 +377,6 @@ def _gridded(
     if lacking.any():
         box.notes.append("where the level current is given and the vertical one is not, that is taken as 0")
     return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
-
-
-def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Array, Array]:
-    """East, north and up [T, D, M] m/s of a block of times."""
-    found = np.full((3, len(block.east), len(wanted), len(matrix.indptr) - 1), np.nan)
-    for k, depth in enumerate(wanted):
-        level = at_depth((block.east, block.north), block.depths, np.full(1, depth), block.floor)
-        found[:2, :, k] = mix(matrix, *level)
-        if block.up is not None:
-            (up,) = at_depth((block.up,), block.depths_up, np.full(1, depth), block.floor)
-            (found[2, :, k],) = mix(matrix, up)
-    return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])
 
 
 def _check_times(ocean: OceanData, frames: slice) -> None:

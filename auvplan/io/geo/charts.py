@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +23,7 @@ from auvplan.io.geo.windows import Hours
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.closures import Closure, Zone
+from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.site import Site, swapped_hint
 
@@ -30,6 +31,30 @@ from auvplan.site import Site, swapped_hint
 _SLACK = 1.0
 #: Properties that state when an area is closed.
 _HOURS = ("from", "to", "windows")
+
+
+class Land(NamedTuple):
+    """What a chart's file has of an area and of a rectangle around it.
+
+    Attributes:
+        coast: where a vehicle cannot or must not be is coast, such as water that may be too shallow, but for
+            closed areas; None for open water.
+        chart: the same with the areas that the file closes.
+        notes: what was assumed, a line each.
+        land: of the area, land alone; None where it is `coast`.
+        depth: [nx, ny] m below the chart's datum on its pixels, the least that the depth areas around a pixel
+            leave open, 0 where there are none; None where the file has no depths.
+        hazards: rocks, wrecks and obstructions that are points on the chart.
+        closed: areas that entry is prohibited to, or that are to be avoided.
+    """
+
+    coast: Chart | None = None
+    chart: Chart | None = None
+    notes: tuple[str, ...] = ()
+    land: Chart | None = None
+    depth: NDArray[np.float32] | None = None
+    hazards: tuple[KnownObstacle, ...] = ()
+    closed: tuple[Zone, ...] = ()
 
 
 def chart_and_notes(

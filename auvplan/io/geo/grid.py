@@ -61,6 +61,19 @@ class LocalGrid:
             np.concatenate([west * along, east * along, e, e]),
         )
 
+    def degrees(self, site: Site, offset: float = 0.5) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """[nx, ny] longitude and latitude, degrees, of pixels' centres; [nx + 1, ny + 1] of corners.
+
+        Args:
+            offset: of the places in their pixels, 0.5 or, for corners, 0.
+        """
+        more = int(offset == 0.0)
+        axes = (
+            self.lower[k] + self.pixel_size * (np.arange(count + more) + offset)
+            for k, count in enumerate(self.shape)
+        )
+        return site.to_geographic(*np.meshgrid(*axes, indexing="ij"))
+
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
         """Rows of pixels, a block at a time: which rows, and north and east of their centres, m."""
         step = max(_BLOCK // self.shape[1], 1)

@@ -234,48 +234,45 @@ def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
         with faults.kept():
             _check_reading(path, given, rows, site)
     faults.places += len(rows)
-    found: list[Feature | None] = []
-    lines: dict[str, int] = {}
+    found: list[Feature] = []
     for line, group in groupby(rows, lambda row: row[1].get("line", "")):
-        if line in lines:
-            faults.lines.append(f"{next(group)[0]}: line {line!r} goes on after other rows")
-            found[lines[line]] = None
-        elif line:
-            lines[line] = len(found)
-            found.append(_line(f"{path}: line {line!r}", line, len(found) + 1, group, axes, faults))
-        else:
-            for where, row in group:
-                place, sound = [], faults.count
-                with faults.kept():
-                    place = _place(where, row, axes)
-                if faults.count > sound:
-                    _numbers(where, row, faults)
-                    continue
-                stated = {name: cell for name, cell in row.items() if name not in axes}
-                found.append(Feature(where, len(found) + 1, "Point", place, stated, axes[0] == "north"))
-    return [one for one in found if one is not None]
+        members = list(group)
+        name = f"{path}: line {line!r}" if line else ""
+        if line and any(one.where == name for one in found):
+            faults.lines.append(f"{members[0][0]}: line {line!r} goes on after other rows")
+            continue
+        for part in [members] if line else [[row] for row in members]:
+            places, stated = _stated_together(part, axes, faults)
+            if len(places) == len(part):
+                kind, at = ("LineString", places) if line else ("Point", places[0])
+                own = {"name": line} if line else {}
+                found.append(
+                    Feature(name or part[0][0], len(found) + 1, kind, at, stated | own, axes[0] == "north")
+                )
+    return found
 
 
-def _line(
-    of: str, line: str, number: int, rows: Iterable[_Row], axes: tuple[str, str], faults: Faults
-) -> Feature | None:
-    """Return the rows of a survey line as a feature; None where one is at fault."""
-    sound, places, known = faults.count, [], {"name": line}
+def _stated_together(
+    rows: list[_Row], axes: tuple[str, str], faults: Faults
+) -> tuple[list[list[float]], dict[str, Any]]:
+    """Return the places of rows, with their elevations, and what they state; one may leave out what is said.
+
+    Rows that are at fault have no place.
+    """
+    places, known = [], {}
     for where, row in rows:
         stated: dict[str, Any] = _numbers(where, row, faults)
         depth = stated.pop("depth")
-        stated |= {name: row[name] for name in _HOURS if name in row}
+        stated |= {name: row[name] for name in ("name", *_HOURS) if name in row}
         with faults.kept():
-            places.append(_place(where, row, axes) + ([] if depth is None else [-depth]))
+            place = _place(where, row, axes) + ([] if depth is None else [-depth])
             for name, value in stated.items():
-                if value is not None and known.setdefault(name, value) != value:
+                if value is not None and known.setdefault(name, value) != value and name != "name":
                     old, new = (f"{one:g}" if isinstance(one, float) else one for one in (known[name], value))
-                    raise GeoError(
-                        f"{where}: line {line!r} has {name} {old} in an earlier row, {new} in this"
-                    )
-    if faults.count > sound:
-        return None
-    return Feature(of, number, "LineString", places, known, axes[0] == "north")
+                    line = f"line {row['line']!r} has {name} {old} in an earlier row, {new} in this"
+                    raise GeoError(f"{where}: {line}")
+            places.append(place)
+    return places, known
 
 
 def _check_reading(path: Path, given: list[str], rows: list[_Row], site: Site | None) -> None:

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import reason_of, warn
+from auvplan.io.geo.charts import Land
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.features import MAX_BYTES, Feature, gdal, read_layer
 from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
-from auvplan.ocean.chart import Chart, ChartError
+from auvplan.ocean.chart import ChartError
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.known import KnownObstacle
 from auvplan.runtime.formatting import counted
@@ -68,32 +69,6 @@ _UNDER = 5.0
 _GAP = 2.0
 # Lines become so narrow areas, m.
 _LINE = 0.01
-
-
-@dataclass(frozen=True)
-class Cells:
-    """What S-57 cells have of a rectangle of local metres.
-
-    Attributes:
-        chart: coast where a vehicle cannot or must not be: land, water that may be shallower than the safety
-            depth, what is not surveyed, areas of hazards, closed areas; all else is water. It covers what was
-            asked for `beyond` too.
-        coast: the same without closed areas.
-        land: of the rectangle, land alone.
-        depth: [nx, ny] m below the chart's datum, the least that the depth areas around a pixel leave open; 0
-            where there are none.
-        hazards: rocks, wrecks and obstructions that are points on the chart.
-        closed: areas that entry is prohibited to, or that are to be avoided.
-        notes: what was assumed, a line each.
-    """
-
-    chart: Chart
-    coast: Chart
-    land: Chart
-    depth: NDArray[np.float32]
-    hazards: tuple[KnownObstacle, ...]
-    closed: tuple[Zone, ...]
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -224,7 +199,7 @@ def read_cells(
     deepest: float,
     safety_depth: float = SAFETY_DEPTH,
     hazard_radius: float = HAZARD_RADIUS,
-) -> Cells:
+) -> Land:
     """Read what S-57 cells have of a local rectangle.
 
     Closed are land (LNDARE, and docks, hulks, pontoons, quays and dams), depth and dredged areas whose least
@@ -280,8 +255,9 @@ def read_cells(
         stands = shapely.intersects(discs, grid.box) & ~shapely.covers(blocked, discs)
         hazards = tuple(one for one, there in zip(found.hazards, stands, strict=True) if there)
         notes += found.notes(path.name, hazards)
-        charts = wide.chart(~(shut | closed)), wide.chart(~shut), grid.chart(~dry)
-        return Cells(*charts, _depth(found, dry, grid), hazards, tuple(found.closed), tuple(notes))
+        charts = wide.chart(~shut), wide.chart(~(shut | closed))
+        own = grid.chart(~dry), _depth(found, dry, grid)
+        return Land(*charts, tuple(notes), *own, hazards, tuple(found.closed))
 
 
 def _files(path: Path) -> list[Path]:

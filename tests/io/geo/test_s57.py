@@ -12,8 +12,9 @@ import pytest
 import shapely
 
 from auvplan.errors import ScenarioWarning
+from auvplan.io.geo.charts import Land
 from auvplan.io.geo.grid import Extent
-from auvplan.io.geo.s57 import Cells, read_cells
+from auvplan.io.geo.s57 import read_cells
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
@@ -43,13 +44,13 @@ def bay(*more: Object) -> list[Object]:
     ]
 
 
-def read(path: Path, **options) -> Cells:
+def read(path: Path, **options) -> Land:
     given = {"deepest": 15.0, "pixel_size": 25.0} | BOX | options
     extent = {name: given.pop(name) for name in Extent._fields if name in given}
     return read_cells(path, SITE, Extent(**extent), **given)
 
 
-def is_water(cells: Cells, longitude: float, latitude: float) -> bool:
+def is_water(cells: Land, longitude: float, latitude: float) -> bool:
     return bool(cells.chart.is_water(*SITE.to_local(longitude, latitude)))
 
 
