@@ -24,7 +24,7 @@ from auvplan.io.currents.names import (
     require_field,
 )
 from auvplan.io.currents.projection import axes_angle, find_crs, grid_angle, in_degrees
-from auvplan.io.currents.series import in_order, unified
+from auvplan.io.currents.series import in_order, on_middles, put_together
 from auvplan.io.currents.triangles import Geometry, Triangles, cell_means, find_triangles
 from auvplan.io.currents.units import speed_factor
 from auvplan.ocean.gridded import CurrentError
@@ -335,8 +335,9 @@ def find_model(files: Sequence[File]) -> Model:
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
     """
-    files = unified(files)
+    files = put_together(files)
     names = find_current(files[0])
+    files = [on_middles(file, names) for file in files]
     places = _places(files[0], names)
     series, notes = in_order(files, names.east, places or ())
     source = _source(series, names, places, [*notes, *filter(None, [names.note])])

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.io.currents.files import Array, File, Series, close_all, same_values
-from auvplan.io.currents.names import find_current, find_places
+from auvplan.io.currents.names import Names, find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.currents.triangles import has_cells
 from auvplan.ocean.gridded import CurrentError
@@ -20,21 +20,6 @@ _PLACES = ("nav_lon", "nav_lat", "longitude", "latitude", "lon", "lat")
 _FIXED = ("h", "hc", "Vtransform", "angle", "mask_rho")
 #: The middles of NEMO's cells.
 _NEMO = ("glamt", "gphit")
-
-
-def unified(files: Sequence[File]) -> tuple[File, ...]:
-    """Return files each of which has the whole current of its times.
-
-    Components, grid and levels in files of their own are put together: those of one stretch of time by their
-    equal times, those without a time with all. Components on the edges of cells (ROMS, NEMO with its mesh
-    file, MOM6, MITgcm) are brought to the form of native ROMS: `lon_rho` and `lat_rho` [ny, nx] of the
-    cells' middles, components on the edges between them.
-
-    Raises:
-        CurrentError: files that belong together have other times, sizes or places than each other.
-    """
-    together = list(files) if all(_whole(file) for file in files) else _put_together(files)
-    return tuple(_on_middles(file) for file in together)
 
 
 def _whole(file: File) -> bool:
@@ -49,7 +34,17 @@ def _whole(file: File) -> bool:
     return True
 
 
-def _put_together(files: Sequence[File]) -> list[File]:
+def put_together(files: Sequence[File]) -> list[File]:
+    """Return files each of which has the whole current of its times.
+
+    Components, grid and levels in files of their own are put together: those of one stretch of time by their
+    equal times, those without a time with all.
+
+    Raises:
+        CurrentError: files that belong together have other times, sizes or places than each other.
+    """
+    if all(_whole(file) for file in files):
+        return list(files)
     kinds: dict[frozenset[str], list[File]] = {}
     for file in files:
         kinds.setdefault(frozenset(file.variables), []).append(file)
@@ -128,13 +123,16 @@ def _merged(parts: Sequence[File]) -> File:
     return replace(first, path=label, variables=variables, attributes=attributes, close=close)
 
 
-def _on_middles(file: File) -> File:
-    """Return a file with components on the edges of cells in the form of native ROMS; others as they are."""
-    try:
-        names = find_current(file)
-    except CurrentError:
-        return file
-    if names.both is not None:
+def on_middles(file: File, names: Names) -> File:
+    """Return a file with components on the edges of cells in the form of native ROMS; others as they are.
+
+    Those of NEMO with its mesh file, of MOM6 and of MITgcm are brought to it: `lon_rho` and `lat_rho` [ny,
+    nx] of the cells' middles, components on the edges between them.
+
+    Raises:
+        CurrentError: edges and middles do not fit each other.
+    """
+    if names.both is not None or not {names.east, names.north} <= file.variables.keys():
         return file
     east, north = (tuple(map(str, file.variables[name].dims)) for name in (names.east, names.north))
     same = east[-2:] == north[-2:]

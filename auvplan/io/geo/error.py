@@ -9,6 +9,9 @@ from typing import Any
 
 from auvplan.errors import AuvplanError, reason_of
 
+#: Larger files are no charts of a mission's area, and hold no jobs.
+MAX_BYTES = 200_000_000
+
 
 class GeoError(AuvplanError):
     """A file of places that cannot be used; the message is one line that names it."""
@@ -78,7 +81,15 @@ def label(source: Any) -> str:
     return str(source) if isinstance(source, str | Path) else f"the given {type(source).__name__}"
 
 
-def read_text(path: str | Path, limit: int) -> str:
+def number_of(value: Any) -> float:
+    """Return a value as a number; NaN of what is none."""
+    try:
+        return float("nan") if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
+
+
+def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
     """Return the text of a UTF-8 file, with or without a byte order mark, of `limit` bytes at most.
 
     Raises:

@@ -19,11 +19,9 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from auvplan.errors import warn
-from auvplan.io.geo.error import Faults, GeoError, PlaceError, label, read_text
+from auvplan.io.geo.error import MAX_BYTES, Faults, GeoError, PlaceError, label, number_of, read_text
 from auvplan.site import Site, is_place
 
-#: Larger files are no charts of a mission's area, and hold no jobs.
-MAX_BYTES, MAX_JOBS_BYTES = 200_000_000, 50_000_000
 #: What files of other formats begin with, in lower case.
 _FORMATS = {
     b"<": "XML",
@@ -100,7 +98,7 @@ def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
             raise GeoError(
                 f"{path}: is no GeoJSON but {other}, which `ogr2ogr -f GeoJSON` or QGIS brings to it"
             )
-        root = _json(source, MAX_BYTES)
+        root = _json(source)
     else:
         root = json.loads(json.dumps(getattr(source, "__geo_interface__", source)))
     if not isinstance(root, dict) or "type" not in root:
@@ -242,9 +240,9 @@ def _gpx(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
         name = _text_of(point, "name")
         where = f"{path}: waypoint {number}{_quoted(name)}"
         with faults.kept():
-            place = [_number_of(where, key, point.get(key, "")) for key in ("lon", "lat")]
+            place = [_number(where, key, point.get(key, "")) for key in ("lon", "lat")]
             if elevation := _text_of(point, "ele"):
-                place.append(_number_of(where, "ele", elevation))
+                place.append(_number(where, "ele", elevation))
             yield Feature(where, number, "Point", place, {"name": name})
 
 
@@ -300,7 +298,7 @@ def _coordinates(where: str, shape: Element) -> tuple[list[list[float]], bool]:
     if mode not in (*_ABSOLUTE, *_CLAMPED):
         raise GeoError(f"{where}: altitudeMode {mode} counts from the sea bed: use absolute, minus depth")
     for part in _text_of(shape, "coordinates").split():
-        place = [_number_of(where, "coordinates", number) for number in part.split(",")]
+        place = [_number(where, "coordinates", number) for number in part.split(",")]
         if len(place) not in (2, 3):
             raise GeoError(f"{where}: coordinates must be longitude,latitude or longitude,latitude,altitude")
         # Without a mode, programs write depths all the same, and 0 where they know none.
@@ -313,7 +311,7 @@ def _coordinates(where: str, shape: Element) -> tuple[list[list[float]], bool]:
 
 
 def _plan(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
-    root = _json(path, MAX_JOBS_BYTES)
+    root = _json(path)
     mission = root.get("mission") if isinstance(root, dict) and root.get("fileType") == "Plan" else None
     items = mission.get("items") if isinstance(mission, dict) else None
     if not isinstance(items, list):
@@ -425,10 +423,10 @@ def _quoted(name: str) -> str:
     return f" {name[:40]!r}" if name else ""
 
 
-def _json(path: str | Path, limit: int) -> Any:
-    """Return the content of a JSON file of no more than `limit` bytes."""
+def _json(path: str | Path) -> Any:
+    """Return the content of a JSON file."""
     try:
-        return json.loads(read_text(path, limit))
+        return json.loads(read_text(path))
     except (json.JSONDecodeError, RecursionError):
         raise GeoError(f"{path}: not valid JSON") from None
 
@@ -448,24 +446,17 @@ def _xml(path: Path, kind: str) -> Element:
 
 
 def _content(path: Path) -> bytes:
-    what = ""
     if path.suffix.lower() != ".kmz":
-        with path.open("rb") as file:
-            content = file.read(MAX_JOBS_BYTES + 1)
-    else:
-        with ZipFile(path) as archive:
-            inside = [name for name in archive.namelist() if name.lower().endswith(".kml")]
-            if len(inside) != 1:
-                several = f"holds {len(inside)} .kml, {', '.join(inside)[:200]}: it must hold one"
-                raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
-            with archive.open(inside[0]) as file:
-                content, what = (
-                    file.read(MAX_JOBS_BYTES + 1),
-                    f"{inside[0]} is ",
-                )  # whatever size the archive claims
-    if len(content) > MAX_JOBS_BYTES:
-        raise GeoError(f"{path}: {what}larger than {MAX_JOBS_BYTES} bytes")
-    return content
+        return path.read_bytes()
+    with ZipFile(path) as archive:
+        inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
+        if len(inside) != 1:
+            names = ", ".join(entry.filename for entry in inside)
+            several = f"holds {len(inside)} .kml, {names[:200]}: it must hold one"
+            raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
+        if inside[0].file_size > MAX_BYTES:
+            raise GeoError(f"{path}: {inside[0].filename} is larger than {MAX_BYTES} bytes")
+        return archive.read(inside[0])
 
 
 def _plain_name(element: Element) -> str:
@@ -478,8 +469,7 @@ def _text_of(element: Element, name: str) -> str:
     return (element.findtext(f"{{*}}{name}") or "").strip()
 
 
-def _number_of(where: str, name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise GeoError(f"{where}: {name} must be a number, got {text[:40]!r}") from None
+def _number(where: str, name: str, text: str) -> float:
+    if np.isnan(number := number_of(text)):
+        raise GeoError(f"{where}: {name} must be a number, got {text[:40]!r}")
+    return number

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from auvplan.errors import warn
-from auvplan.io.geo.error import Faults, GeoError, label, read_text, reading
+from auvplan.io.geo.error import Faults, GeoError, label, number_of, read_text, reading
 from auvplan.io.geo.features import (
-    MAX_JOBS_BYTES,
     READERS,
     Feature,
     Features,
@@ -304,7 +303,7 @@ def _check_reading(path: Path, given: list[str], rows: list[_Row], site: Site | 
 
 def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[_Row]]:
     """The headings, and those of places; the name in messages of each sound row, and its cells by heading."""
-    text = read_text(path, MAX_JOBS_BYTES)
+    text = read_text(path)
     heading = next((line for line in text.splitlines() if line.strip()), "")
     if named := _SEPARATOR.match(heading):  # as some spreadsheets want it
         text = text.replace(heading, "", 1)
@@ -388,11 +387,7 @@ def _number(where: str, stated: dict[str, Any], name: str, least: float = 0.0) -
     value = stated.get(name)
     if value is None or value == "":
         return None
-    try:
-        number = float("nan") if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = float("nan")
-    if not np.isfinite(number):
+    if not np.isfinite(number := number_of(value)):
         raise GeoError(
             f"{where}: {name} must be a finite number{_SUCH.get(name, '')}, got {str(value)[:40]!r}"
         )

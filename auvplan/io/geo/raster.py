@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from rasterio import Affine
     from rasterio.io import DatasetReader
 
-_TEXT_LIMIT, _SIDECAR_LIMIT = 100_000, 50_000_000  # bytes; a sidecar may hold tables of colours
-
 
 def read_raster(path: str | Path, crs: Any = None, *, numbers: bool = False) -> xr.DataArray:
     """Read a picture or grid that is georeferenced, by its own tags or by files beside it.
@@ -158,7 +156,7 @@ def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | No
     sidecar = path.with_name(f"{path.name}.aux.xml")
     if sidecar.exists():
         try:
-            fromstring(read_text(sidecar, _SIDECAR_LIMIT), forbid_dtd=True)
+            fromstring(read_text(sidecar), forbid_dtd=True)
         except (ParseError, ValueError):  # GDAL would go on without it
             raise GeoError(f"{sidecar}: is damaged") from None
         if file.driver == "GTiff":
@@ -181,7 +179,7 @@ def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | No
         raise GeoError(f"{path}: its pixels have no size: {list(transform[:6])}")
     if crs is None and (projection := _beside(path, f"{path.stem}.prj")) is not None:
         try:
-            crs = _horizontal(read_text(projection, _TEXT_LIMIT).strip())
+            crs = _horizontal(read_text(projection).strip())
         except CRSError:
             raise GeoError(f"{projection}: holds no coordinate reference system") from None
     return transform, crs

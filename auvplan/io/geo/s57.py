@@ -25,7 +25,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import reason_of, warn
 from auvplan.io.geo.charts import Land
 from auvplan.io.geo.error import GeoError, reading
-from auvplan.io.geo.features import MAX_BYTES, Feature, gdal, read_layer
+from auvplan.io.geo.features import Feature, gdal, read_layer
 from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.closures import Zone
@@ -290,8 +290,6 @@ def _identity(path: Path, staging: Path) -> _Identity:
     # The leader of a data descriptive record (ISO/IEC 8211): GDAL would take other files for what they are.
     if not (len(start) == 24 and start[:5].isdigit() and start[6:7] == b"L" and start[12:17].isdigit()):
         raise GeoError(f"{path}: is no S-57 cell")
-    if path.stat().st_size > MAX_BYTES:
-        raise GeoError(f"{path}: larger than {MAX_BYTES} bytes")
     source = path if path.suffix == ".000" else shutil.copyfile(path, staging / "update.000")
     stated = _head(path, source, UPDATES="IGNORE")
     numbers = [str(stated.get(name, "")).strip() for name in ("DSID_EDTN", "DSID_UPDN")]

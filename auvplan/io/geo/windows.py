@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.io.geo.error import GeoError
+from auvplan.io.geo.error import GeoError, number_of
 from auvplan.site import Site
 
 #: s.
@@ -91,7 +91,7 @@ class Hours:
                 raise self._fault(
                     f"priority_after needs a moment or seconds, got {str(moment)!r}: {_HOW_FALLS}"
                 )
-            value, (before, higher) = _number(worth), falls[-1] if falls else (-np.inf, priority)
+            value, (before, higher) = number_of(worth), falls[-1] if falls else (-np.inf, priority)
             if not 0.0 <= value <= higher:
                 raise self._fault(
                     f"priority_after falls from {higher:g} to {str(worth)!r}: {_HOW_FALLS}, and not above it"
@@ -210,7 +210,7 @@ class Hours:
 
     def _by_current(self, stated: str, speed: Callable[[np.ndarray], np.ndarray] | None) -> Spans:
         """Return times at which the current is slower than a limit, to the minute."""
-        limit = _number(stated)
+        limit = number_of(stated)
         if not limit > 0.0:
             raise self._fault(f"slack water is given in m/s, such as slack < 0.2, got {stated!r}")
         if speed is None:
@@ -239,14 +239,6 @@ class Hours:
 
 def _is_open(value: Any) -> bool:
     return value is None or str(value).strip() in ("", "..")
-
-
-def _number(value: Any) -> float:
-    """Return a value as a number; NaN of what is none."""
-    try:
-        return float("nan") if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        return float("nan")
 
 
 def _runs(wanted: np.ndarray, moments: np.ndarray) -> Spans:
