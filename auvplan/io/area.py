@@ -551,8 +551,7 @@ class AreaFiles:
         """
         settings, box = self.scenario.chart, self._box
         always, size = [zone for zone in self.no_go if not zone.hours], settings.pixel_size
-        more = size * np.ceil(beyond(box, size) / size)
-        extent = geo.Extent(np.subtract(box[0][:2], more), np.add(box[1][:2], more), size)
+        extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
 
         def burnt() -> Chart:
             with error_context("chart", "no_go"):

@@ -245,6 +245,8 @@ def open_members(source: Source) -> Sequence[Source]:
         stated = dataset.variables[name].attrs.get("standard_name") if name in dataset.variables else ""
         if size > 1 and (str(name).lower() in _MEMBERS or stated == _REALIZATION):
             return [dataset.isel({name: k}).drop_vars([name], errors="ignore") for k in range(size)]
+    if dataset is not source:
+        dataset.close()
     return [source]
 
 

@@ -179,7 +179,7 @@ def with_no_go(chart: Chart | None, polygons: Iterable[Any], extent: Extent | No
     Args:
         chart: the chart; None for open water.
         polygons: zones, or shapely polygons in local (north, east), m; what lies off the chart is left.
-        extent: of a chart of open water; not used with `chart`.
+        extent: of a chart of open water, with what lies beyond; not used with `chart`.
 
     Raises:
         ChartError: a polygon is none, is empty or crosses itself, or the corners are no corners.
@@ -188,7 +188,7 @@ def with_no_go(chart: Chart | None, polygons: Iterable[Any], extent: Extent | No
         if chart is None:
             if extent is None:
                 raise GeoError("without a chart, an extent is needed")
-            grid = extent.grid()
+            grid = extent.grid().widened(extent.beyond)
         else:
             low, high = (tuple(np.asarray(corner, float).tolist()) for corner in (chart.lower, chart.upper))
             grid = LocalGrid(low, high, float(chart.pixel_size), chart.shape)
