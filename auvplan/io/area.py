@@ -139,15 +139,6 @@ def load_closures(
     return AreaFiles(scenario, folder, until, site=site).closures
 
 
-def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent | HarmonicCurrent | None:
-    """Return the true current of a scenario's files, nothing else of its area.
-
-    None for vortices.
-    """
-    files = AreaFiles(scenario, folder)
-    return files.tide if files.truth is None else files.truth.field
-
-
 @contextmanager
 def gathered_warnings(show: bool = True) -> Iterator[list[str]]:
     """Gather the lines of what is warned of within.
@@ -268,13 +259,13 @@ class AreaFiles:
         """Return all of it; raises and warns as `load_area`."""
         for part in self.PARTS:
             getattr(self, part)
-        truth, land = self.truth, self.land
+        land = self.land
         return OperatingArea(
             self.chart if self.scenario.chart.no_go is None else self._closed_on(land.chart),
             self.seabed[0],
             self.site,
             self.forecast,
-            self.tide if truth is None else truth.field,
+            self.true_current,
             self.jobs,
             (*land.hazards, *self.obstacles),
             self.closures,
@@ -312,6 +303,11 @@ class AreaFiles:
     def forecast(self) -> GriddedCurrent | HarmonicCurrent | None:
         """The current as planners know it."""
         return self.tide if self.current is None else self.current.field
+
+    @property
+    def true_current(self) -> GriddedCurrent | HarmonicCurrent | None:
+        """The current that vehicles meet; None for vortices."""
+        return self.tide if self.truth is None else self.truth.field
 
     @property
     def dry_land(self) -> Chart | None:

@@ -10,7 +10,7 @@ import xarray as xr
 
 from auvplan.check.saved import require
 from auvplan.errors import AuvplanError, reason_of
-from auvplan.io.area import load_closures, load_truth
+from auvplan.io.area import AreaFiles, load_closures
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
 from auvplan.io.schema import graph_of, legs_of, power_of, read_stated, routes_of
@@ -75,7 +75,7 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
     limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | stated
     model = None
     if settings["current"]["source"] in ("file", "harmonic") and "plan_leg" in dataset:
-        model = load_truth(validate_scenario(settings, "saved scenario"), home)
+        model = AreaFiles(validate_scenario(settings, "saved scenario"), home).true_current
     known, chart = read_stated(attributes), chart_of(dataset)
     waiting = settings["mission"].get("wait") != "none"
     # Two of them are younger than the others: files without them are of simulated missions.

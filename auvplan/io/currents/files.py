@@ -22,7 +22,7 @@ from auvplan.ocean.gridded import CurrentError
 from auvplan.runtime.files import require_whole
 
 #: Coordinates with more values are refused before they are read.
-MAX_COORDINATE = 50_000_000
+_MAX_COORDINATE = 50_000_000
 #: Up to this many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
@@ -134,8 +134,8 @@ class File:
             CurrentError: they are too many, cannot be read, or are not finite.
         """
         size = self.variables[name].size
-        if size > MAX_COORDINATE:
-            raise self.fail(f"coordinate {name} has {size} values, more than {MAX_COORDINATE} are not read")
+        if size > _MAX_COORDINATE:
+            raise self.fail(f"coordinate {name} has {size} values, more than {_MAX_COORDINATE} are not read")
         values = self.read(name)
         if not (np.isfinite(values).any() if missing else np.isfinite(values).all()):
             raise self.fail(f"coordinate {name} has values that are not finite")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.io.currents.files import MAX_COORDINATE, Array, File
+from auvplan.io.currents.files import Array, File
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import as_utc
 
@@ -90,8 +90,6 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
         unit = units.split()[0].lower() if units else "seconds"
         units = f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
     if seconds is None:
-        if variable.size > MAX_COORDINATE:
-            raise file.fail(f"{name} has {variable.size} values, which are not read")
         values = np.atleast_1d(file.read(name) if variable.size else np.zeros(0))
         if not values.size:
             raise file.fail(f"{name} has no times")

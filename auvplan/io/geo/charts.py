@@ -37,9 +37,10 @@ class Land(NamedTuple):
     """What a chart's file has of an area and of a rectangle around it.
 
     Attributes:
-        coast: where a vehicle cannot or must not be is coast, such as water that may be too shallow, but for
-            closed areas; None for open water.
-        chart: the same with the areas that the file closes.
+        coast: coast where a vehicle cannot or must not be, closed areas left out: land and, of S-57 cells,
+            also water that may be shallower than the safety depth, what is not surveyed and areas of hazards;
+            None for open water.
+        chart: the same, and coast in the areas that the file closes.
         notes: what was assumed, a line each.
         land: of the area, land alone; None where it is `coast`.
         depth: [nx, ny] m below the chart's datum on its pixels, the least that the depth areas around a pixel

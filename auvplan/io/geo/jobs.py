@@ -254,9 +254,9 @@ def _table(path: Path, site: Site | None, faults: Faults) -> list[Feature]:
 def _stated_together(
     rows: list[_Row], axes: tuple[str, str], faults: Faults
 ) -> tuple[list[list[float]], dict[str, Any]]:
-    """Return the places of rows, with their elevations, and what they state; one may leave out what is said.
+    """Return the places of rows, with elevations where they state a depth, and what else they state together.
 
-    Rows that are at fault have no place.
+    A row that is at fault has no place.
     """
     places, known = [], {}
     for where, row in rows:
