@@ -359,11 +359,13 @@ def _gridded(
     rows = np.repeat(np.arange(places), corners)
     matrix = csr_array((weights.weight.ravel(), (rows, window.index.ravel())), (places, window.points))
     step = max(1, _CHUNK // each)
-    parts = []
-    for first in range(frames.start, frames.stop, step):
-        block = source.part(slice(first, min(first + step, frames.stop)), window).block
-        parts.append(np.stack([block.at(np.full(1, depth), matrix) for depth in wanted], axis=2))
-    east, north, up = np.concatenate(parts, axis=1)
+    east, north, up = (np.empty((count, len(wanted), places)) for _ in range(3))
+    for first in range(0, count, step):
+        part = slice(frames.start + first, min(frames.start + first + step, frames.stop))
+        block = source.part(part, window).block
+        for k, depth in enumerate(wanted):
+            for field, values in zip((east, north, up), block.at(np.full(1, depth), matrix), strict=True):
+                field[first : first + step, k] = values
     floor, lowest, part = None, None, source.part(frames, window)
     if "deptho" in source.names:
         floor = mix(matrix, part.floor)[0][0]
