@@ -34,11 +34,6 @@ class Faults:
     swapped: list[str] = field(default_factory=list)
     places: int = 0  # how many parts with a place were looked at
 
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.lines) + len(self.swapped)
-
     @contextmanager
     def kept(self) -> Iterator[None]:
         """An error of input within is kept, and what follows goes on."""
