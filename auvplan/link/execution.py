@@ -569,7 +569,7 @@ class _Executor:
         upload = Upload(self._plan.itinerary(found, self._count), self._progress.upload.number + 1)
         self._new = _Next(upload, found, self._count, cause, begins)
         legs = counted(len(found.legs) - self._count, "leg")
-        self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, planned end {found.ends:.0f} s")
+        self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, {_ending(found)}")
 
     def _plan_rest(self, decision: Decision) -> None:
         """Re-plan what comes after the leg that the vehicle will be on by then."""
@@ -607,7 +607,7 @@ class _Executor:
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
         anew = counted(len(found.legs) - kept, "leg")
-        self._say("replan", f"{cause}, {late:+.0f} s: {anew} anew, planned end {found.ends:.0f} s")
+        self._say("replan", f"{cause}, {late:+.0f} s: {anew} anew, {_ending(found)}")
 
     def _arrive(self) -> None:
         """Watch the end behaviour, and give the verdict."""
@@ -670,6 +670,14 @@ class _Executor:
 def _state_in_words(report: Report) -> str:
     words = f": {report.message}" if report.message else ""
     return f"the vehicle is {report.state.value}{words}"
+
+
+def _ending(found: Prospect) -> str:
+    """Return when a plan ends, and at which pace, in words."""
+    pace = found.states[-1].pace
+    return f"planned end {found.ends:.0f} s" + (
+        f" at {pace:.0%} of the speed asked for" if pace < 1.0 else ""
+    )
 
 
 @dataclass(frozen=True)
