@@ -188,6 +188,7 @@ def test_a_slower_vehicle_is_planned_with_at_the_pace_that_it_makes(speed):
     plan, vehicle = made(speed=speed)
     record = executed(plan, vehicle)
     replans = [event for event in record.events if event.kind == "replan"]
+    assert "% of the speed asked for" in replans[-1].text
     ends = float(replans[-1].text.split("planned end ")[1].split(" s")[0])
     assert record.t_mission == pytest.approx(ends, rel=0.03)
     off = [float(event.text.split(", ")[-1].split(" s")[0]) for event in record.events if event.kind == "leg"]
