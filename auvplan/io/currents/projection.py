@@ -19,6 +19,8 @@ _PLANE = ("projection_", "grid_longitude", "grid_latitude")
 #: Attributes of a grid mapping that define it whole, beside those of CF.
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4_params", "proj4")
 _CODES = ("epsg", "epsg_code", "EPSG_code", "EPSG")
+#: Per cent of confidence with which a spelling without a code is of an EPSG system.
+_CONFIDENCE = 25
 
 
 def as_crs(given: Any, fault: type[AuvplanError]) -> CRS:
@@ -96,10 +98,18 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         own = of_mapping(file.variables[name].attrs)
         if own is None or not (own.is_projected or own.is_derived):
             continue
-        if stated is not None and not own.equals(stated, ignore_axis_order=True):
+        if stated is not None and not same_crs(own, stated):
             raise file.fail(f"{name} is {own.name}, not {stated.name} as current.crs says")
         return own
     return stated
+
+
+def same_crs(one: CRS, other: CRS) -> bool:
+    """Return whether two reference systems are the same, also where one is ESRI's spelling of it."""
+    code = one.to_epsg(_CONFIDENCE)
+    return one.equals(other, ignore_axis_order=True) or (
+        code is not None and code == other.to_epsg(_CONFIDENCE)
+    )
 
 
 def axes_angle(crs: CRS, longitude: Array, latitude: Array) -> Array:

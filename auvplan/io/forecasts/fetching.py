@@ -121,13 +121,15 @@ def _fetched(
             "smaller box, less time or fewer depths"
         )
     for name, own in wanted.items():
-        raw, runs = remote.raw[name], []
+        raw, runs, left = remote.raw[name], [], sizes[name]
         found = np.empty(shapes[name], raw.dtype.newbyteorder("="))
         for each in own.values():
-            # A request is of a range of each dimension, and of the first one's no more than is well answered.
+            # A request is of a range of each dimension, and of the first ones' no more than is well answered.
             ends = {0, len(each), *(np.flatnonzero(np.diff(each) != 1) + 1)}
-            if not runs:
-                ends |= {*range(0, len(each), max(1, _AT_ONCE // max(sizes[name] // max(len(each), 1), 1)))}
+            if left:
+                one = max(left // max(len(each), 1), 1)
+                ends |= {*range(0, len(each), max(1, _AT_ONCE // one))}
+                left = one if one > _AT_ONCE else 0
             runs.append([slice(int(a), int(b)) for a, b in pairwise(sorted(ends))])
         for place in product(*runs):
             progress(done / max(total, 1), f"fetching {name}")

@@ -24,7 +24,7 @@ from scipy.interpolate import LinearNDInterpolator
 
 from auvplan.io.currents.geometry import Curvilinear
 from auvplan.io.currents.names import DEGREES
-from auvplan.io.currents.projection import as_crs, of_mapping
+from auvplan.io.currents.projection import as_crs, of_mapping, same_crs
 from auvplan.io.geo.error import GeoError
 from auvplan.io.geo.grid import OUTLINE, LocalGrid
 from auvplan.site import Site, swapped_hint
@@ -37,8 +37,6 @@ Find = Callable[[Array, Array], tuple[Array, Array]]
 _MASKS = ("mask", "mask_rho")
 # Nodes of a grid of two-dimensional coordinates that are searched at most.
 _SCATTERED = 1_000_000
-# Per cent of confidence with which a spelling without a code is of an EPSG system.
-_CONFIDENCE = 25
 
 
 @dataclass(frozen=True)
@@ -241,14 +239,6 @@ def _forward(system: CRS | None) -> Find:
         return x + 360.0 * np.round((longitude - x) / 360.0) if degrees else x, y
 
     return forward
-
-
-def same_crs(one: CRS, other: CRS) -> bool:
-    """Return whether two reference systems are the same, also where one is ESRI's spelling of it."""
-    code = one.to_epsg(_CONFIDENCE)
-    return one.equals(other, ignore_axis_order=True) or (
-        code is not None and code == other.to_epsg(_CONFIDENCE)
-    )
 
 
 def agreed_crs(what: object, own: CRS | None, given: Any) -> CRS | None:

@@ -11,9 +11,9 @@ from defusedxml.ElementTree import fromstring
 from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
-from auvplan.io.currents.projection import as_crs
+from auvplan.io.currents.projection import as_crs, same_crs
 from auvplan.io.geo.error import GeoError, read_text, reading
-from auvplan.io.geo.nodes import agreed_crs, same_crs
+from auvplan.io.geo.nodes import agreed_crs
 from auvplan.ocean.picture import opened, read_pixels
 
 if TYPE_CHECKING:

@@ -100,6 +100,16 @@ def test_the_box_times_and_depths_asked_for_and_no_other_variable(server, tmp_pa
         np.testing.assert_allclose(east, ocean.at(5.03, 60.02, 3.0, START + 1800.0)[0])
 
 
+@pytest.mark.parametrize(("most", "requests"), [(800, 1), (400, 2), (200, 4), (40, 20), (8, 100), (1, 100)])
+def test_a_request_is_no_larger_than_is_well_answered(server, tmp_path, monkeypatch, most, requests):
+    """2 times, 2 depths, 5 rows, 5 columns of 8 bytes: in parts of as many first dimensions as it takes."""
+    monkeypatch.setattr("auvplan.io.forecasts.fetching._AT_ONCE", most)
+    found = fetch(dap(server), tmp_path / "f.nc")
+    expected = forecast().isel(time=[0, 1], depth=[0, 1], latitude=range(5), longitude=range(1, 6))
+    np.testing.assert_array_equal(found["uo"].values, expected["uo"].values)
+    assert sum(".dods?uo.uo[" in line for line in server.asked) == requests
+
+
 @pytest.mark.parametrize("of", [dap, griddap])
 def test_packed_numbers_over_the_seam_of_a_globe(server, tmp_path, of):
     found = fetch(of(server, "h"), tmp_path / "h.nc", "-3,57,1,60.5", "2020-01-01,2020-01-01T01:00", "5,8")
