@@ -176,7 +176,7 @@ class RollingPlan:
     def _before(self, count: int, **changes: Any) -> Mission:
         """Return the planners' state before the leg after the first `count`, with these as they were gone."""
         state, gone = self.followed.states[count].fork(pace=self.pace, **changes), iter(self.legs[:count])
-        state.run.legs[:] = [next(gone) if leg.arrived else leg for leg in state.run.legs]
+        state.run.legs[:] = [next(gone, leg) if leg.arrived else leg for leg in state.run.legs]
         return state
 
     def from_leg(self, count: int, now: float, late: bool = False) -> Prospect | None:
