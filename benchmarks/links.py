@@ -189,9 +189,17 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     corner = Site(float(longitude), float(latitude)).to_geographic(-begin[0], -begin[1])
     site = dict(zip(("longitude", "latitude"), map(float, corner), strict=True))
     plan = RollingPlan(scenario.with_({"site": site, "current.uniform": [*current, 0.0]}), seed)
-    record = execute(plan, open_link(address, plan.site, scale=scale), tell=tell)
+    planned: list[float] = []
+
+    def noted(event) -> None:
+        if (
+            event.kind == "plan"
+        ):  # the last one before the start; of later ones legs are as they were executed
+            planned[:] = [leg.ends for leg in plan.legs]
+        tell(event)
+
+    record = execute(plan, open_link(address, plan.site, scale=scale), tell=noted)
     ends = [event.time for event in record.events if event.kind == "leg"]
-    planned = [float(leg.times[-1]) + leg.t_wait + leg.t_task for leg in plan.legs]
     return {
         "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
         "tasks": len(record.tasks), "uploads": [upload["cause"] for upload in record.uploads],

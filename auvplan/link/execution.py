@@ -44,7 +44,8 @@ _PAUSE = 60.0
 #: s of mission time that a plan from a hold may begin later than it was made for.
 _LATE = 20.0
 
-#: s by which a plan that ends too late must end sooner than the one in hand to replace it.
+#: s by which a plan that ends too late must end sooner than the one in hand to replace it, and by which a
+#: mission must be foreseen to end later than before to be re-planned for that.
 _SOONER = 60.0
 
 #: State of a vehicle that was sent nothing.
@@ -123,8 +124,9 @@ class _Executor:
         self._phase = Phase.READY
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
-        # Legs that were done, and s that it was late, when the rest was last re-planned for its times.
-        self._settled = -1, 0.0
+        # Legs that were done, s that it was late, and s when the mission was to end, when the rest was last
+        # re-planned for its times.
+        self._settled = -1, 0.0, math.inf
         self._tries: Counter[str] = Counter()  # answers in a row, by kind, to what did not go away
         self._spent = ""  # what was answered too often
         self._failed = -math.inf  # s, when something failed that is tried again later
@@ -270,12 +272,8 @@ class _Executor:
                 off = progress.drift(place, now, self._limits)
                 astray = f"{off:.0f} m off its track" if off else ""
                 progress.time_pace(place, now - report.heard * self._link.rate)
-                late = progress.late(place, now) or 0.0
-                count, known = self._settled
-                more = abs(late - known) if count == self._count else abs(late)
-                settled = self._due or new is not None
-                if not settled and more > max(self._limits.late, self._plan.tolerance):
-                    self._due, self._settled = "late" if late > 0.0 else "early", (self._count, late)
+                if not self._due and new is None:
+                    self._due = self._off_its_times(place, now)
         end = "" if self._end is None else _state_in_words(self._end)
         taken = self._end is not None and self._end.state is State.STOPPED
         return Facts(
@@ -295,6 +293,21 @@ class _Executor:
             busy=self._is_at_task(place),
             resting=now - self._failed < _PAUSE,
         )
+
+    def _off_its_times(self, place: Array, now: float) -> str:
+        """Return why the rest is to be re-planned for its times, "late" or "early", or an empty string.
+
+        The vehicle, at [3] m, is off its plan, or will come too late if it goes on as it does.
+        """
+        late, limit = self._progress.late(place, now) or 0.0, max(self._limits.late, self._plan.tolerance)
+        ends = _delays(self._plan.legs[self._count :], now, late, self._progress.slower)[-1].done
+        count, known, foreseen = self._settled
+        off = abs(late - known) if count == self._count else abs(late)
+        too_late = ends > self._record.t_available and ends - foreseen > _SOONER
+        if off <= limit and not too_late:
+            return ""
+        self._settled = self._count, late, ends + _SOONER  # where no plan is found, it is not for each second
+        return "late" if too_late or late > 0.0 else "early"
 
     def _missed(self, new: _Next) -> str:
         """Return why a plan cannot be begun any more, or an empty string."""
@@ -546,7 +559,7 @@ class _Executor:
         self._progress.stay_on(before)
         self._plan.followed = new.prospect
         self._new, self._due, self._looked, self._blocked = None, "", -math.inf, False
-        self._settled = self._count, 0.0
+        self._settled = self._count, 0.0, new.prospect.ends
         steps = [[*map(float, step.position.round(3)), step.hold] for step in new.sent.steps]
         number, when = new.upload.number, round(self._now, 1)
         self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})

@@ -17,10 +17,10 @@ _AT_TASK = 15.0
 
 #: s of mission time between two sightings by which the pace is judged, s of what was planned in the past that
 #: it begins with, and s after which 1/e of what was seen counts.
-_APART, _PRIOR, _MEMORY = 30.0, 60.0, 3600.0
+_APART, _PRIOR, _MEMORY = 30.0, 30.0, 1200.0
 
-#: Pace up to which a vehicle counts as slow, and the least that is counted on.
-_SLOW, _LEAST = 0.95, 0.3
+#: Pace up to which a vehicle counts as slow, s that it must have cost, and the least that is counted on.
+_SLOW, _COST, _LEAST = 0.95, 45.0, 0.3
 
 #: Share of the planned pace below which a vehicle is not under way.
 _STANDS = 0.2
@@ -49,8 +49,8 @@ class Pace:
     @property
     def share(self) -> float:
         """The share that is counted on; 1 where it is hardly less, as currents make it differ as well."""
-        share = self.planned / self.taken
-        return max(share, _LEAST) if share < _SLOW else 1.0
+        share, cost = self.planned / self.taken, self.taken - self.planned
+        return max(share, _LEAST) if share < _SLOW and cost > _COST else 1.0
 
 
 @dataclass
