@@ -19,7 +19,7 @@ from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
-from auvplan.ocean.raster import Raster, is_traced
+from auvplan.ocean.raster import Raster, is_traced, numbers
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
@@ -58,10 +58,12 @@ class Chart(Raster):
     ) -> Self:
         """Return a chart from a raster [nx, ny] indexed [north, east]: 0 coast, (0, 0.35] uncertain, 1 water.
 
+        What a NumPy mask hides is coast.
+
         Raises:
             ChartError: the raster is not two-dimensional, is empty, or has other values.
         """
-        raster = np.asarray(passability, np.float32)
+        raster = numbers(passability, np.float32, hidden=0.0)
         if raster.ndim != 2 or raster.size == 0:
             raise ChartError(f"passability must be a non-empty [nx, ny] raster, got shape {raster.shape}")
         uncertain = (raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6)
@@ -81,8 +83,13 @@ class Chart(Raster):
     def from_mask(
         cls, water: ArrayLike, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Self:
-        """Return a chart from a mask [nx, ny] indexed [north, east], True in water."""
-        return cls.from_passability(np.asarray(water, bool).astype(np.float32), pixel_size, origin)
+        """Return a chart from a mask [nx, ny] indexed [north, east], True in water.
+
+        What is NaN, or hidden by a NumPy mask, is coast.
+        """
+        raster = numbers(water)
+        known = ~np.isnan(raster)
+        return cls.from_passability((known & (raster != 0.0)).astype(np.float32), pixel_size, origin)
 
     @classmethod
     def from_rgb(

@@ -15,12 +15,15 @@ from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
+from auvplan.ocean.raster import numbers
 from auvplan.runtime.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
 _EVEN = 1e-4
 #: Single precision must resolve steps of depth and time to this share of them.
 _RESOLVED = 0.01
+#: No current is as fast, m/s: what is, is a fill value or in other units.
+_TOO_FAST = 100.0
 
 
 class CurrentError(AuvplanError):
@@ -72,16 +75,16 @@ class GriddedCurrent:
         """Return a current from its values at the nodes.
 
         Args:
-            u, v, w: [T, Z, X, Y] m/s north, east, down; X counts north, Y east. NaN where there is no water;
-                what is NaN at one time is taken to be so at all.
+            u, v, w: [T, Z, X, Y] m/s north, east, down; X counts north, Y east. NaN or masked where there is
+                no water; what is so at one time is taken to be so at all.
             origin: m, north and east of node (0, 0).
             spacing: m between nodes, one for both directions or north and east.
             depths: [Z] m, rising, positive down.
-            times: [T] s since the epoch, rising.
+            times: [T] s since the epoch, or `numpy.timedelta64` since it, rising.
 
         Raises:
             CurrentError: something is no number, shapes do not fit, an axis does not rise or is too far from
-                zero for single precision, or there is no current anywhere.
+                zero for single precision, there is no current anywhere, or one that is faster than any is.
 
         Example:
             >>> import numpy as np
@@ -103,6 +106,16 @@ class GriddedCurrent:
         water = np.logical_and.reduce([np.isfinite(values).all(axis=0) for values in fields])
         if not water.any():
             raise CurrentError("the current has no value anywhere")
+        fastest = max(
+            float(end)
+            for values in fields
+            for end in (values.max(where=water, initial=0.0), -values.min(where=water, initial=0.0))
+        )
+        if fastest > _TOO_FAST:
+            raise CurrentError(
+                f"the current reaches {fastest:g} m/s, which none does: give m/s, and NaN or a mask where "
+                "there is no water"
+            )
         level, north, east = _nearest_water(water, apart)
         filled = [jnp.asarray(values[:, level, north, east]) for values in fields]
         first, last, count = axes[1][0], axes[1][-1], len(axes[1])
@@ -199,7 +212,7 @@ class GriddedCurrent:
 
 def _numbers(values: ArrayLike, name: str, dtype: type = float) -> NDArray[np.floating]:
     try:
-        return np.asarray(values, dtype)
+        return numbers(values, dtype)
     except (TypeError, ValueError):
         raise CurrentError(f"{name} must be an array of numbers") from None
 

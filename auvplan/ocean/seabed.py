@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.ocean.raster import Raster, is_traced
+from auvplan.ocean.raster import Raster, is_traced, numbers
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -80,7 +80,8 @@ class Seabed(Raster):
         what it is.
 
         Args:
-            depth: [nx, ny] m, positive down, indexed [north, east]; NaN where unknown, which counts as dry.
+            depth: [nx, ny] m, positive down, indexed [north, east]; NaN or masked where unknown,
+                which counts as dry.
             pixel_size: m.
             origin: north and east of the corner of pixel (0, 0), m.
             clearance: m, least altitude to be kept above the bed.
@@ -91,7 +92,7 @@ class Seabed(Raster):
             SeabedError: the raster is not two-dimensional, is empty, infinite or wholly unknown, or a number
                 is out of its range.
         """
-        raster = np.asarray(depth, float)
+        raster = numbers(depth)
         corner = np.asarray(origin, float)
         if raster.ndim != 2 or raster.size == 0:
             raise SeabedError(f"depth must be a non-empty [nx, ny] raster, got shape {raster.shape}")

@@ -107,6 +107,19 @@ def test_bad_rasters(raster, message):
         Chart.from_passability(raster)
 
 
+@pytest.mark.parametrize(
+    "chart",
+    [
+        Chart.from_mask(np.ma.array(np.ones((3, 3), bool), mask=np.eye(3))),
+        Chart.from_mask(np.where(np.eye(3), np.nan, 1.0)),
+        Chart.from_passability(np.ma.array(np.ones((3, 3)), mask=np.eye(3))),
+    ],
+    ids=["masked", "not a number", "masked passability"],
+)
+def test_what_is_hidden_or_no_number_is_coast(chart):
+    np.testing.assert_array_equal(chart.passability, 1.0 - np.eye(3))
+
+
 @pytest.mark.parametrize("size", [0.0, -1.0, np.nan, np.inf])
 def test_bad_pixel_size(size):
     with pytest.raises(ChartError, match="pixel_size"):

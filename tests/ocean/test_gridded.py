@@ -1,5 +1,6 @@
 """Gridded currents: what they are made from, what stands where there is no water, and where they hold."""
 
+import chex
 import jax
 import numpy as np
 import pytest
@@ -35,6 +36,9 @@ GOOD = {
         ({"times": np.arange(6.0)}, "times must be 2 finite rising numbers, got 6 from 0 to 5"),
         ({"times": [3600.0, 0.0]}, "times must be 2 finite rising"),
         ({"times": [1.7e9, 1.7e9 + 3600.0]}, "times .* too far from zero for steps of 3600"),
+        ({"times": np.array(["2026-01-01T00", "2026-01-01T01"], "M8[h]")}, "times must be an array of num"),
+        ({"u": np.where(np.arange(5) == 2, 1e20, np.ones((2, 3, 4, 5)))}, r"reaches 1e\+20 m/s, which none"),
+        ({"v": np.full((2, 3, 4, 5), -101.0)}, "reaches 101 m/s, which none does"),
         ({"spacing": 0.0}, "spacing must be positive, got 0.0"),
         ({"spacing": (100.0, -1.0)}, "spacing must be positive"),
         ({"spacing": (100.0, 100.0, 5.0)}, "spacing must be two finite numbers"),
@@ -137,6 +141,23 @@ def test_dry_at_one_time_or_in_one_component_is_dry():
     np.testing.assert_array_equal(np.asarray(field.water[0]), ~np.eye(3, dtype=bool))
     for component, value in zip((field.u, field.v, field.w), (1.0, 2.0, 3.0), strict=True):
         np.testing.assert_array_equal(component, value)
+
+
+def test_what_a_mask_hides_is_no_water():
+    u, v = np.random.default_rng(3).normal(0.0, 0.3, (2, 2, 3, 4, 5))
+    hidden = np.broadcast_to(np.arange(5) == 2, u.shape)
+    masked = np.ma.array(np.where(hidden, 9.96921e36, u), mask=hidden)
+    found = GriddedCurrent.from_arrays(**(GOOD | {"u": masked, "v": v}))
+    assert not np.asarray(found.water)[..., 2].any()
+    chex.assert_trees_all_equal(
+        found, GriddedCurrent.from_arrays(**(GOOD | {"u": masked.filled(np.nan), "v": v}))
+    )
+
+
+@pytest.mark.parametrize("unit", ["m8[h]", "m8[s]", "m8[ns]"])
+def test_durations_are_taken_in_seconds(unit):
+    found = GriddedCurrent.from_arrays(**(GOOD | {"times": np.array([0, 1], "m8[h]").astype(unit)}))
+    np.testing.assert_array_equal(found.times, [0.0, 3600.0])
 
 
 def test_covers():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import chex
 import jax
 import numpy as np
 import pytest
@@ -110,6 +111,13 @@ def test_slopes_are_finite_at_cliffs_and_beyond_the_raster():
     x, y = ORIGIN[0] + np.array([0.0, 5.0, 10.0, 1e6]), ORIGIN[1] + np.array([0.0, 5.0, 10.0, -1e6])
     for axis in jax.jit(jax.vmap(jax.grad(bed.shallowest_at, argnums=(0, 1))))(x, y):
         assert np.isfinite(axis).all()
+
+
+def test_what_a_mask_hides_is_unknown():
+    masked = np.ma.masked_values(np.where(np.eye(6), 32767.0, 50.0), 32767.0)
+    bed = Seabed.from_depth(masked, 10.0, ORIGIN)
+    chex.assert_trees_all_equal(bed, Seabed.from_depth(masked.filled(np.nan), 10.0, ORIGIN))
+    assert bed.altitude([[ORIGIN[0] + 25.0, ORIGIN[1] + 25.0, 0.0]]) == UNKNOWN
 
 
 def test_made_in_double_precision_it_serves_in_single():
