@@ -198,14 +198,12 @@ class Hours:
         if isinstance(opens, float) or isinstance(closes, float):
             raise self._fault("from and to must both be times of day, or both moments")
         epoch, zone = self._epoch(), (opens or closes).tzinfo
-        spans = []
+        spans, whole = [], timedelta(days=1)
         for number in range(-1, int(self.until / _DAY) + 3):
             day = epoch.astimezone(zone).date() + timedelta(days=number)
-            first, last = (
-                (datetime.combine(day, end or time(tzinfo=zone)) - epoch).total_seconds()
-                for end in (opens, closes)
-            )
-            spans.append((first, last if last > first else last + _DAY))
+            first, last = (datetime.combine(day, end or time(tzinfo=zone)) for end in (opens, closes))
+            last = first + ((last - first) % whole or whole)  # its zone may have another date
+            spans.append(((first - epoch).total_seconds(), (last - epoch).total_seconds()))
         return self._reached(spans)
 
     def _by_current(self, stated: str, speed: Callable[[np.ndarray], np.ndarray] | None) -> Spans:

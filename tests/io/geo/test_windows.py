@@ -49,6 +49,21 @@ def test_times_of_day_hold_on_every_day():
 
 
 @pytest.mark.parametrize(
+    ("ends", "hours"),
+    [
+        (("08:00+10:00", "23:00Z"), ((22.0, 23.0),)),
+        (("23:00Z", "10:00+10:00"), ((-1.0, 0.0), (23.0, 24.0))),
+        (("22:00Z", "09:00+10:00"), ((22.0, 23.0),)),
+        (("08:00+10:00", "22:00Z"), ((-2.0, 22.0), (22.0, 46.0))),  # all day
+        (("00:00Z", "00:00Z"), ((-24.0, 0.0), (0.0, 24.0), (24.0, 48.0))),
+    ],
+)
+def test_times_of_day_may_be_in_two_zones(ends, hours):
+    found = windows(until=30 * HOUR, **dict(zip(("from", "to"), ends, strict=True)))
+    assert found == tuple((first * HOUR, last * HOUR) for first, last in hours)
+
+
+@pytest.mark.parametrize(
     ("stated", "message"),
     [
         ({"from": 1800, "to": 600}, "from 1800 to 600 ends before it begins"),
