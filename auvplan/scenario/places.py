@@ -96,11 +96,13 @@ def _box(low: Any, high: Any, site: Site | None) -> dict[tuple[str, str], tuple[
     if not (isinstance(low, dict) and isinstance(high, dict)):
         raise ScenarioError("lower and upper must both be places by longitude and latitude, or neither")
     assert site is not None
-    if not (low["longitude"] < high["longitude"] and low["latitude"] < high["latitude"]):
+    wide, tall = (high[key] - low[key] for key in ("longitude", "latitude"))
+    if wide < 0.0 and wide % 360.0 < 180.0:  # across the antimeridian, or Greenwich in longitudes up to 360
+        wide %= 360.0
+    if not (wide > 0.0 and tall > 0.0):
         raise ScenarioError("must be the south-western corner and area.upper the north-eastern one")
     share = np.linspace(0.0, 1.0, 33)
     along, ends = np.concatenate([share, share]), np.repeat([0.0, 1.0], 33)
-    wide, tall = (high[key] - low[key] for key in ("longitude", "latitude"))
     longitude = low["longitude"] + wide * np.concatenate([along, ends])
     latitude = low["latitude"] + tall * np.concatenate([ends, along])
     north, east = site.to_local(longitude, latitude)

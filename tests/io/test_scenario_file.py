@@ -117,6 +117,27 @@ def test_faults_have_a_field_a_line_and_a_reason(tmp_path, text, expected):
 
 
 @pytest.mark.parametrize(
+    ("site", "spellings"),
+    [
+        (180.0, [(179.985, 180.015), (179.985, -179.985)]),
+        (0.0, [(-0.01, 0.01), (359.99, 0.01)]),
+    ],
+)
+def test_an_area_lies_across_any_meridian(site, spellings):
+    def area(west, east):
+        corners = {
+            "lower": {"longitude": west, "latitude": -20.3},
+            "upper": {"longitude": east, "latitude": -20.2},
+        }
+        corners["upper"]["depth"] = 30.0
+        return validate_scenario({"site": {"longitude": site, "latitude": -20.25}, "area": corners}).area
+
+    first, *others = (area(*ends) for ends in spellings)
+    assert 1000.0 < first.upper[1] - first.lower[1] < 4000.0
+    assert all(other == first for other in others)
+
+
+@pytest.mark.parametrize(
     ("text", "line", "column", "words"),
     [
         ("name: a\nvehicle: {speed: 2", 2, 19, "but got"),
