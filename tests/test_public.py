@@ -55,6 +55,31 @@ def test_changed_settings_are_validated_as_a_file_is(site):
     assert ap.Scenario().with_({"site": dated}).site.latitude == 2.0
 
 
+def test_places_by_degrees_stay_where_they_are_when_the_site_moves():
+    def placed(longitude):
+        start, goal = {"longitude": 149.0, "latitude": -20.3, "depth": 5.0}, [100.0, 200.0, 5.0]
+        corners = {
+            "lower": {"longitude": 148.9, "latitude": -20.4},
+            "upper": {"longitude": 149.1, "latitude": -20.2},
+        }
+        corners["upper"]["depth"] = 30.0
+        site = {"longitude": longitude, "latitude": -20.3}
+        return ap.Scenario(site=site, area=corners, mission={"start": start, "goal": goal})
+
+    scenario, expected = placed(148.99), placed(149.0)
+    steps = {"vehicle.speed": 1.0}, {"site.longitude": 149.0}
+    for moved in (scenario.with_(steps[0]).with_(steps[1]), scenario.with_(steps[0] | steps[1])):
+        assert moved.mission.start == expected.mission.start == (0.0, 0.0, 5.0)
+        assert moved.mission.goal == scenario.mission.goal, "local metres count from the site"
+        assert moved.area == expected.area
+    assert scenario.with_({"site.departure": "2026-03-01T05:00:00Z"}).mission == scenario.mission
+    local = scenario.with_({"mission.start": [1.0, 2.0, 3.0], "site.longitude": 149.0})
+    assert local.mission.start == (1.0, 2.0, 3.0)
+    half = scenario.with_({"area.lower": [-9000.0, -9000.0, 0.0]})
+    with pytest.raises(ScenarioError, match=r"area.lower|area.upper"):
+        half.with_(steps[1])
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

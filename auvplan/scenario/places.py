@@ -44,17 +44,21 @@ Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_no_error), Wit
 SWAPPED = ": longitude and latitude seem swapped"
 
 
+def by_degrees(given: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return the places of a scenario's plain data that are mappings, by section and name."""
+    paths = [("mission", "start"), ("mission", "goal"), ("area", "lower"), ("area", "upper")]
+    sections = {name: part for name, part in given.items() if isinstance(part, dict)}
+    stated = {path: sections.get(path[0], {}).get(path[1]) for path in paths}
+    return {path: dict(value) for path, value in stated.items() if isinstance(value, dict)}
+
+
 def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
     """Return a scenario's plain data with places of longitude and latitude in local metres.
 
     In place of one that is none stands the error that says why; its reason is empty where another says it.
     """
-    paths = [("mission", "start"), ("mission", "goal"), ("area", "lower"), ("area", "upper")]
-    sections = {name: part for name, part in given.items() if isinstance(part, dict)}
-    stated = {path: sections.get(path[0], {}).get(path[1]) for path in paths}
-    local: dict[tuple[str, str], Any] = {
-        path: _place(value, site) for path, value in stated.items() if isinstance(value, dict)
-    }
+    stated = by_degrees(given)
+    local: dict[tuple[str, str], Any] = {path: _place(value, site) for path, value in stated.items()}
     swapped = [path for path, place in local.items() if str(place).endswith(SWAPPED)]
     if len(swapped) > 1:  # said once
         first = ScenarioError(f"{local[swapped[0]]}, here and in other places")
@@ -62,7 +66,7 @@ def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
     corners = [path for path in local if path[0] == "area"]
     if corners and not any(isinstance(local[path], ScenarioError) for path in corners):
         try:
-            local |= _box(stated["area", "lower"], stated["area", "upper"], site)
+            local |= _box(stated.get(("area", "lower")), stated.get(("area", "upper")), site)
         except ScenarioError as error:
             local[corners[0]] = error
     if any(isinstance(local[path], ScenarioError) for path in corners):  # half a box by place is none

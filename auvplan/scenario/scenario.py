@@ -7,11 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pydantic import PrivateAttr, model_validator
+from pydantic import ModelWrapValidatorHandler, PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
 from auvplan.scenario.fields import check_fields, first_of
-from auvplan.scenario.places import localised
+from auvplan.scenario.places import by_degrees, localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
     PRESETS,
@@ -36,6 +36,9 @@ from auvplan.site import Site
 #: Fields of the vehicle that limit it in the vertical.
 VERTICAL_LIMITS = "pitch_max", "climb_rate_max", "dive_rate_max"
 
+#: What says where local metres are on Earth.
+_SITE = {"site", "site.longitude", "site.latitude", "site.origin"}
+
 #: What the box of a mission is made of.
 _BOX_FIELDS = ("area.lower", "area.upper", "vehicle.depth_min", "vehicle.depth_max")
 
@@ -43,7 +46,8 @@ _BOX_FIELDS = ("area.lower", "area.upper", "vehicle.depth_min", "vehicle.depth_m
 class Scenario(Section):
     """A whole scenario; see each section.
 
-    Places may be given as mappings of longitude, latitude [deg] and depth [m]; they are kept in local metres.
+    Places may be given as mappings of longitude, latitude [deg] and depth [m]; they are kept in local metres,
+    and stay where they are on Earth where `with_` moves the site.
     """
 
     name: str = "unnamed"
@@ -63,6 +67,7 @@ class Scenario(Section):
 
     _folder: str = PrivateAttr(default=".")
     _warnings: tuple[str, ...] = PrivateAttr(default=())
+    _by_degrees: dict[tuple[str, str], dict[str, Any]] = PrivateAttr(default_factory=dict)
 
     @property
     def folder(self) -> str:
@@ -117,16 +122,18 @@ class Scenario(Section):
         """
         return change_scenario(self, changes)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _in_local_metres(cls, given: Any) -> Any:
+    def _in_local_metres(cls, given: Any, handler: ModelWrapValidatorHandler["Scenario"]) -> "Scenario":
         if not isinstance(given, dict):
-            return given
+            return handler(given)
         site = Site(0.0, 0.0)  # where it is at fault, which its validation reports
         with suppress(ValueError):
             stated = given.get("site")
             site = None if stated is None else SiteSettings.model_validate(stated).site
-        return localised(given, site)
+        scenario = handler(localised(given, site))
+        scenario._by_degrees = by_degrees(given)
+        return scenario
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
@@ -241,6 +248,9 @@ def change_scenario(
         ScenarioError: a field is not known or a value does not fit; one line that names source and field.
     """
     plain = scenario.model_dump(mode="json")
+    if not _SITE.isdisjoint(changes):
+        for (section, field), place in scenario._by_degrees.items():
+            plain[section][field] = place
     for name, value in changes.items():
         *sections, field = name.split(".")
         inside: Any = plain
@@ -263,6 +273,9 @@ def change_scenario(
         faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
         source = (sources or {}).get(given[0][1], source) if given else source
         raise ScenarioError(first_of(faults, source, is_file=False))
+    for (section, field), place in scenario._by_degrees.items():
+        if getattr(getattr(changed, section), field) == getattr(getattr(scenario, section), field):
+            changed._by_degrees.setdefault((section, field), place)
     warn_of_overrides(changed)
     return changed.in_folder(scenario.folder, scenario.warnings)
 
