@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current
+from auvplan.ocean.raster import is_traced
 
 #: Standard deviations that a collision boundary allows for (chosen here).
 CONFIDENCE = 3.0
@@ -70,7 +71,8 @@ class Obstacles:
         """Any mixture of kinds; scalars are spread over the M obstacles.
 
         Raises:
-            ValueError: shapes do not fit or a radius is negative.
+            ValueError: shapes do not fit, a radius is negative, or a value is not finite; `growth_max` alone
+                may be infinite.
         """
         position = jnp.asarray(positions, float).reshape(-1, 3)
         count = position.shape[0]
@@ -78,6 +80,11 @@ class Obstacles:
             "drift": drift, "radii": radii, "position_std": position_std, "radius_std": radius_std,
             "growth": growth, "growth_max": growth_max, "observed_at": observed_at,
         }  # fmt: skip
+        for name, value in {"positions": positions, "velocity": velocity, **numbers}.items():
+            found = np.zeros(0) if is_traced(value) else np.asarray(value, float)
+            bad = np.isnan(found) if name == "growth_max" else ~np.isfinite(found)
+            if bad.any():
+                raise ValueError(f"{name} must be finite, got {found[bad][0]}")
         for name, value in numbers.items():
             array = jnp.asarray(value, float)
             if array.shape not in ((), (count,)):

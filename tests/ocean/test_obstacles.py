@@ -54,8 +54,26 @@ def test_padding_keeps_leading_axes():
 
 @pytest.mark.parametrize(
     ("radii", "extra", "message"),
-    [([-1.0], {}, "negative"), ([1.0, 2.0], {}, "radii"), ([1.0], {"growth": [0.1, 0.2]}, "growth")],
+    [
+        ([-1.0], {}, "negative"),
+        ([1.0, 2.0], {}, "radii"),
+        ([1.0], {"growth": [0.1, 0.2]}, "growth"),
+        ([np.inf], {}, "radii must be finite, got inf"),
+        ([1.0], {"growth_max": np.nan}, "growth_max must be finite"),
+        ([1.0], {"observed_at": -np.inf}, "observed_at must be finite, got -inf"),
+    ],
 )
 def test_bad_input_is_named(radii, extra, message):
     with pytest.raises(ValueError, match=message):
         ap.Obstacles.static([[0.0, 0.0, 0.0]], radii, **extra)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_places_and_velocities_must_be_finite(wrong):
+    with pytest.raises(ValueError, match=f"positions must be finite, got {wrong}"):
+        ap.Obstacles.static([[1.0, 2.0, 3.0], [wrong, 0.0, 0.0]], [5.0, 5.0])
+    with pytest.raises(ValueError, match=f"velocity must be finite, got {wrong}"):
+        ap.Obstacles.self_motivated([[1.0, 2.0, 3.0]], [5.0], [[0.0, wrong, 0.0]])
+    assert ap.Obstacles.static([[1.0, 2.0, 3.0]], [5.0], growth_max=np.inf).growth_max[0] == np.inf
+    slope = jax.grad(lambda x: ap.Obstacles.static([[x, 2.0, 3.0]], [5.0]).position.sum())(1.0)
+    assert slope == 1.0
