@@ -332,7 +332,8 @@ class MissionGraph:
             sketch: finds paths over a sea bed that hinders, as for `travel_times`.
 
         Raises:
-            ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked.
+            ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked; or
+                the departure is too far from the epoch for single precision.
 
         Differences from the paper:
             Eq. 13 divides the distance by |v|, as in still water; there it is the default.

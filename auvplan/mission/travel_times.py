@@ -25,6 +25,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
+from auvplan.path.ends import check_moment
 from auvplan.path.kinematics import TINY
 from auvplan.path.problem import Problem
 from auvplan.path.profile import compared, depths_within_reach, is_searched_in_depth, profiles
@@ -162,8 +163,12 @@ def travel_times(
     Returns:
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
         where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
+
+    Raises:
+        ValueError: a departure is too far from the epoch for single precision.
     """
-    starts, goals, _ = trips
+    starts, goals, departs = trips
+    check_moment("depart", departs)
     inside = _inside(starts, env) & _inside(goals, env)
     timing = _Timing.of(trips, env, vehicle, config, world)
     timing.estimate(np.arange(len(starts)), _LINES, 0, config.steps)

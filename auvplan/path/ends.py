@@ -1,4 +1,4 @@
-"""Checks of the end points of a path."""
+"""Checks of what a path is asked for with: world, vehicle, end points and departure."""
 
 import jax
 import numpy as np
@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.gridded import CurrentError
+from auvplan.ocean.raster import is_traced
 from auvplan.vehicle import Vehicle
 
 #: m, by which an end may fall short of the sea bed's clearance: rounding in single precision.
 _HAIR = 0.01
+#: s, by which moments may be rounded.
+_TICK = 1.0
 
 
 def check_given(env: object, vehicle: object) -> None:
@@ -38,6 +41,23 @@ def check_concrete(name: str, given: object) -> None:
         raise TypeError(
             f"{name} cannot be traced here: give many legs to ap.plan_paths, trace ap.travel_time along a "
             "given path, or differentiate ap.plan_path once, outside of jax.jit and jax.vmap"
+        )
+
+
+def check_moment(name: str, given: ArrayLike) -> None:
+    """Refuse moments, s, so far from zero that the precision in which JAX computes loses more than a second.
+
+    Raises:
+        ValueError: one line that says what to use.
+    """
+    if is_traced(given):
+        return
+    farthest = float(np.abs(np.asarray(given, float)).max(initial=0.0))
+    lost = float(np.spacing(np.asarray(farthest, jax.dtypes.canonicalize_dtype(float))))
+    if lost > _TICK:
+        raise ValueError(
+            f"{name} of {farthest:g} s is rounded to {lost:g} s in single precision: count times from an "
+            "epoch nearby, such as the first departure"
         )
 
 

@@ -15,7 +15,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import VIOLATIONS, Track, evaluate
-from auvplan.path.ends import as_point, check_given
+from auvplan.path.ends import as_point, check_given, check_moment
 from auvplan.path.kinematics import vertical_speeds
 from auvplan.path.plan import PathPlan
 from auvplan.path.planner import plan_path, sketch_paths
@@ -79,6 +79,7 @@ def plan_least_energy(
         1.0
     """
     check_given(env, vehicle)
+    check_moment("depart", depart)
     if (power := vehicle.power) is None:
         raise ValueError("paths of least energy need a power model: give Vehicle(power=...)")
     least, most = speeds or speed_range(power)

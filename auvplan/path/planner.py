@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_water
+from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_moment, check_water
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples, samples_of
@@ -65,7 +65,8 @@ def plan_path(
 
     Raises:
         ValueError: start or goal lies on land, below the sea bed, outside the chart or outside the box, the
-            goal nearer to the sea bed than its clearance, or they coincide; or the current is NaN on the way.
+            goal nearer to the sea bed than its clearance, or they coincide; the current is NaN on the way; or
+            the departure is too far from the epoch for single precision.
         TypeError: the key is a seed, the environment a function, the vehicle a number, or the current's
             function cannot be traced by JAX; or the call is traced by `jax.jit` or `jax.vmap`.
 
@@ -132,6 +133,7 @@ def plan_paths(
     check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
     watch, key = None if budget is None else Budget(budget, len(np.atleast_2d(starts))), as_key(key)
     check_given(env, vehicle)
+    check_moment("depart", depart)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
         raise ValueError(

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import as_point, check_given
+from auvplan.path.ends import as_point, check_given, check_moment
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.planner import search_and_polish
 from auvplan.path.samples import in_samples
@@ -59,8 +59,8 @@ def replan_path(
         paper's preset.
 
     Raises:
-        ValueError: the position lies on land, below the sea bed or outside, or at the goal; or the current is
-            NaN on the way.
+        ValueError: the position lies on land, below the sea bed or outside, or at the goal; the current is
+            NaN on the way; or `now` is too far from the epoch for single precision.
         TypeError: as `plan_path`.
     """
     position = as_point("position", position)
@@ -95,6 +95,7 @@ def replan_paths(
     """
     watch, key = None if budget is None else Budget(budget, len(plans)), as_key(key)
     check_given(env, vehicle)
+    check_moment("now", now)
     position = np.asarray(positions, float)
     goals, starts = (np.stack([plan.control_points[end] for plan in plans]) for end in (-1, 0))
     conditions = Conditions.of(env, vehicle, config, world_per_leg)

@@ -16,7 +16,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, evaluate, tracks
-from auvplan.path.ends import check_concrete, check_given
+from auvplan.path.ends import check_concrete, check_given, check_moment
 from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
 from auvplan.runtime.compiled import compiled
@@ -150,7 +150,8 @@ def travel_time(
         speed_reading: as in `PathConfig`.
 
     Raises:
-        ValueError: points are not [S, 3] with at least two rows.
+        ValueError: points are not [S, 3] with at least two rows, or the departure is too far from the epoch
+            for single precision.
         TypeError: the environment or the vehicle is none.
 
     Example:
@@ -164,6 +165,7 @@ def travel_time(
         -333
     """
     check_given(env, vehicle)
+    check_moment("depart", depart)
     points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")

@@ -295,3 +295,14 @@ def test_a_detour_found_at_one_departure_serves_the_others() -> None:
         alone, _ = travel_times(one, env, VEHICLE, TravelTimeConfig())
         assert seconds[k] == pytest.approx(alone[0], rel=0.02)
     assert np.ptp(seconds) > 0.005 * seconds.mean()
+
+
+def test_departures_that_single_precision_rounds_are_refused() -> None:
+    for times in (
+        compass().with_travel_times,
+        lambda *world, depart: compass().times_at(*world, [0.0, depart]),
+    ):
+        with pytest.raises(
+            ValueError, match=r"^depart of 1.7e\+09 s is rounded to 128 s in single precision"
+        ):
+            times(northward(0.5), VEHICLE, depart=1.7e9)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path import planner, stages
+from auvplan.path import plan_least_energy, planner, stages
 from auvplan.path.habitats import straight_line
 from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
@@ -151,6 +151,32 @@ def test_given_population_is_used(plan):
 def test_bad_ends_are_named(start, goal, message):
     with pytest.raises(ValueError, match=message):
         ap.plan_path(start, goal, world(), key=jax.random.key(0), config=CONFIG)
+
+
+@pytest.mark.parametrize("moment", [1.7e9, -1.7e9, 2.0**24])
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("depart", lambda moment, _, **given: ap.plan_path(START, GOAL, **given, depart=moment)),
+        ("depart", lambda moment, _, **given: ap.plan_paths([START], [GOAL], **given, depart=[moment])),
+        ("now", lambda moment, plan, **given: ap.replan_path(plan, START, moment, **given)),
+        ("now", lambda moment, plan, **given: ap.replan_paths([plan], [START], [moment], **given)),
+        ("depart", lambda moment, _, **given: plan_least_energy(START, GOAL, **given, depart=moment)),
+        ("depart", lambda moment, _, env, **__: ap.travel_time([START, GOAL], env, depart=moment)),
+    ],
+    ids=["plan_path", "plan_paths", "replan_path", "replan_paths", "plan_least_energy", "travel_time"],
+)
+def test_moments_that_are_rounded_by_more_than_a_second_are_refused(plan, name, call, moment):
+    given = {"env": world(), "vehicle": ap.Vehicle(), "key": jax.random.key(0)}
+    with pytest.raises(ValueError, match=rf"^{name} of .* s is rounded to .* s in single precision: count"):
+        call(moment, plan, **given)
+
+
+def test_traced_moments_and_near_ones_pass():
+    env, points = ap.Environment(ap.UniformCurrent(0.5, 0.0)), np.array([[0.0, 0, 0], [1500, 0, 0]])
+    assert float(ap.travel_time(points, env, depart=2.0**24 - 1.0)) == pytest.approx(500.0, abs=1.0)
+    traced = jax.jit(lambda depart: ap.travel_time(points, env, depart=depart))
+    assert np.isfinite(traced(1.7e9))
 
 
 def test_populations_of_another_shape_are_refused():
