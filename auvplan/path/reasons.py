@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, JUDGED_AT, VIOLATIONS
 from auvplan.site import at_time
-from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
+from auvplan.vehicle import SPEED_FLOOR, VERTICAL_LIMITS, Vehicle
 
 if TYPE_CHECKING:
     from auvplan.path.plan import PathPlan
@@ -27,7 +27,7 @@ class PathStatus(Enum):
     TURN_RATE = "the path turns too sharply: raise vehicle.turn_rate_max or move the waypoints apart"
     COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
     OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
-    CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
+    CURRENT = "the current is too strong for the vehicle: wait for slack water or choose a faster vehicle"
     SEABED = "no way clear of the sea bed was found: raise the waypoints or ask for less clearance"
     PITCH = "the path is too steep: raise vehicle.pitch_max or change depth over a longer way"
     CLIMB = "the path climbs too fast: raise vehicle.climb_rate_max or change depth over a longer way"
@@ -151,7 +151,7 @@ def _steep(plan: "PathPlan", limit: str, segment: int) -> str:
 
 
 def _beaten(plan: "PathPlan", segment: int) -> str:
-    """Return the current on a segment where it leaves the vehicle the least way."""
+    """Return the current on a segment where it leaves the vehicle the least way, and how much."""
     way = plan.positions[segment + 1] - plan.positions[segment]
     share = np.asarray(JUDGED_AT)
     places = plan.positions[segment] + share[:, None] * way
@@ -161,14 +161,23 @@ def _beaten(plan: "PathPlan", segment: int) -> str:
     all_along = water @ way / np.linalg.norm(way)
     all_across = np.sqrt(np.maximum((water**2).sum(axis=1) - all_along**2, 0.0))
     speed = float(np.asarray(plan.conditions.vehicle.speed))
-    worst = int(np.argmin(all_along + np.sqrt(np.maximum(speed**2 - all_across**2, 0.0))))
-    along, across = float(all_along[worst]), float(all_across[worst])
+    progress = all_along + np.sqrt(np.maximum(speed**2 - all_across**2, 0.0))
+    if plan.conditions.config.speed_reading == "eq8":
+        progress = all_along + speed
+    worst = int(np.argmin(progress))
+    along, across, left = float(all_along[worst]), float(all_across[worst]), float(progress[worst])
+    least = SPEED_FLOOR * speed
+    digits = next((n for n in (1, 2) if round(left, n) not in (0.0, round(least, n))), 3)
     parts = [
-        f"{speed:.1f} m/s {sense}"
-        for speed, sense in ((abs(along), "against" if along < 0.0 else "along"), (across, "across"))
-        if speed >= 0.05
+        f"{part:.{digits}f} m/s {sense}"
+        for part, sense in ((abs(along), "against" if along < 0.0 else "along"), (across, "across"))
+        if part >= 0.05
     ]
-    return f"current {' and '.join(parts)} the track beats the vehicle's {speed:.1f} m/s"
+    found, of = f"current {' and '.join(parts)} the track", f"the vehicle's {speed:.{digits}f} m/s"
+    if left < 0.0 or across > speed:
+        return f"{found} beats {of}"
+    short = f", less than {least:.{digits}f}" if left < least else ""
+    return f"{found} leaves {left:.{digits}f} m/s of {of}{short}"
 
 
 def _apart(value: float, limit: float) -> tuple[str, str]:

@@ -75,6 +75,24 @@ STEEP = {"vehicle": vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.
             "current",
             "current 2.0 m/s against and 1.6 m/s across the track beats the vehicle's 2.5 m/s at km 2.3",
         ),
+        (
+            LINE,
+            {"current": jet(-2.47)} | SLOW,
+            "current",
+            "current 2.47 m/s against the track leaves 0.03 m/s of the vehicle's 2.50 m/s, less than 0.12",
+        ),
+        (
+            LINE,
+            {"current": jet(-2.5)} | SLOW,
+            "current",
+            "current 2.500 m/s against the track leaves 0.000 m/s of the vehicle's 2.500 m/s",
+        ),
+        (
+            LINE,
+            {"current": jet(0.0, 2.498)} | SLOW,
+            "current",
+            "current 2.50 m/s across the track leaves 0.10 m/s of the vehicle's 2.50 m/s, less than 0.12 at ",
+        ),
         (LINE, {"current": jet(0.0, 1.52)}, "sway", "cross-current 1.52 m/s over 1.50 at "),
         (
             along(BEND),
