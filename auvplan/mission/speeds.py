@@ -28,6 +28,9 @@ _PRICES, _REACH, _SCATTER = 96, (1e-2, 1e3), 0.15
 #: Shares of the energy in mixtures of time and energy.
 _MIXES = 0.25, 0.4, 0.5, 0.6, 0.75, 1.0
 
+#: Choices of speeds that the least energy of one route is looked for from, by the clock.
+_LEVELS = 4
+
 #: Ways to go a route at speeds that are compared at most, leg by leg.
 _WAYS = 4000
 
@@ -217,6 +220,35 @@ class RouteSpeeds:
         chosen[edges] = places
         energies = self.energies_of_edges[places, *edges]
         return replace(self, chosen=chosen, legs=self.options.speeds[places], energies=energies)
+
+    def least_energy(
+        self, nodes: IntArray, timetable: Timetable | None, time_available: float, margin: float
+    ) -> tuple[float, float]:
+        """Return J of another route at the speeds of least energy that keep it in time; infinite without any.
+
+        Args:
+            nodes: [n] its waypoints.
+            timetable: of the graph, for windows of tasks.
+            time_available: s.
+            margin: share by which the last leg is taken to last longer, and to take more energy.
+
+        Returns:
+            What it takes, and with the margin.
+        """
+        options, levels = self.options, self.options.chosen(_LEVELS)
+        limits = time_available, np.inf
+        places = options.for_route(nodes, timetable, self.duration, limits, "energy", levels, margin)
+        if places is None:
+            return np.inf, np.inf
+        legs = nodes[:-1], nodes[1:]
+        if timetable is None:
+            travel = options.at(places)[legs]
+        else:
+            at = replace(timetable, travel_time=options.at(places))
+            passed = stages(at, self.duration, nodes.tolist())
+            travel = passed.ends - passed.departs - self.duration[legs]
+        spent = options.power[places[legs]] * travel + options.fixed[legs]
+        return float(spent.sum()), float(spent.sum() + margin * spent[-1])
 
     def shares(self, time_available: float) -> list[Array]:
         """[N, N] each: the least shares of mixtures of time and energy that edges take at any speed.

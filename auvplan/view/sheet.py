@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.energy.power import WATT_HOUR
 from auvplan.mission.graph import shortest_path, shortest_times, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
@@ -522,6 +523,8 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     end, needs = float(with_it.ends[-1]), with_it.needs
     more = "with it, the others in their order, the route takes"
     if needs < first.time_available:
+        if lack := _short_of_energy(run, with_it):
+            return f"{more} {lack}"
         lost = run.total_priority - with_it.others
         if lost > 1e-9:
             return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
@@ -542,15 +545,37 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     )
 
 
+def _short_of_energy(run: MissionRun, with_it: "_WithJob") -> str:
+    """Return how much more than the battery has a route in time takes; empty where it has enough."""
+    first, power = run.first_route, run.vehicle.power
+    if first is None or first.speeds is None or power is None or (battery := power.battery) is None:
+        return ""
+    clock = None if first.timetable is None else first.clocked.timetable
+    time_and_margin = first.time_available, first.return_margin
+    found = first.speeds.least_energy(np.asarray(with_it.nodes), clock, *time_and_margin)
+    spent, needs, given = (joules / WATT_HOUR for joules in (*found, float(first.speeds.available)))
+    if needs <= given or not np.isfinite(needs):
+        return ""
+    available = float((battery.charge - battery.reserve) * battery.usable_wh)  # type: ignore[operator]
+    # As with time: the energy that a route is given is less than all of it by an allowance.
+    least = "at least " if len(first.speeds.options.speeds) > 1 else ""
+    would_do = f"{available + (needs - given) * available / given:.1f} Wh would do"
+    if spent >= available:
+        return f"{least}{spent:.1f} Wh, {available:.1f} Wh are available: {would_do}"
+    return f"{least}{spent:.1f} of {available:.1f} Wh, too much for the margin that is kept: {would_do}"
+
+
 class _WithJob(NamedTuple):
     """The route with one more job in its best place, the others in their order.
 
     Attributes:
+        nodes: [n + 1] its waypoints.
         ends: [n] s, when each leg is done.
         needs: s, the time that it must be given, with the margin that its route was made with.
         others: priority that the other tasks are worth then.
     """
 
+    nodes: list[int]
     ends: NDArray
     needs: float
     others: float
@@ -562,6 +587,8 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
     assert first is not None
     times = np.asarray(first.edge_times, float)
     table, duration = first.timetable, first.duration
+    if table is not None and first.speeds is not None:
+        table = first.clocked.timetable  # at the fastest
     if table is None or duration is None:
         table, duration = Timetable(np.zeros(1), times[None]), np.zeros_like(times)
     back = (1.0 + first.return_margin) * time_to_go(times, first.goal)
@@ -581,7 +608,7 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
             for leg, begins in zip(pairwise(whole), done.begins, strict=True)
             if leg in others
         )
-        found = _WithJob(done.ends, float(np.max(done.ends + back[whole[1:]])), worth)
+        found = _WithJob(whole, done.ends, float(np.max(done.ends + back[whole[1:]])), worth)
     return found
 
 

@@ -213,6 +213,32 @@ def test_the_sheet_names_every_job_and_says_why_one_is_left_out(jobs):
     assert {len(row) for row in cells} == {len(brief)}
 
 
+@pytest.mark.parametrize("speeds", [None, [1.0, 3.0]])
+def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speeds):
+    near, far = (
+        JobPoint("near", (300.0, 40.0, 5.0), 3.0, 60.0),
+        JobPoint("far", (700.0, 40.0, 5.0), 1.0, 900.0),
+    )
+    area = replace(tidal_area(0.4, 0.0), jobs=Jobs((near, far)))
+
+    def planned(capacity):
+        battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
+        power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
+        vehicle = {"power": power, "speed_range": speeds}
+        mission = CHANNEL["mission"] | {"time_available": 3000.0}
+        return plan_scenario(channel(vehicle=vehicle, mission=mission), area=area)
+
+    run = planned(50.0)
+    (left,) = sheet_of(run).left_out
+    assert left.name == "far"
+    takes, have, needed = map(float, re.findall(r"([\d.]+) (?:of|Wh)", left.reason))
+    assert have == pytest.approx(0.7 * 50.0)
+    assert needed > max(have, takes) > run.energy.total
+    whole = planned(1.01 * needed / 0.7)
+    assert not sheet_of(whole).left_out
+    assert whole.energy.total == pytest.approx(takes, rel=0.15 if speeds else 0.02)
+
+
 def test_margins_of_the_sheet_are_those_of_the_path(jobs):
     sheet = sheet_of(jobs)
     for stop, leg in zip(sheet.stops[1:], jobs.done, strict=True):

@@ -147,6 +147,31 @@ def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
     assert now == pytest.approx(route.time)
     assert now < 1.5 * time
     assert spent <= energy
+    whole, needs = route.speeds.least_energy(route.nodes, table, 1.01 * route.time, 0.0)
+    assert whole == needs <= spent * (1.0 + 1e-9)
+    assert route.speeds.least_energy(route.nodes, table, 1.0, 0.0) == (np.inf, np.inf)
+
+
+def test_the_least_energy_of_a_route_in_time_is_that_of_all_speeds(few) -> None:
+    compared = 0
+    for graph, time, energy in few[:6]:
+        route = plan_mission(
+            graph, 0, 7, time, speed=1.0, key=jax.random.key(0), energy_available=energy, config=BARE
+        )
+        if not route.feasible:
+            continue
+        compared += 1
+        options, (i, j) = route.speeds.options, (route.nodes[:-1], route.nodes[1:])
+        times = options.travel_time[:, i, j] + graph.duration[i, j]
+        energies = POWER[:, None] * options.travel_time[:, i, j] + options.fixed[i, j]
+        energies[:, -1], times[:, -1] = 1.1 * energies[:, -1], 1.1 * times[:, -1]
+        ways, legs = product(range(3), repeat=len(i)), range(len(i))
+        every = [(times[way, legs].sum(), energies[way, legs].sum()) for way in map(list, ways)]
+        least = min(spent for lasts, spent in every if lasts < time)
+        takes, needs = route.speeds.least_energy(route.nodes, None, time, 0.1)
+        assert needs == pytest.approx(least)
+        assert takes < needs
+    assert compared >= 3
 
 
 def test_that_no_speeds_keep_both_limits_is_said_where_it_is_certain() -> None:
