@@ -18,6 +18,12 @@ _MODES = 4
 #: side, as a share of the box.
 _LENGTHENED, _WIDEST = 1.05, 0.2
 
+#: Circumference of circles that are turned in one place, over that of the tightest: splines are no circles.
+_ROUNDER = 1.15
+
+#: m, level length of a line that is a point on the map.
+_POINT = 1e-3
+
 #: Places of the straight line at which its current is looked up.
 _LOOKED_AT = 9
 
@@ -164,6 +170,10 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
     with_current = jnp.maximum((u * way[0] + v * way[1]).mean() / level, 0.0)
     speed = vehicle.speed * jnp.cos(vehicle.pitch_max) + with_current
     wanted = _LENGTHENED * rise / (vehicle.speed * jnp.sin(vehicle.pitch_max)) * speed
+    # Back to the same point on the map it is a turning circle at least, over ground and with the crabbing.
+    fastest = vehicle.speed + jnp.sqrt(u**2 + v**2).mean()
+    circle = _ROUNDER * 2.0 * jnp.pi * fastest**2 / (vehicle.speed * vehicle.turn_rate_max)
+    wanted = jnp.where(level > _POINT, wanted, jnp.maximum(wanted, circle))
     turns = jnp.arange(count, dtype=start.dtype) // 2
     side = jnp.where(jnp.arange(count) % 2 == 0, 1.0, -1.0)[:, None]
     share = jnp.linspace(0.0, 1.0, config.samples)
@@ -183,7 +193,7 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
         jnp.where(turns[:, None] == 0.0, arc, turn) for arc, turn in zip(bow, turning, strict=True)
     )
     # Ahead is along the line, or north where it is a point on the map.
-    ahead = jnp.where(level > 1e-3, way[:2] / level, jnp.asarray([1.0, 0.0], start.dtype))
+    ahead = jnp.where(level > _POINT, way[:2] / level, jnp.asarray([1.0, 0.0], start.dtype))
     x = start[0] + along * ahead[0] - side * aside * ahead[1]
     y = start[1] + along * ahead[1] + side * aside * ahead[0]
     z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)

@@ -255,6 +255,17 @@ def test_the_unit_of_length_does_not_matter():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("current", [(0.0, 0.0), (0.3, 0.2)])
+def test_dives_in_place_take_a_turning_circle(current):
+    env = ap.Environment(ap.UniformCurrent(*current), lower=(-500, -500, 0), upper=(500, 500, 50))
+    vehicle, goals = ap.Vehicle(speed=1.5, turn_rate_max=0.1), [(0, 0, 7), (0, 0, 10), (0, 0, 35)]
+    plans = ap.plan_paths([(0, 0, 5)] * 3, goals, env, vehicle, key=jax.random.key(0), config=CONFIG)
+    circle = 2.0 * np.pi * 1.5 / 0.1
+    for plan in plans:
+        assert plan.feasible, plan.reason
+        assert circle < plan.length < (1.2 if current == (0.0, 0.0) else 1.7) * circle
+
+
 def test_winding_ways_are_planned_with_more_control_points():
     water = np.ones((200, 200), bool)
     for k, side in enumerate((np.s_[:150], np.s_[50:], np.s_[:150])):
