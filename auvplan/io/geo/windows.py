@@ -152,6 +152,10 @@ class Hours:
         """Return the intervals that the mission reaches into."""
         return [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= self.until]
 
+    def _reached_or_all(self, spans: Spans) -> Spans:
+        """Return the same, but all where it reaches none: no interval would mean any time."""
+        return self._reached(spans) or spans
+
     def _epoch(self) -> datetime:
         if self.site is None or self.site.epoch is None:
             raise self._fault("a window by the date needs site.departure; seconds count from the start")
@@ -204,7 +208,7 @@ class Hours:
             first, last = (datetime.combine(day, end or time(tzinfo=zone)) for end in (opens, closes))
             last = first + ((last - first) % whole or whole)  # its zone may have another date
             spans.append(((first - epoch).total_seconds(), (last - epoch).total_seconds()))
-        return self._reached(spans)
+        return self._reached_or_all(spans)
 
     def _by_current(self, stated: str, speed: Callable[[np.ndarray], np.ndarray] | None) -> Spans:
         """Return times at which the current is slower than a limit, to the minute."""
@@ -232,7 +236,7 @@ class Hours:
         wanted = (height > _SUNRISE) == (kind == "daylight")
         if not wanted.any():
             raise self._fault(f"there is no {kind} at the site in the time of the mission")
-        return self._reached(_runs(wanted, np.concatenate([[-np.inf], minutes[1:-1], [np.inf]])))
+        return self._reached_or_all(_runs(wanted, np.concatenate([[-np.inf], minutes[1:-1], [np.inf]])))
 
 
 def _is_open(value: Any) -> bool:

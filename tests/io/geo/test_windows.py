@@ -95,6 +95,19 @@ def test_daylight_is_between_sunrise_and_sunset():
     assert [night[0] for night in nights][1] == pytest.approx(day[1] + 60.0)
 
 
+@pytest.mark.parametrize(
+    "stated", [{"from": "03:00Z", "to": "04:00Z"}, {"windows": "03:00Z/04:00Z"}, {"windows": "daylight"}]
+)
+def test_times_that_the_mission_does_not_reach_are_no_leave_for_any_time(stated):
+    evening = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, 14, tzinfo=UTC))
+    refusal(
+        GeoError, "all its windows lie outside the mission", windows, 60.0, 2 * HOUR, site=evening, **stated
+    )
+    spans = Hours("zone", stated, evening, 2 * HOUR).spans()
+    assert spans
+    assert all(closes < 0.0 or opens > 2 * HOUR for opens, closes in spans)
+
+
 def test_there_is_no_night_in_the_arctic_summer():
     site = Site(20.0, 78.0, epoch=datetime(2026, 6, 20, tzinfo=UTC))
     assert windows(until=HOUR, site=site, windows="daylight") == ((-float("inf"), float("inf")),)
