@@ -104,6 +104,10 @@ def test_validate_takes_a_folder(call, refused, tmp_path):
     (tmp_path / "a.yaml").unlink()
     (tmp_path / "c.yaml").unlink()
     assert call("validate", tmp_path)[0] == 0
+    # What a scenario names is none.
+    assert call("init", tmp_path / "tide", "--times")[0] == 0
+    code, out, _ = call("validate", tmp_path / "tide")
+    assert (code, out.strip().splitlines()[-1]) == (0, "1 scenario, 0 with faults")
     (tmp_path / "b.yml").unlink()
     assert "no scenario" in refused("validate", tmp_path)
 

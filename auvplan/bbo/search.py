@@ -99,6 +99,23 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
     return jax.random.uniform(key, shape, lower.dtype, lower, upper)
 
 
+def _whole(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[jax.Array, jax.Array] | None:
+    """Return integer bounds in the type that JAX computes integers in; None of others.
+
+    Raises:
+        ValueError: numbers between them, or one more than the upper ones, are more than that type holds.
+    """
+    ends = np.asarray(lower), np.asarray(upper)
+    if any(end.dtype.kind not in "iu" or end.ndim != 1 for end in ends) or ends[0].shape != ends[1].shape:
+        return None
+    kind = jnp.asarray(0).dtype
+    least, most = int(jnp.iinfo(kind).min), int(jnp.iinfo(kind).max)
+    for low, high in zip(*(end.tolist() for end in ends), strict=True):
+        if low < least or high >= most or high - low >= most:
+            raise ValueError(f"integers from {low} to {high} are more than {kind} holds: shift or scale them")
+    return jnp.asarray(ends[0], kind), jnp.asarray(ends[1], kind)
+
+
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
     """Rank a population [P, D] by its cost [P]; one that is not finite becomes infinite and ranks last."""
     cost = worst_unless_finite(cost)
@@ -356,9 +373,11 @@ def minimize(
         True
     """
     key = as_key(key)
-    low, high = jnp.asarray(lower), jnp.asarray(upper)
+    low, high = _whole(lower, upper) or (jnp.asarray(lower), jnp.asarray(upper))
     if low.ndim != 1 or low.shape != high.shape:
         raise ValueError(f"bounds must be vectors of one length, got shapes {low.shape} and {high.shape}")
+    if not bool(jnp.isfinite(low).all() & jnp.isfinite(high).all()):
+        raise ValueError("bounds must be finite")
     if not bool(jnp.all(low <= high)):
         raise ValueError("lower bounds must not exceed upper bounds")
     high, config = high.astype(low.dtype), config or BBOConfig()

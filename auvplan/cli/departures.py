@@ -16,7 +16,14 @@ from rich.table import Table
 
 from auvplan.cli import shared
 from auvplan.errors import ScenarioError
-from auvplan.runtime.files import DEPARTED, DEPARTURES, output_folder, write_atomically, write_json
+from auvplan.runtime.files import (
+    DEPARTED,
+    DEPARTURES,
+    output_folder,
+    require_kind,
+    write_atomically,
+    write_json,
+)
 from auvplan.runtime.formatting import counted, figure
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
@@ -61,6 +68,7 @@ def departures(
     area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
         shared.say_notes(area.notes)
+    require_kind(out, "departures")
     output_folder(out)
     import jax
 
@@ -127,7 +135,7 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
     apart = _duration(step)
     if apart is None or not apart > 0.0:
         raise ScenarioError(f"--step {step!r} must be a duration above 0, such as 30min, 1h or 900s")
-    if first < 0.0 and settings.current.source != "file":
+    if first < 0.0 and settings.current.source == "vortices":
         raise ScenarioError(
             f"--from {begin!r} lies before the scenario's departure, with which its vortices begin"
         )
@@ -181,6 +189,8 @@ def _duration(text: str) -> float | None:
         pass
     else:
         return None if math.isnan(hours) else hours * 3600.0
+    if ":" in text:  # a time of day, and of which day?
+        return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

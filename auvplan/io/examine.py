@@ -13,7 +13,7 @@ from auvplan.ocean.closures import Zone
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
-from auvplan.scenario.provenance import FILE_FIELDS, vehicle_file
+from auvplan.scenario.provenance import FILE_FIELDS, file_names, vehicle_file
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.vehicles import navigation_settings, power_model
 from auvplan.scenario.yaml_lines import Document
@@ -137,6 +137,9 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
         ScenarioError: the folder has none.
     """
     paths = sorted(path for path in folder.iterdir() if path.suffix in (".yaml", ".yml") and path.is_file())
+    # What a scenario names, such as constituents of a tide, is none itself.
+    named = {(folder / name).resolve() for path in paths for name in _names(path)}
+    paths = [path for path in paths if path.resolve() not in named]
     if not paths:
         raise ScenarioError(f"{folder}: no scenario (*.yaml) in this folder")
     for path in paths:
@@ -144,6 +147,15 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
             yield examine_scenario(path)
         except ScenarioError as error:
             yield Examination(str(path), (Finding("", error.reason.removeprefix(f"{path}: ")),))
+
+
+def _names(path: Path) -> list[str]:
+    """Return the files that a scenario names; none where its text is at fault."""
+    try:
+        *_, document = check_scenario(path)
+        return [name for _, name in file_names(document.data)]
+    except (ScenarioError, AttributeError, TypeError):
+        return []
 
 
 def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Finding]:

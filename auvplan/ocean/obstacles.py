@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from auvplan.ocean.currents import Current
 from auvplan.ocean.raster import is_traced
 
+#: What of obstacles is never below zero.
+_NOT_NEGATIVE = "radii", "position_std", "radius_std", "growth", "growth_max"
 #: Standard deviations that a collision boundary allows for (chosen here).
 CONFIDENCE = 3.0
 
@@ -71,8 +73,8 @@ class Obstacles:
         """Any mixture of kinds; scalars are spread over the M obstacles.
 
         Raises:
-            ValueError: shapes do not fit, a radius is negative, or a value is not finite; `growth_max` alone
-                may be infinite.
+            ValueError: shapes do not fit, a radius, a deviation or a growth is negative, or a value is not
+                finite; `growth_max` alone may be infinite.
         """
         position = jnp.asarray(positions, float).reshape(-1, 3)
         count = position.shape[0]
@@ -85,13 +87,13 @@ class Obstacles:
             bad = np.isnan(found) if name == "growth_max" else ~np.isfinite(found)
             if bad.any():
                 raise ValueError(f"{name} must be finite, got {found[bad][0]}")
+            if name in _NOT_NEGATIVE and (found < 0.0).any():
+                raise ValueError(f"{name} must not be negative")
         for name, value in numbers.items():
             array = jnp.asarray(value, float)
             if array.shape not in ((), (count,)):
                 raise ValueError(f"{name} must be a number or [{count}], got shape {array.shape}")
             numbers[name] = jnp.broadcast_to(array, (count,))
-        if count and not bool(jnp.all(numbers["radii"] >= 0)):
-            raise ValueError("radii must not be negative")
         velocity = jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3))
         parts = [position, velocity, *numbers.values(), jnp.ones(count, bool)]
         return cls(*parts)

@@ -82,6 +82,18 @@ def output_folder(path: str | Path) -> Path:
     return folder
 
 
+def require_kind(folder: str | Path, kind: str) -> None:
+    """Refuse a folder that holds results of another kind than "mission", "study" or "departures".
+
+    Raises:
+        OutputError: one line that says what it holds, and what would do.
+    """
+    for other, name in (("study", DESIGN), ("departures", DEPARTED), ("mission", MISSION)):
+        if other != kind and (Path(folder) / name).is_file():
+            what = {"study": "a study", "departures": "a table of departures", "mission": "a mission"}[other]
+            raise OutputError(f"{folder} holds {what}: choose another folder with --out")
+
+
 @contextmanager
 def whole_result(path: str | Path) -> Iterator[Path]:
     """A folder to write the results of one run to, which replace all of an earlier run's at the end.
@@ -92,6 +104,7 @@ def whole_result(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: one line that names the folder and the reason.
     """
+    require_kind(path, "mission")
     target = output_folder(path).resolve()
     for left in target.parent.glob(f".{target.name}.*.part"):
         if not _alive(left):

@@ -17,6 +17,7 @@ from auvplan.runtime.files import (
     ResultError,
     output_folder,
     read_dataset,
+    require_kind,
     write_atomically,
     write_dataset,
     write_json,
@@ -70,6 +71,7 @@ class Store:
         if resume:
             self._resume(plain)
             return
+        require_kind(folder, "study")
         if not force:
             require_room(folder)
         # In this order: whenever it is broken off, the folder can be resumed or begun again.

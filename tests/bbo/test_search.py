@@ -286,3 +286,34 @@ def test_without_a_feasible_habitat_the_answer_is_of_least_cost():
     result = minimize(penalised, LOWER, below, key=jax.random.key(3), config=config, args=(0.0,))
     assert float(result.violation) >= 0.5
     assert float(result.cost) == float(result.state.cost[0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "lower", "upper", "best"),
+    [
+        (np.uint8, 0, 255, 200),
+        (np.int8, -128, 127, 100),
+        (np.int8, -100, 100, 90),
+        (np.int32, -(10**9), 10**9, 5 * 10**8),
+    ],
+)
+def test_integers_of_any_type_are_searched_within_their_bounds(kind, lower, upper, best):
+    config = BBOConfig(population=40, iterations=60)
+    found = minimize(
+        lambda x: jnp.abs(x.astype(float) - best).sum(axis=1),
+        np.asarray([lower], kind), np.asarray([upper], kind), key=jax.random.key(0), config=config,
+    )  # fmt: skip
+    assert abs(float(found.x[0]) - best) < 0.02 * (upper - lower)
+    assert lower <= int(found.x[0]) <= upper
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0, 2**31 - 1), (-(2**31), 5), (-(2**30), 2**30)])
+def test_more_integers_than_are_counted_are_refused(lower, upper):
+    with pytest.raises(ValueError, match=f"integers from {lower} to {upper} are more than int32 holds"):
+        minimize(lambda x: x.sum(axis=1), np.asarray([lower]), np.asarray([upper]), key=jax.random.key(0))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_bounds_are_finite(wrong):
+    with pytest.raises(ValueError, match="bounds must be finite"):
+        minimize(lambda x: x.sum(axis=1), [-wrong, 0.0], [1.0, 1.0], key=jax.random.key(0))

@@ -202,4 +202,5 @@ def test_where_the_stream_is_too_strong_for_every_leg_the_plan_fails_with_the_re
     mission = CHANNEL["mission"] | {"jobs": "jobs.csv"}
     run = plan_scenario(channel(mission=mission, planning=PLANNING, vehicle=vehicle), area=area)
     assert not run.arrived
-    assert "the current is stronger than the vehicle" in run.reason or "against a speed of" in run.reason
+    assert "current 4.0 m/s against" in run.reason
+    assert "the current is too strong for the vehicle" in run.reason

@@ -267,6 +267,11 @@ def test_departures_of_a_scenario_that_begins_with_its_file(dated):
         load_area_at(settings, [-HOUR, 0.0], dated[1])
 
 
+def test_a_tide_of_constituents_has_no_beginning(tmp_path):
+    tide = Scenario.model_validate(CHANNEL | {"current": {"source": "harmonic", "constituents": "tide.yaml"}})
+    assert departure_times(tide, tmp_path, "-1h", "0", "30min") == [-3600.0, -1800.0, 0.0]
+
+
 @pytest.mark.parametrize(
     ("begin", "end", "step", "hours"),
     [
@@ -291,6 +296,7 @@ def test_times_in_all_spellings(tmp_path, begin, end, step, hours):
         (("0", "12", "often"), "--step 'often' must be"),
         (("0", "12", "1s"), "--step '1s' makes 43201 departures, more than 500"),
         (("-1", "12", "1h"), "--from '-1' lies before the scenario's departure"),
+        (("06:00:00", "12", "1h"), "--from '06:00:00' is neither"),
         (("nan", "12", "1h"), "--from 'nan'"),
         (("0", "inf", "1h"), "--to 'inf' lies more than a year"),
         (("0", "9999-12-31", "1h"), "--to '9999-12-31' lies more than a year"),

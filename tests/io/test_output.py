@@ -9,6 +9,9 @@ import time
 import pytest
 
 from auvplan.runtime.files import MISSION, SUMMARY, OutputError, output_folder, whole_result, write_atomically
+from auvplan.scenario.scenario import Scenario
+from auvplan.study.design import Design
+from auvplan.study.store import Store
 from tests.io.refusals import refusal
 
 OLD = {SUMMARY: "old", MISSION: "old", "itinerary.plan": "old", "mission.png": "old", "notes.txt": "mine"}
@@ -105,3 +108,23 @@ def test_a_run_that_is_killed_leaves_the_old_or_the_new_files(folder, moment):
         (partial / SUMMARY).write_text("next")
     assert content(folder) == {SUMMARY: "next", "notes.txt": "mine"}
     assert [file.name for file in folder.parent.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(
+    ("name", "holds"), [("study.json", "a study"), ("departures.json", "a table of departures")]
+)
+def test_a_run_is_not_written_among_results_of_another_kind(tmp_path, name, holds):
+    (tmp_path / name).write_text("{}")
+    (tmp_path / SUMMARY).write_text("its own")
+    with pytest.raises(OutputError, match=f"holds {holds}: choose another folder"), whole_result(tmp_path):
+        raise AssertionError("nothing is made")
+    assert (tmp_path / SUMMARY).read_text() == "its own"
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([name, SUMMARY])
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_study_is_not_begun_in_the_folder_of_a_run(tmp_path, force):
+    (tmp_path / MISSION).write_text("a run")
+    with pytest.raises(OutputError, match="holds a mission: choose another folder with --out"):
+        Store(tmp_path, Design(Scenario(), 2), force=force)
+    assert [file.name for file in tmp_path.iterdir()] == [MISSION]

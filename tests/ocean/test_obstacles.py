@@ -60,6 +60,8 @@ def test_padding_keeps_leading_axes():
         ([1.0], {"growth": [0.1, 0.2]}, "growth"),
         ([np.inf], {}, "radii must be finite, got inf"),
         ([1.0], {"growth_max": np.nan}, "growth_max must be finite"),
+        ([1.0], {"growth": -1.0}, "growth must not be negative"),
+        ([1.0], {"position_std": -1.0}, "position_std must not be negative"),
         ([1.0], {"observed_at": -np.inf}, "observed_at must be finite, got -inf"),
     ],
 )
