@@ -43,7 +43,7 @@ class ScriptedVehicle:
     Attributes:
         start_at: [3] m.
         speed: m/s.
-        told: whether it holds over ground what its items tell it, in place of that.
+        told: the share that it holds over ground of what its items tell it, in place of that; 0 for none.
         silent: when nothing is heard of it, and asking fails.
         stuck: when it makes no way; a start ends it where `restarts` is set.
         push: m/s, by which it is driven off, while `pushed`.
@@ -59,7 +59,7 @@ class ScriptedVehicle:
 
     start_at: np.ndarray
     speed: float = 2.5
-    told: bool = False
+    told: float = 0.0
     silent: Span = NEVER
     stuck: Span = NEVER
     restarts: bool = False
@@ -153,7 +153,7 @@ class ScriptedVehicle:
         while seconds > 0.0 and self.done < len(self.plan.steps):
             step = self.plan.steps[self.done]
             if self.told:
-                self.speed = item_speeds(self.plan.itinerary)[self.done]
+                self.speed = self.told * item_speeds(self.plan.itinerary)[self.done]
             if not self.at:
                 way = step.position - self.place
                 gap = float(np.linalg.norm(way))
