@@ -95,8 +95,9 @@ def test_an_interrupted_execution_leaves_its_record(tmp_path, call, light_search
     monkeypatch.setattr(SimulatedVehicle, "report", report)
     status, _, err = call("execute", scenario_file(tmp_path), "--seed", 1, "--out", tmp_path / "out")
     assert status == 130
-    assert "interrupted; the vehicle goes on with upload 1, whose last item is to surface" in err
     record = json.loads((tmp_path / "out" / "execution.json").read_text())
+    last = record["uploads"][-1]["number"]
+    assert f"interrupted; the vehicle goes on with upload {last}, whose last item is to surface" in err
     assert reasons == ["under way"]
     assert record["reason"] == "interrupted"
     assert record["track"]
