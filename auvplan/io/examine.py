@@ -16,7 +16,7 @@ from auvplan.scenario.plausibility import implausible, unreachable
 from auvplan.scenario.provenance import FILE_FIELDS, file_names, vehicle_file
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.vehicles import navigation_settings, power_model
-from auvplan.scenario.yaml_lines import Document
+from auvplan.scenario.yaml_lines import Document, read_yaml
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.
 if TYPE_CHECKING:
@@ -152,9 +152,8 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
 def _names(path: Path) -> list[str]:
     """Return the files that a scenario names; none where its text is at fault."""
     try:
-        *_, document = check_scenario(path)
-        return [name for _, name in file_names(document.data)]
-    except (ScenarioError, AttributeError, TypeError):
+        return [name for _, name in file_names(read_yaml(path.read_text(encoding="utf-8")).data)]
+    except (OSError, ValueError, AttributeError, TypeError):
         return []
 
 

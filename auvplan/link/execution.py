@@ -619,8 +619,8 @@ class _Executor:
             found.legs[number] = replace(legs[number], times=delays[number](legs[number].times))
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
-        anew = counted(len(found.legs) - kept, "leg")
-        self._say("replan", f"{cause}, {late:+.0f} s: {anew} anew, {_ending(found)}")
+        count = counted(len(found.legs) - kept, "leg")
+        self._say("replan", f"{cause}, {late:+.0f} s: {count} re-planned, {_ending(found)}")
 
     def _arrive(self) -> None:
         """Watch the end behaviour, and give the verdict."""
@@ -688,9 +688,8 @@ def _state_in_words(report: Report) -> str:
 def _ending(found: Prospect) -> str:
     """Return when a plan ends, and at which pace, in words."""
     pace = found.states[-1].pace
-    return f"planned end {found.ends:.0f} s" + (
-        f" at {pace:.0%} of the speed asked for" if pace < 1.0 else ""
-    )
+    slow = f" at {pace:.0%} of the speed asked for" if pace < 1.0 else ""
+    return f"planned end {found.ends:.0f} s{slow}"
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Pace:
 
     @property
     def share(self) -> float:
-        """The share that is counted on; 1 where it is hardly less, as currents make it differ as well."""
+        """The share that is counted on; 1 where it is little less, as currents make it differ as well."""
         share, cost = self.planned / self.taken, self.taken - self.planned
         return max(share, _LEAST) if share < _SLOW and cost > _COST else 1.0
 
