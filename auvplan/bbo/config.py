@@ -20,6 +20,7 @@ _RANGES = {
     "immigration": (0.0, 1.0), "emigration": (0.0, 1.0), "mutation_max": (0.0, 1.0),
     "mutation_genes": (0.0, np.inf), "mutation_step": (0.0, np.inf),
 }  # fmt: skip
+_WHOLE = "population", "iterations", "elites"
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ class BBOConfig:
                 raise ValueError(f"{name} must be one of {choices}, got {getattr(self, name)!r}")
         for name, (least, most) in _RANGES.items():
             value = getattr(self, name)
+            if name in _WHOLE and not isinstance(value, int | np.integer):
+                raise ValueError(f"{name} must be a whole number, got {value!r}")
             if value is not None and not least <= value <= most:
                 wanted = f"at least {least}" if most == np.inf else f"in [{least}, {most}]"
                 raise ValueError(f"{name} must be {wanted}, got {value}")

@@ -99,21 +99,40 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
     return jax.random.uniform(key, shape, lower.dtype, lower, upper)
 
 
-def _whole(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[jax.Array, jax.Array] | None:
-    """Return integer bounds in the type that JAX computes integers in; None of others.
+def _bounds(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[jax.Array, jax.Array]:
+    """Return bounds [D] in the type that is searched in; inside `jax.jit` their values cannot be checked.
 
     Raises:
-        ValueError: numbers between them, or one more than the upper ones, are more than that type holds.
+        ValueError: they are not bounds of one search, or integers that JAX's type of them does not hold.
     """
+    if any(isinstance(part, jax.core.Tracer) for part in jax.tree.leaves((lower, upper))):
+        low, high = jnp.asarray(lower), jnp.asarray(upper)
+        _require_vectors(low.shape, high.shape)
+        return low, high.astype(low.dtype)
     ends = np.asarray(lower), np.asarray(upper)
-    if any(end.dtype.kind not in "iu" or end.ndim != 1 for end in ends) or ends[0].shape != ends[1].shape:
-        return None
-    kind = jnp.asarray(0).dtype
-    least, most = int(jnp.iinfo(kind).min), int(jnp.iinfo(kind).max)
-    for low, high in zip(*(end.tolist() for end in ends), strict=True):
-        if low < least or high >= most or high - low >= most:
-            raise ValueError(f"integers from {low} to {high} are more than {kind} holds: shift or scale them")
+    _require_vectors(*(end.shape for end in ends))
+    if all(end.dtype.kind in "iu" for end in ends):
+        kind = jax.dtypes.canonicalize_dtype(int)
+        least, most = int(jnp.iinfo(kind).min), int(jnp.iinfo(kind).max)
+        for low, high in zip(*(end.tolist() for end in ends), strict=True):
+            if low < least or high >= most or high - low >= most:
+                few = f"integers from {low} to {high} are more than {kind} holds: shift or scale them"
+                raise ValueError(few)
+    else:
+        kind = jax.dtypes.canonicalize_dtype(ends[0].dtype)
+    with np.errstate(over="ignore"):  # what is too large for the type is infinite in it
+        low, high = (end.astype(jax.dtypes.canonicalize_dtype(end.dtype)) for end in ends)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        raise ValueError("bounds must be finite")
+    if not (low <= high).all():
+        raise ValueError("lower bounds must not exceed upper bounds")
     return jnp.asarray(ends[0], kind), jnp.asarray(ends[1], kind)
+
+
+def _require_vectors(low: tuple[int, ...], high: tuple[int, ...]) -> None:
+    """Refuse bounds whose shapes are not those of vectors of one length."""
+    if len(low) != 1 or low != high:
+        raise ValueError(f"bounds must be vectors of one length, got shapes {low} and {high}")
 
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
@@ -342,6 +361,8 @@ def minimize(
 ) -> Result:
     """Minimise a batched function by biogeography-based optimisation, in one compiled scan.
 
+    It may be called inside `jax.jit` and `jax.vmap`, where values of bounds are not checked.
+
     The cost alone steers the search: what a violation is worth has to be part of it, as a penalty, or the
     search leads away from what is feasible. Where the habitat of least cost has a violation, the answer is
     the best one that was ever met without any; where none was met, it is the habitat of least cost, with its
@@ -373,14 +394,8 @@ def minimize(
         True
     """
     key = as_key(key)
-    low, high = _whole(lower, upper) or (jnp.asarray(lower), jnp.asarray(upper))
-    if low.ndim != 1 or low.shape != high.shape:
-        raise ValueError(f"bounds must be vectors of one length, got shapes {low.shape} and {high.shape}")
-    if not bool(jnp.isfinite(low).all() & jnp.isfinite(high).all()):
-        raise ValueError("bounds must be finite")
-    if not bool(jnp.all(low <= high)):
-        raise ValueError("lower bounds must not exceed upper bounds")
-    high, config = high.astype(low.dtype), config or BBOConfig()
+    low, high = _bounds(lower, upper)
+    config = config or BBOConfig()
     start_key, run_key = jax.random.split(key)
     start = uniform_population(start_key, config.population, low, high)
     if population is not None:

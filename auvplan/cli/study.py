@@ -67,17 +67,28 @@ def montecarlo(
         shared.name_page(page)
     failed = sum(case["missions"] - case["on_time"] for case in cases)
     if failed:
-        seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
-        named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
+        named = "; ".join(_failed(case) for case in cases if case["failed_seeds"])
         shared.print_error(f"{counted(failed, 'mission')} failed: {named}")
         raise typer.Exit(1)
+
+
+def _setting(case: dict[str, Any]) -> str:
+    """Return what a case of a sweep has of its own, in words; none of other studies."""
+    return ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
+
+
+def _failed(case: dict[str, Any]) -> str:
+    """Return which missions of a case failed, in words."""
+    seeds, setting = case["failed_seeds"], _setting(case)
+    named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
+    return f"{named} at {setting}" if setting else named
 
 
 def _table(case: dict[str, Any]) -> Table:
     """Return the figures of one case."""
     from auvplan.study.statistics import DESCRIBED
 
-    setting = ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
+    setting = _setting(case)
     share, title = case["on_time_percent"], f"{setting}\n" if setting else ""
     title += f"{case['on_time']:,} of {counted(case['missions'], 'mission')} on time "
     title += f"({share['low']:.1f} to {share['high']:.1f} %), {counted(case['collisions'], 'collision')}"
@@ -87,7 +98,7 @@ def _table(case: dict[str, Any]) -> Table:
     for name, text in DESCRIBED.items():
         row = case["figures"][name]
         if row:
-            known = row["low"] is not None and math.isfinite(row["low"])
+            known = row["low"] is not None
             interval = f"{figure(row['low'])} to {figure(row['high'])}" if known else ""
             quantiles = (figure(row[key]) for key in ("q05", "median", "q95"))
             table.add_row(text, figure(row["mean"]), interval, *quantiles)

@@ -86,6 +86,10 @@ class UniformCurrent:
     w: ArrayLike = 0.0
     steady = True
 
+    def __post_init__(self) -> None:
+        if any(isinstance(part, list | tuple) for part in (self.u, self.v, self.w)):
+            raise TypeError("u, v and w are given one by one, as in UniformCurrent(0.3, -0.1)")
+
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         zero = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))

@@ -231,8 +231,8 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _describe(values: Array) -> dict[str, float]:
-    """Mean with its interval, standard deviation and quantiles of the finite values."""
+def _describe(values: Array) -> dict[str, float | None]:
+    """Mean with its interval, standard deviation and quantiles of the finite values; None of one alone."""
     found = values[np.isfinite(values)]
     if not len(found):
         return {}
@@ -241,7 +241,7 @@ def _describe(values: Array) -> dict[str, float]:
     names = ("least", "q05", "q25", "median", "q75", "q95", "most")
     return {
         "mean": mean,
-        "low": low if np.isfinite(low) else mean,
-        "high": high if np.isfinite(high) else mean,
-        "std": float(found.std(ddof=1)) if len(found) > 1 else 0.0,
+        "low": low if np.isfinite(low) else None,
+        "high": high if np.isfinite(high) else None,
+        "std": float(found.std(ddof=1)) if len(found) > 1 else None,
     } | dict(zip(names, quantiles.tolist(), strict=True))

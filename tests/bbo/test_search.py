@@ -127,6 +127,19 @@ def test_same_key_same_result() -> None:
     assert (first.x != other.x).any()
 
 
+def test_it_may_be_called_inside_jit_and_vmap() -> None:
+    keys, small = jax.random.split(jax.random.key(7), 3), SMALL.replace(iterations=5)
+
+    def cost(key: jax.Array, upper: jax.Array) -> jax.Array:
+        return minimize(sphere, LOWER, upper, key=key, config=small).cost
+
+    alone = [float(minimize(sphere, LOWER, UPPER, key=key, config=small).cost) for key in keys]
+    together = jax.jit(jax.vmap(cost, in_axes=(0, None)))(keys, UPPER)
+    np.testing.assert_allclose(together, alone, rtol=1e-5)
+    with pytest.raises(ValueError, match="vectors of one length"):
+        jax.jit(cost)(keys[0], UPPER[:2])
+
+
 @pytest.mark.parametrize("config", VARIANTS[:2])
 def test_ask_and_tell_by_hand_equal_minimize(config: BBOConfig) -> None:
     key = jax.random.key(6)

@@ -167,6 +167,11 @@ def test_radius_keeps_above_its_floor_and_zero_rate_freezes():
         np.testing.assert_array_equal(before, after)
 
 
+def test_a_uniform_current_is_given_by_components():
+    with pytest.raises(TypeError, match="one by one, as in UniformCurrent"):
+        ap.UniformCurrent((0.3, 0.1))
+
+
 def test_plain_functions_and_none_are_currents():
     tide = as_current(lambda x, y, z, t: (0.1 * t, 0.0, x))
     assert isinstance(tide, FunctionCurrent)

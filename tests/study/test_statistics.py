@@ -179,6 +179,12 @@ def test_figures_of_a_summary_are_the_means_and_quantiles_of_missions_legs_and_c
     assert figures["use_of_time_percent"]["mean"] == pytest.approx(100 * used.mean())
 
 
+def test_one_mission_has_no_interval():
+    figure = strict(summarise(make_study(1)))["figures"]["total_priority"]
+    assert figure["mean"] == figure["median"] == figure["most"]
+    assert figure["low"] is figure["high"] is figure["std"] is None
+
+
 def test_collisions_and_faults_are_added_up():
     study = make_study(4)
     study["collisions"][1], study["faults"][1], study["faults"][3] = 3, 1, 2
