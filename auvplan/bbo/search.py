@@ -13,6 +13,7 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
@@ -105,7 +106,7 @@ def _bounds(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[j
     Raises:
         ValueError: they are not bounds of one search, or integers that JAX's type of them does not hold.
     """
-    if any(isinstance(part, jax.core.Tracer) for part in jax.tree.leaves((lower, upper))):
+    if any(isinstance(part, Tracer) for part in jax.tree.leaves((lower, upper))):
         low, high = jnp.asarray(lower), jnp.asarray(upper)
         _require_vectors(low.shape, high.shape)
         return low, high.astype(low.dtype)

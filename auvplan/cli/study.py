@@ -1,6 +1,5 @@
 """Commands for many missions."""
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -185,6 +185,13 @@ class SimulatedVehicle(VehicleLink):
         return self._mission.active_leg
 
     @property
+    def _rises(self) -> bool:
+        """Whether it surfaces, or is there."""
+        plan = self._plan
+        over = self._state is State.FINISHED and plan is not None and plan.itinerary.end == "surface"
+        return over or self._state in (State.SURFACING, State.FAULT)
+
+    @property
     def _is_silent(self) -> bool:
         return self._faults.left(LinkOut, self.now) > 0.0
 
@@ -208,7 +215,7 @@ class SimulatedVehicle(VehicleLink):
 
     def _move(self, end: float) -> None:
         """Pass time up to `end`, or up to the end of what the vehicle does now."""
-        if self._state in (State.SURFACING, State.FAULT):
+        if self._rises:
             depth = max(self._place[2] - _RISE * (end - self.now), 0.0)
             return self._pass(end, np.asarray([*self._place[:2], depth]))
         if self._state is not State.EXECUTING or self._plan is None or self._faults.left(HeldUp, self.now):
@@ -259,8 +266,6 @@ class SimulatedVehicle(VehicleLink):
         self._done += 1
         if self._done == len(self._plan.steps):
             self._state = State.FINISHED
-            if self._plan.itinerary.end == "surface":
-                self._place = np.asarray([*self._place[:2], 0.0])
 
     def _begin(self, number: int, target: Array) -> None:
         """Begin a leg to a place, [3] m, where it was not begun before: what the last one had is gone."""
