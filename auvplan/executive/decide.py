@@ -63,6 +63,7 @@ class Facts:
         astray: that it is off its track.
         hazard: that an obstacle is in the way of its present leg.
         approached: that an obstacle comes to where it stays, at a task or held.
+        turns: why it is to leave its present leg, whose end is too late, for a way that is in time.
         due: why the rest is to be re-planned.
         window: whether its path is due to be looked at again.
         waiting: of a plan that is to replace the one in hand.
@@ -85,6 +86,7 @@ class Facts:
     astray: str = ""
     hazard: str = ""
     approached: str = ""
+    turns: str = ""
     due: str = ""
     window: bool = False
     waiting: Waiting = Waiting.NONE
@@ -181,6 +183,12 @@ RULES = (
         lambda f: f.waiting is Waiting.MADE and (f.held or not f.busy),
     ),
     Rule("held", "it is held", Act.REPLAN_LEG, lambda f: f.held and f.due),
+    Rule(
+        "leave leg",
+        "what comes after its leg cannot be in time, and leaving the leg can",
+        Act.HOLD,
+        lambda f: not f.held and not f.busy and f.turns,
+    ),
     Rule(
         "due",
         "late, early, a current or an obstacle of a later leg reported",

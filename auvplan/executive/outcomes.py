@@ -3,7 +3,7 @@
 The vehicle keeps the tracks of its legs, at its speed through the water: what changes is when it arrives.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Mission
 from auvplan.path.outlook import Chain, Drawn, chain_times, leg_times, ruled_times
-from auvplan.records import LegRecord
+from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
 from auvplan.runtime.intervals import wilson
 from auvplan.simulation.draws import drawn_seas
@@ -39,8 +39,12 @@ class Outcomes:
         done: [D, L] whether each task is in time for its window.
         used: [D] share of the time or of the energy available that it takes, whichever is more.
         members: [D], the number of the forecast's member that each was drawn from.
+        latest: [D, L] s since the epoch, until when each leg and its task have to be over for those after it
+            to be done as they are here, and the destination reached in time.
         past, home: [D, K] s, that it takes from one of the first K stops past the next task to the one after,
             that task included, and straight to the destination; infinite where there is no such way.
+        spent: shares of the energy that may be used, where that is limited: [D] of all legs together, [D, L]
+            of each more, and [D, K] on the ways past a task and to the destination.
     """
 
     ends: Array
@@ -48,18 +52,15 @@ class Outcomes:
     done: NDArray[np.bool_]
     used: Array
     members: NDArray[np.integer]
+    latest: Array
     past: Array
     home: Array
+    spent: tuple[Array, ...] = ()
 
     @property
     def in_time(self) -> NDArray[np.bool_]:
         """[D], whether the destination is reached in time, and with the energy that may be used."""
         return self.used <= 1.0
-
-    @property
-    def rest(self) -> Array:
-        """[D, L] s, that the plan goes on for after each leg and its task."""
-        return self.stops[:, -1:] - self.stops
 
     @property
     def share(self) -> float:
@@ -146,30 +147,60 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways
     run, count, begins = mission.run, len(legs), mission.now
     config = mission.context.path_config.only()
     parts = [_chain(mission, legs)] if ways is None else _chains(mission, legs, ways)
-    travels, overs, dones, members = [], [], [], []
-    others: list[list[Array]] = [[] for _ in parts[1:]]
+    rows: list[tuple[Array, ...]] = []
+    members = []
+    others: list[list[tuple[Array, Array]]] = [[] for _ in parts[1:]]
     for number, (seas, factors, late) in enumerate(_drawn(mission, legs, key, len(parts))):
         found = chain_times(parts[0], factors[0], late[0], np.float32(begins), seas, config=config)
         travel, end, done = (np.asarray(part, float) for part in jax.device_get(found))
-        dones.append(done[:, :count].astype(bool))
-        travels.append(travel[:, :count])
-        overs.append(end[:, :count] if count else np.full((len(end), 1), begins))
+        rows.append(tuple(part[:, :count] for part in (travel, end, done, factors[0] * parts[0].task)))
         members.append(np.full(len(end), number))
         leaves = np.concatenate([np.full((len(end), 1), begins), end[:, :-1]], axis=1).astype(np.float32)
         for kind, chain in enumerate(parts[1:], 1):
             lasts = np.asarray(jax.device_get(leg_times(chain, leaves, seas, config=config)), float)
-            others[kind - 1].append(lasts + late[kind] + factors[kind] * np.asarray(chain.task))
-    travel, stops, available = np.concatenate(travels), np.concatenate(overs), run.t_available - begins
-    used = (stops[:, -1] - begins) / available
-    if (spent := _energy_used(mission, legs)) is not None:
-        used = np.maximum(used, spent(travel))
-    past, home = np.zeros((2, len(used), 0))
-    if ways is not None:
-        past, home = (
-            np.where([leg is None for leg in some], np.inf, np.concatenate(rows)[:, 1 : len(some) + 1])
-            for some, rows in zip(ways, others, strict=True)
-        )
-    return Outcomes(stops[:, -1], stops, np.concatenate(dones), used, np.concatenate(members), past, home)
+            others[kind - 1].append((lasts + late[kind], factors[kind] * np.asarray(chain.task)))
+    gone, stops, done, tasks = (np.concatenate(part) for part in zip(*rows, strict=True))
+    done, stops = done.astype(bool), stops if count else np.full((len(stops), 1), begins)
+    used = (stops[:, -1] - begins) / (run.t_available - begins)
+    limit = _Limit.of(run, legs, ways)
+    spent: list[Array] = []
+    if limit is not None:
+        on = limit.shares(0, gone, np.diff(stops, axis=1, prepend=begins), tasks, done)
+        common = np.full(len(on), limit.common)
+        used, spent = np.maximum(used, common + on.sum(axis=1)), [common, on]
+    instead = [*np.zeros((2, len(used), 0))]
+    for kind, some in enumerate(ways or ()):
+        lasts, last = (np.concatenate(part)[:, :count] for part in zip(*others[kind], strict=True))
+        missing = [leg is None for leg in some]
+        instead[kind] = np.where(missing, np.inf, (lasts + last)[:, 1 : len(some) + 1])
+        if limit is not None:
+            shares = limit.shares(kind + 1, lasts, lasts + last, last, np.ones(lasts.shape, bool))
+            spent.append(shares[:, 1 : len(some) + 1])
+    latest = latest_stops(parts[0], gone, tasks, done, run.t_available)
+    past, home = instead
+    drawn = np.concatenate(members)
+    return Outcomes(stops[:, -1], stops, done, used, drawn, latest, past, home, tuple(spent))
+
+
+def latest_stops(chain: Chain, gone: Array, tasks: Array, done: NDArray[np.bool_], available: float) -> Array:
+    """Return until when legs and their tasks have to be over, see `Outcomes`; backwards from the destination.
+
+    Waits are shortened, and windows kept that are kept here. What legs take is what it is here.
+
+    Args:
+        chain: the plan.
+        gone, tasks: [D, L] s, of paths and tasks.
+        done: [D, L] whether each task is in time for its window.
+        available: s since the epoch, when the time is over.
+    """
+    latest = np.full(gone.shape, available)
+    for k in reversed(range(1, gone.shape[1])):
+        begins = latest[:, k] - np.where(done[:, k], tasks[:, k], 0.0)
+        in_windows = np.minimum(begins[:, None], np.asarray(chain.closes)[k])
+        in_windows = np.where(in_windows >= np.asarray(chain.opens)[k], in_windows, -np.inf).max(axis=1)
+        begins = np.where(done[:, k] & np.isfinite(in_windows), in_windows, begins)
+        latest[:, k - 1] = begins - gone[:, k] - np.asarray(chain.rises)[k]
+    return latest
 
 
 def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, rule: Rule) -> Ruled:
@@ -183,21 +214,27 @@ def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, r
     members = []
     for number, (seas, factors, late) in enumerate(_drawn(mission, legs, key, 3)):
         begun = latest.astype(np.float32), factors, late, np.float32(begins)
-        found = ruled_times(chains, *begun, seas, config=config)
-        rows.append(tuple(np.asarray(part, float)[:, :count] for part in jax.device_get(found)))
-        members.append(np.full(len(rows[-1][0]), number))
-    kind, travel, stops, done = (np.concatenate(part) for part in zip(*rows, strict=True))
+        found = jax.device_get(ruled_times(chains, *begun, seas, config=config))
+        kind, *rest = (np.asarray(part, float)[:, :count] for part in found)
+        tasks = (factors * np.asarray(chains.task)[:, None])[..., :count]
+        gone = np.maximum(kind, 0.0).astype(int)[None]
+        rows.append((kind, *rest, np.take_along_axis(tasks, gone, axis=0)[0]))
+        members.append(np.full(len(kind), number))
+    kind, travel, stops, done, tasks = (np.concatenate(part) for part in zip(*rows, strict=True))
     kind, done = kind.astype(int), done.astype(bool)
     over = stops[:, -1] if count else np.full(len(stops), begins)
     used = (over - begins) / (run.t_available - begins)
-    if (spent := _energy_used(mission, legs, ways)) is not None:
-        used = np.maximum(used, spent(travel, kind))
+    if (limit := _Limit.of(run, legs, ways)) is not None:
+        meanwhile = travel, np.diff(stops, axis=1, prepend=begins), tasks, done
+        shares = [np.where(kind == one, limit.shares(one, *meanwhile), 0.0) for one in range(3)]
+        used = np.maximum(used, limit.common + np.sum(shares, axis=(0, 2)))
     won = np.zeros(len(used))
     for which, some in enumerate(_by_kind(legs, ways)):
         for number, leg in enumerate(some):
             if leg is not None:
                 won += leg.priority * ((kind[:, number] == which) & done[:, number])
-    found = Outcomes(over, stops, done, used, np.concatenate(members), *np.zeros((2, len(used), 0)))
+    none = np.zeros((len(used), 0))
+    found = Outcomes(over, stops, done, used, np.concatenate(members), none, none, none)
     return Ruled(rule, kind[:, 1 : len(rule.on) + 1], found, float(won.mean()))
 
 
@@ -225,45 +262,98 @@ def _drawn(
         yield Drawn(forecast, seas.shared, seas.own, vehicle), factors, late
 
 
-def _energy_used(
-    mission: Mission, legs: list[LegRecord], ways: Ways | None = None
-) -> Callable[..., Array] | None:
-    """Return what gives the share [D] of the energy that may be used, or None where it is not limited.
+class _Draw(NamedTuple):
+    """What legs are planned to draw, [..., L].
 
-    It takes the travel times [D, L] s of legs, whose rest is as planned, and their kinds as `Ruled` has them,
-    those of the plan if absent.
+    Attributes:
+        total: Wh, of each with its task.
+        path, rest, task: s of its path, of waiting, and of its task.
+        under_way, at_rest, at_task: W meanwhile.
+        start: Wh, that the task takes once where it is done.
     """
-    run, own = mission.run, float(np.asarray(mission.context.vehicle.speed))
-    power = run.vehicle.power
-    if power is None or power.battery is None or not legs:
-        return None
-    whole = replace(run, legs=legs).energy
-    assert whole is not None
-    most = max(whole.total + whole.margin, 1e-9)
 
-    def figures(some: Sequence[LegRecord | None]) -> Array:
-        """[L, 3], of legs: energy as planned, Wh, s as planned, W; nothing of those that are none."""
-        rows = np.zeros((len(legs), 3))
-        for number, leg in enumerate(some):
+    total: Array
+    path: Array
+    rest: Array
+    task: Array
+    under_way: Array
+    at_rest: Array
+    at_task: Array
+    start: Array
+
+    @classmethod
+    def of(cls, run: MissionRun, legs: Sequence[LegRecord | None], count: int) -> "_Draw":
+        """Those of `count` legs of a run whose vehicle has a power model; of such as are none, nothing."""
+        power, own = run.vehicle.power, float(np.asarray(run.vehicle.speed))
+        assert power is not None
+
+        def drawn(leg: LegRecord) -> float:
+            alone = replace(run, legs=[leg]).energy
+            assert alone is not None
+            return alone.total
+
+        rows = np.zeros((len(cls._fields), count))
+        for number, leg in enumerate(legs):
             if leg is not None:
-                alone = replace(run, legs=[leg]).energy
-                assert alone is not None
-                watts = float(power.power(own if leg.speed is None else leg.speed))
-                rows[number] = alone.total, leg.t_path, watts
-        return rows
+                total, hour = drawn(leg), WATT_HOUR
+                rows[:, number] = (
+                    total,
+                    leg.t_path,
+                    leg.t_hold + leg.t_wait,
+                    leg.t_task,
+                    np.asarray(power.power(own if leg.speed is None else leg.speed))
+                    + np.asarray(power.task) * (leg.line is not None),
+                    drawn(replace(leg, t_wait=leg.t_wait + hour)) - total,
+                    drawn(replace(leg, t_task=leg.t_task + hour)) - total,
+                    np.asarray(power.task_start) / hour * (leg.priority > 0.0),
+                )
+        return cls(*rows)
 
-    known = np.stack([figures(some) for some in ([legs] if ways is None else _by_kind(legs, ways))])
+    def meanwhile(self, gone: Array, lasts: Array, tasks: Array, done: NDArray[np.bool_]) -> Array:
+        """Return Wh of legs that take other times than planned.
 
-    def used(travel: Array, kind: NDArray[np.integer] | None = None) -> Array:
-        if kind is None:
-            more = ((travel - known[0, :, 1]) * known[0, :, 2]).sum(axis=1) / WATT_HOUR
-            return (whole.total + more) / most
-        planned, lasts, watts = np.moveaxis(known[kind, np.arange(len(legs))], -1, 0)
-        spent = planned + (travel - lasts) * watts / WATT_HOUR
-        left_out = whole.total - known[0, :, 0].sum()  # what legs have in common, such as turns between them
-        return (np.where(kind >= 0, spent, 0.0).sum(axis=1) + left_out) / most
+        Args:
+            gone, lasts: s on the path, and from the end of the leg before to that of this one.
+            tasks: s of the task.
+            done: whether it is done.
+        """
+        tasks = tasks * done
+        more = (gone - self.path) * self.under_way + (lasts - gone - tasks - self.rest) * self.at_rest
+        more = more + (tasks - self.task) * self.at_task
+        return self.total + more / WATT_HOUR - np.where(done, 0.0, self.start)
 
-    return used
+
+@dataclass(frozen=True)
+class _Limit:
+    """The energy that a mission may use, and how legs take it.
+
+    Attributes:
+        most: Wh.
+        common: share of it that legs have in common, such as for turns between them.
+        draws: of the plan's legs, and of those that may be gone in place of them.
+    """
+
+    most: float
+    common: float
+    draws: list[_Draw]
+
+    @classmethod
+    def of(cls, run: MissionRun, legs: list[LegRecord], ways: Ways | None) -> "_Limit | None":
+        """Those of a plan's legs; None where energy is not limited."""
+        power = run.vehicle.power
+        if power is None or power.battery is None or not legs:
+            return None
+        whole = replace(run, legs=legs).energy
+        assert whole is not None
+        most = max(whole.total + whole.margin, 1e-9)
+        draws = [
+            _Draw.of(run, some, len(legs)) for some in ([legs] if ways is None else _by_kind(legs, ways))
+        ]
+        return cls(most, (whole.total - draws[0].total.sum()) / most, draws)
+
+    def shares(self, kind: int, *meanwhile: Any) -> Array:
+        """Return the shares of it [D, L] that legs of a kind take; arguments as for `_Draw.meanwhile`."""
+        return self.draws[kind].meanwhile(*meanwhile) / self.most
 
 
 def _by_kind(legs: list[LegRecord], ways: Ways) -> list[list[LegRecord | None]]:

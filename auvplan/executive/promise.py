@@ -142,7 +142,7 @@ def _with_turning(mission: Mission, asked: float | None, complete: Complete) -> 
     until = [max(float(one), 0.0) if np.isfinite(one) else None for one in on]
     run.promise = replace(
         promise,
-        latest=(*until, *promise.latest[len(until) :]),
+        latest=(*until, *_latest(best.found, mission, asked)[len(until) :]),
         priority=goes.priority,
         turns=turning.turns(goes, ways, mission.now),
     )
@@ -204,8 +204,7 @@ def promise_of(found: Outcomes, mission: Mission, asked: float | None, kept: flo
     """Return what outcomes of a mission that is about to begin promise."""
     low, high = found.interval
     ends = np.quantile(found.ends - mission.now, [0.05, 0.5, 0.95]).tolist()
-    members, available = int(found.members.max()) + 1, mission.run.t_available - mission.now
-    latest = available - np.quantile(found.rest, _USUAL if asked is None else asked, axis=0)
+    members = int(found.members.max()) + 1
     return Promise(
         asked,
         found.share,
@@ -215,8 +214,14 @@ def promise_of(found: Outcomes, mission: Mission, asked: float | None, kept: flo
         members,
         tuple(ends),
         kept,
-        tuple(latest.tolist()),
+        _latest(found, mission, asked),
     )
+
+
+def _latest(found: Outcomes, mission: Mission, asked: float | None) -> tuple[float, ...]:
+    """Return s after the departure, until when legs have to be over, as `Promise` has them."""
+    surely = _USUAL if asked is None else asked
+    return tuple((np.quantile(found.latest, 1.0 - surely, axis=0) - mission.now).tolist())
 
 
 def _worth(share: float, priority: float, asked: float) -> tuple[bool, float, float]:

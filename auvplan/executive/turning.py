@@ -188,7 +188,7 @@ def until_when(times: Array, on: Array, past: Array, home: Array) -> tuple[float
 def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
     """Apply a rule to a plan's outcomes: what comes later takes as long as it did without the rule.
 
-    That is so but for currents that change meanwhile, windows and energy, which `outcomes.ruled` follows too.
+    That is so but for currents that change meanwhile and windows, which `outcomes.ruled` follows too.
 
     Args:
         found: outcomes of the plan, and of its ways from K stops.
@@ -199,6 +199,9 @@ def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
     lasts, won_on = np.diff(found.stops, axis=1), stakes.priorities * found.done
     now, won = found.stops[:, 0].copy(), won_on[:, 0].copy()
     kinds, there = np.full((seas, count), -1), np.zeros(seas, int)
+    none = np.zeros((seas, lasts.shape[1] + 1))
+    energy, on, past, home = found.spent or (none[:, 0], none, none, none)
+    spent = energy + on[:, 0]
     for k in range(lasts.shape[1]):
         here, kind = there == k, np.zeros(seas, int)
         if k < count:
@@ -207,15 +210,18 @@ def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
         go, skip, back = (here & (kind == one) for one in range(3))
         now[go] += lasts[go, k]
         won[go] += won_on[go, k + 1]
+        spent[go] += on[go, k + 1]
         there[go] = k + 1
         if k < found.past.shape[1]:
             now[skip] += found.past[skip, k]
             won[skip] += stakes.past[k]
+            spent[skip] += past[skip, k]
             there[skip] = k + 2
         if k < count:
             now[back] += found.home[back, k]
+            spent[back] += home[back, k]
             there[back] = lasts.shape[1]
-    used = (now - stakes.begins) / (stakes.available - stakes.begins)
+    used = np.maximum((now - stakes.begins) / (stakes.available - stakes.begins), spent)
     return Ruled(rule, kinds, replace(found, ends=now, used=used), float(won.mean()))
 
 

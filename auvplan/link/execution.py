@@ -124,6 +124,7 @@ class _Executor:
         self._phase = Phase.READY
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
+        self._turns = ""  # why its leg is to be left for the way back
         # Legs that were done, s that it was late, and s when the mission was to end, when the rest was last
         # re-planned for its times.
         self._settled = -1, 0.0, math.inf
@@ -287,6 +288,7 @@ class _Executor:
             astray=astray,
             hazard=hazard,
             approached=approached,
+            turns=self._turns,
             due=self._due,
             waiting=Waiting.NONE if new is None else Waiting.UPLOADED if new.sent else Waiting.MADE,
             missed="" if new is None else self._missed(new),
@@ -364,6 +366,7 @@ class _Executor:
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
                 self._plan.ended(number, ended)
             self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
+            self._turns = ""
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)
 
@@ -501,6 +504,7 @@ class _Executor:
             return
         if self._asked(self._link.hold):
             self._phase, self._new, self._due = after(self._phase, Act.HOLD), None, cause
+            self._turns = ""
             self._failed = self._looked = -math.inf
             self._blocked = False
 
@@ -559,6 +563,7 @@ class _Executor:
         self._progress.stay_on(before)
         self._plan.followed = new.prospect
         self._new, self._due, self._looked, self._blocked = None, "", -math.inf, False
+        self._turns = ""
         self._settled = self._count, 0.0, new.prospect.ends
         steps = [[*map(float, step.position.round(3)), step.hold] for step in new.sent.steps]
         number, when = new.upload.number, round(self._now, 1)
@@ -598,6 +603,10 @@ class _Executor:
         begins, ends = delays[kept - 1].done, delays[len(legs) - 1].done
         found = self._plan.from_leg(kept, begins)
         if found is None and ends > self._record.t_available:
+            back, moment = legs[self._count].start == legs[self._count].goal, self._now + self._cost
+            if not back and self._plan.leave_leg(self._count, self._place, moment) is not None:
+                self._due, self._turns = "", f"{cause}: its leg is too long to be in time"
+                return
             found = self._plan.from_leg(kept, begins, late=True)
             found = found if found is not None and found.ends < ends - _SOONER else None
         if found is None:

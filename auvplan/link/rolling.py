@@ -4,7 +4,9 @@ Before every leg the state of the planners is kept. A new plan begins from the s
 may still change, with what has been learnt since.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -189,9 +191,8 @@ class RollingPlan:
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
 
-        Where only the time is short, the plan reaches the destination too late.
-        Where no path leads from there to the leg's goal, the way back to its start is tried, and the rest of
-        the mission from there without this leg.
+        Where no path leads from there to the leg's goal, or all after it would be too late, its rest is left
+        out, see `leave_leg`. Where only the time is short either way, the plan that is least late is taken.
 
         Args:
             count: legs that are done.
@@ -201,7 +202,20 @@ class RollingPlan:
         Returns:
             The plan, or None.
         """
+        found: list[Prospect] = []
+        for plan in chain(self._onward(count, position, now), self._without_leg(count, position, now)):
+            if self.in_time(plan):
+                return plan
+            found.append(plan)
+        if not found:
+            self.reason = "no path leads on from where the vehicle is, nor back"
+        return min(found, key=lambda plan: plan.ends, default=None)
+
+    def _onward(self, count: int, position: Array, now: float) -> Iterator[Prospect]:
+        """Yield the plan of the rest of a leg and all after it, in time or not, where there is one."""
         old, before, after = self.legs[count], self._before(count), self.followed.states[count + 1]
+        if old.start == old.goal:  # a way back to its start, which `_without_leg` plans
+            return
         # The route that the leg belongs to may have been made at its beginning, after the state was kept.
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
         state = before.fork(now=now, cause="", **route)
@@ -210,30 +224,42 @@ class RollingPlan:
             state.navigation, state.navigated = after_fix(state), float(old.times[0])
         none = {"times": np.zeros(0), "positions": np.zeros((0, 3))}
         record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0, t_fix=None)
-        back = old.start == old.goal  # it is on such a way already
-        if not back and self._set_out_from(state, record, position):
+        if self._set_out_from(state, record, position):
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
                 step([state])
-            return self._complete(state, count, (record, before), late=True)
-        return self._back_to_start(count, position, now)
+            if (found := self._complete(state, count, (record, before), late=True)) is not None:
+                yield found
 
-    def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
-        """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
-        old, before = self.legs[count], self._before(count)
+    def in_time(self, plan: Prospect) -> bool:
+        """Return whether a plan keeps the time available, and what else is promised."""
+        return plan.states[-1].run.success
+
+    def leave_leg(self, count: int, position: Array, now: float) -> Prospect | None:
+        """Plan without the rest of the leg after the first `count`: back to its start, or to the destination.
+
+        Arguments as for `from_position`; None where the destination is not reached so in time.
+        """
+        return next(filter(self.in_time, self._without_leg(count, position, now)), None)
+
+    def _without_leg(self, count: int, position: Array, now: float) -> Iterator[Prospect]:
+        """Yield plans without the rest of a leg, as `leave_leg` looks for."""
+        old, before, home = self.legs[count], self._before(count), self.run.goal
         if old.start != old.goal:
             before.barred |= {(old.start, old.goal), (old.goal, old.start)}
             before.graph = before.graph.without_edges([(old.start, old.goal)])
-        state, record = before.fork(now=now), LegRecord(old.start, old.start, 0.0, 0.0, 0.0, revisit=True)
-        if not self._set_out_from(state, record, position):
-            self.reason = "no path leads on from where the vehicle is, nor back"
-            return None
-        go_as_planned([state])
-        finish(state.active_leg)
-        state.leg = None
-        state.run.legs.append(record)
-        state.cause = "refused"
-        return self._complete(state, count, (record, before))
+        for goal in (old.start, home) if old.goal != home else (old.start,):
+            state, record = before.fork(now=now), LegRecord(old.start, goal, 0.0, 0.0, 0.0, revisit=True)
+            if not self._set_out_from(state, record, position):
+                continue
+            go_as_planned([state])
+            finish(state.active_leg)
+            state.run.legs.append(record)
+            state.leg, state.here, state.cause = None, goal, "refused"
+            if goal == home:
+                state.end("")
+            if (found := self._complete(state, count, (record, before), late=True)) is not None:
+                yield found
 
     def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
         """Plan a leg's path from a position instead of its start; return whether it may be gone."""

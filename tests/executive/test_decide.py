@@ -68,6 +68,12 @@ TABLE = [
     ({"waiting": MADE, "hazard": "rock"}, Act.HOLD, "hazard"),
     ({"astray": "a", "due": "late", "busy": True}, Act.HOLD, "drift"),
     ({"hazard": "rock", "due": "late", "busy": True}, Act.HOLD, "hazard"),
+    # A leg that takes too long is left, but no task, and not where a plan is at hand.
+    ({"turns": "late", "due": "late", "astray": ""}, Act.HOLD, "leave leg"),
+    ({"turns": "late", "busy": True}, Act.GO_ON, "nothing"),
+    ({"turns": "late", "waiting": MADE}, Act.UPLOAD, "plan"),
+    ({"turns": "late", "phase": HELD, "due": "leave leg"}, Act.REPLAN_LEG, "held"),
+    ({"turns": "late", "phase": HELD}, Act.GO_ON, "nothing"),
     ({"due": "late", "busy": True}, Act.REPLAN_REST, "due"),
     ({"missed": "m", "busy": True}, Act.GO_ON, "nothing"),
 ]
@@ -93,7 +99,17 @@ def test_every_rule_decides_somewhere_in_the_table():
     ("fact", "held"),
     [
         (name, False)
-        for name in ("taken", "given_up", "overdue", "approached", "stuck", "astray", "hazard", "due")
+        for name in (
+            "taken",
+            "given_up",
+            "overdue",
+            "approached",
+            "stuck",
+            "astray",
+            "hazard",
+            "turns",
+            "due",
+        )
     ]
     + [("due", True)],
 )

@@ -17,13 +17,14 @@ from auvplan.check.run import check_run
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
-from auvplan.executive.outcomes import Outcomes, Rule, outcomes, ruled
+from auvplan.executive.outcomes import Outcomes, Rule, latest_stops, outcomes, ruled
 from auvplan.executive.planning import leaving, plan_promises, planning_context
 from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until_when, ways_of
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
 from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathConfig
 from auvplan.path.outlook import Chain, Drawn, chain_times, leg_times, ruled_times
 from auvplan.records import Promise, TurnBack
@@ -153,6 +154,49 @@ def test_a_battery_that_just_does_for_the_plan_does_in_no_sea_that_takes_longer(
     assert shares == [1.0, 0.25]  # three of four members take longer than the forecast
 
 
+def test_tasks_that_last_longer_draw_what_they_draw_meanwhile():
+    """Nothing else scatters: the plan's energy, and for each second more that of a task and of station."""
+    power = {"hotel": 100.0, "propulsion": {"constant": 10.0, "factor": 10.0}, "task": 500.0}
+    power["battery"] = {"capacity": 100.0, "reserve": 0.0}
+    settings, area = channel_with(available=9000.0, vehicle={"power": power}, mission={"duration_error": 0.4})
+    north = np.full((1, 1, 2, 2), 0.1)
+    steady = GriddedCurrent.from_arrays(north, 0.0 * north, origin=(-5e4, -5e4), spacing=1e5, times=[0.0])
+    mission = mission_of(settings, replace(area, forecast=steady, truth=steady))
+    done = mission.fork()
+    complete(done)
+    legs, use = done.run.done, done.run.energy
+    assert use.margin > 0.0
+    ways = ways_of(mission, done.run)
+    found = outcomes(mission, legs, jax.random.key(0), ways)
+    longer = found.ends - done.run.t_mission
+    station = 10.0 + 10.0 * 0.1**3 + 100.0
+    energy = use.total + longer * (500.0 + station) / 3600.0
+    np.testing.assert_allclose(found.used, energy / 100.0, rtol=1e-3)
+    assert 0.05 < 1.0 - found.share < 0.95
+    rule = Rule(*np.full((2, found.home.shape[1]), -1.0))
+    rule.on[2:] = rule.past[3:] = np.inf
+    stakes = Stakes.of(mission, done.run, ways)
+    np.testing.assert_allclose(
+        turned(found, rule, stakes).found.used,
+        ruled(mission, legs, jax.random.key(0), ways, rule).found.used,
+        rtol=2e-3,
+    )
+
+
+def test_a_stop_may_be_left_as_late_as_windows_and_waits_after_it_allow():
+    """The second task begins from 1000 to 1400 s; the path to it takes 150 s, that after it 300 s."""
+    windows = {"opens": [[-np.inf], [1000.0], [-np.inf]], "closes": [[np.inf], [1400.0], [np.inf]]}
+    chain = straight(600.0, 300.0, 600.0, task=[0.0, 100.0, 0.0], **windows)
+    gone, tasks = (np.asarray([row] * 2, float) for row in ([300.0, 150.0, 300.0], [0.0, 100.0, 0.0]))
+    done = np.ones((2, 3), bool)
+    ample = latest_stops(chain, gone, tasks, done, 9000.0)
+    np.testing.assert_allclose(ample[0], [1400.0 - 150.0, 8700.0, 9000.0])
+    scarce = latest_stops(chain, gone, tasks, done, 1600.0)
+    np.testing.assert_allclose(scarce[0], [1600.0 - 300.0 - 100.0 - 150.0, 1300.0, 1600.0])
+    done[1, 1] = False  # where it is missed anyhow it is left out
+    np.testing.assert_allclose(latest_stops(chain, gone, tasks, done, 9000.0)[1, 0], 9000.0 - 450.0)
+
+
 def test_members_are_followed_one_by_one():
     """Four members: one ends as planned, the others the later the more they are against the vehicle."""
     settings, area = channel_with(STREAMS[1:])
@@ -259,7 +303,7 @@ def test_surer_plans_are_worth_less():
 def test_seas_of_few_members_say_less():
     """What is alike within members counts once; what scatters there counts for itself."""
     rng, members = np.random.default_rng(0), np.repeat(np.arange(5), 200)
-    scattered, none = rng.normal(0.9, 0.1, 1000), np.zeros((2, 1000, 0))
+    scattered, none = rng.normal(0.9, 0.1, 1000), np.zeros((3, 1000, 0))
     alike = np.linspace(0.7, 1.1, 5)[members] + 1e-6 * scattered
     wide, narrow = (
         Outcomes(used, used[:, None], used[:, None] > 0.0, used, members, *none).interval
@@ -347,7 +391,8 @@ def drawn(stops, home, past=None, available=100.0):
     stops, home = np.asarray(stops, float), np.asarray(home, float)
     past = np.full(home.shape, np.inf) if past is None else np.asarray(past, float)
     members = np.zeros(len(stops), int)
-    return Outcomes(stops[:, -1], stops, stops > 0.0, stops[:, -1] / available, members, past, home)
+    common = stops[:, -1], stops, stops > 0.0, stops[:, -1] / available, members
+    return Outcomes(*common, np.zeros((len(stops), 0)), past, home)
 
 
 def stakes(*priorities, past=(0.0, 0.0), available=100.0):

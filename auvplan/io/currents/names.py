@@ -53,6 +53,10 @@ HEIGHTS = ("zcor", "zCoordinates", "zval")
 SIGMAS = ("siglay", "sigma", "siglev")
 
 
+class PartnerMissing(CurrentError):
+    """A file holds one component of a current without the other."""
+
+
 @dataclass(frozen=True)
 class Names:
     """The variables that are the current."""
@@ -100,7 +104,7 @@ def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Patte
         ndim = file.variables[east].ndim
         partners = [name for name in by_standard.get(across, []) if file.variables[name].ndim == ndim]
         if not partners:
-            raise file.fail(f"{east} has no partner {across}")
+            raise PartnerMissing(f"{file.path}: {east} has no partner {across}")
         note = ""
         if part := _PART.fullmatch(standard):
             means = {"geostrophic": "its geostrophic part", "barotropic": "its mean over the depth"}
@@ -155,7 +159,7 @@ def _by_name(file: File) -> Names | None:
     for east, north in _PAIRS:
         for present, missing in ((east, north), (north, east)):
             if present in file.variables and missing not in file.variables:
-                raise file.fail(f"{present} has no partner {missing}")
+                raise PartnerMissing(f"{file.path}: {present} has no partner {missing}")
     return None
 
 

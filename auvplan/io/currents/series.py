@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.io.currents.files import Array, File, Series, close_all, same_values
-from auvplan.io.currents.names import Names, find_current, find_places
+from auvplan.io.currents.names import Names, PartnerMissing, find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.currents.triangles import has_cells
 from auvplan.ocean.gridded import CurrentError
@@ -80,9 +80,9 @@ def _components(file: File) -> int:
     """Return 2 for a file with both components, 1 with one of them, 0 without."""
     try:
         find_current(file)
-        return 2
     except CurrentError as error:
-        return int("has no partner" in str(error))
+        return int(isinstance(error, PartnerMissing))
+    return 2
 
 
 def _times(file: File) -> Array:
