@@ -130,7 +130,9 @@ def execute(
             record.save(out)
 
     record = execute(plan, vehicle, limits=limits, notices=AllNotices(*heard), tell=tell, keep=keep)
-    file = record.save(out)
+    file = out / EXECUTION
+    kept = not record.uploads and file.exists()  # the vehicle was not started: what was before stays
+    file = file if kept else record.save(out)
     if as_json:
         shared.print_json(record.summary())
     elif not quiet:
@@ -138,7 +140,7 @@ def execute(
             f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
             f"{counted(len(record.tasks), 'task')}, total priority {figure(record.total_priority)}"
         )
-        shared.say(f"record in {file}")
+        shared.say(f"record of an earlier mission in {file}" if kept else f"record in {file}")
     if not record.success:
         shared.print_error(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
@@ -173,5 +175,6 @@ def _limits(texts: list[str]) -> "Limits":
         try:
             given[name] = kinds[name](value)
         except ValueError:
-            raise AuvplanError(f"--limit {text!r}: {value!r} is no number") from None
+            kind = "whole number" if kinds[name] is int else "number"
+            raise AuvplanError(f"--limit {text!r}: {value!r} is no {kind}") from None
     return replace(Limits(), **given)

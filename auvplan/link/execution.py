@@ -48,6 +48,12 @@ _LATE = 20.0
 #: mission must be foreseen to end later than before to be re-planned for that.
 _SOONER = 60.0
 
+#: s of mission time between two looks at the track ahead under way, where nothing new is reported.
+_EVERY = 10.0
+
+#: m from all waypoints beyond which a measured current says nothing of theirs.
+_FAR = 100_000.0
+
 #: State of a vehicle that was sent nothing.
 _NOT_STARTED = "the vehicle was not started"
 
@@ -330,7 +336,7 @@ class _Executor:
     def _is_blocked(self, place: Array) -> bool:
         """Return whether the vehicle meets an obstacle within the next minutes, seen now and then."""
         now, circles = self._now, self._progress.off_task(place, self._now)
-        if now - self._looked >= self._limits.astray:
+        if now - self._looked >= (_EVERY if self._phase is Phase.UNDER_WAY else self._limits.astray):
             self._looked = now
             # By then a held vehicle has a plan, or this is looked at again.
             until = self._cost + 2.0 * self._limits.astray
@@ -362,7 +368,7 @@ class _Executor:
                 task = ", task done" if leg.priority > 0.0 else ""
                 # What the vehicle waits for the next leg is part of its stay as well.
                 ended = self._now - sum(after.t_hold for after in self._plan.legs[number + 1 : number + 2])
-                off = f"{ended - leg.ends:+.0f} s off the plan"
+                off = f"{round(ended - leg.ends):+d} s off the plan"
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
                 self._plan.ended(number, ended)
             self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
@@ -412,6 +418,10 @@ class _Executor:
         place = self._link.report(0.0).position if notice.position is None else notice.position
         if place is None:
             self._say("note", "a current was reported before the vehicle's place is known: left out")
+            return
+        away = np.linalg.norm(np.asarray(self._plan.run.graph.positions) - place, axis=1).min()
+        if away > _FAR:
+            self._say("note", f"a current was reported {away / 1000.0:,.0f} km from the mission: left out")
             return
         found = self._plan.correct_current(notice.velocity, place, self._now)
         if found is None:
@@ -597,21 +607,21 @@ class _Executor:
         kept = self._count + 1
         while kept < len(legs) and delays[kept - 1].done < begin + self._cost:
             kept += 1
-        if kept >= len(legs):
-            self._due = ""
-            return
-        begins, ends = delays[kept - 1].done, delays[len(legs) - 1].done
-        found = self._plan.from_leg(kept, begins)
+        more = kept < len(legs)
+        begins, ends = delays[min(kept, len(legs)) - 1].done, delays[len(legs) - 1].done
+        found = self._plan.from_leg(kept, begins) if more else None
         if found is None and ends > self._record.t_available:
             back, moment = legs[self._count].start == legs[self._count].goal, self._now + self._cost
             if not back and self._plan.leave_leg(self._count, self._place, moment) is not None:
-                self._due, self._turns = "", f"{cause}: its leg is too long to be in time"
+                self._due, self._turns = "", f"{cause}: the rest of its leg cannot be in time"
                 return
-            found = self._plan.from_leg(kept, begins, late=True)
+            found = self._plan.from_leg(kept, begins, late=True) if more else None
             found = found if found is not None and found.ends < ends - _SOONER else None
         if found is None:
             self._due = ""
-            self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
+            if more:
+                reason = self._plan.reason
+                self._say("no plan", f"no better plan ({cause}): {reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)
         staying = []
@@ -629,7 +639,7 @@ class _Executor:
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
         count = counted(len(found.legs) - kept, "leg")
-        self._say("replan", f"{cause}, {late:+.0f} s: {count} re-planned, {_ending(found)}")
+        self._say("replan", f"{cause}, {round(late):+d} s: {count} re-planned, {_ending(found)}")
 
     def _arrive(self) -> None:
         """Watch the end behaviour, and give the verdict."""

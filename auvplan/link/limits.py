@@ -5,6 +5,9 @@ from dataclasses import dataclass, fields
 
 from auvplan.errors import AuvplanError
 
+#: s between two looks at most: obstacles are looked for within the next three minutes.
+_SELDOM = 60.0
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -30,7 +33,7 @@ class Limits:
         away: m from the mission's start that the vehicle may be when it is connected to.
 
     Raises:
-        AuvplanError: a limit is not positive.
+        AuvplanError: a limit is not positive, or looks are too far apart to see what comes.
     """
 
     reply: float = 1.0
@@ -56,6 +59,8 @@ class Limits:
             value = getattr(self, field.name)
             if not value > 0:
                 raise AuvplanError(f"limit {field.name}: must be positive, got {value}")
+        if self.look > _SELDOM:
+            raise AuvplanError(f"limit look: must be at most {_SELDOM:g} s, got {self.look:g}")
 
 
 @dataclass(frozen=True)

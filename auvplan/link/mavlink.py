@@ -29,6 +29,9 @@ _log = logging.getLogger(__name__)
 #: Ground station by system and component.
 _OURS = 255, 190
 
+#: s for which words of warning may be the reason of what happens.
+_NEWS = 10.0
+
 #: s that other vehicles on the link are looked for, within which a message may come behind others that were
 #: sent after it, and without a message in which the vehicle may have been taken from us.
 _OTHERS, _BEHIND, _GAP = 1.5, 1.0, 3.0
@@ -176,12 +179,14 @@ class _Heard:
     fault: bool = False
     current: int = -1
     progress: State = State.UNKNOWN
+    text: int = 0  # number of the text that it said last; 0 for one of a single message
     alarm: str = ""  # its last words of warning
+    alarmed: float = -math.inf  # when it said them
 
     @property
     def warned(self) -> str:
-        """Its last words of warning, in brackets."""
-        return f" ({self.alarm})" if self.alarm else ""
+        """Its last words of warning, in brackets; empty where they are of long ago."""
+        return f" ({self.alarm})" if time.monotonic() - self.alarmed < _NEWS else ""
 
 
 class MavlinkVehicle(ListeningLink):
@@ -293,9 +298,11 @@ class MavlinkVehicle(ListeningLink):
         elif kind == "MISSION_ITEM_REACHED":
             self._advance(message.seq)
         elif kind == "STATUSTEXT":
-            self._words = message.text
+            number, chunk = getattr(message, "id", 0), getattr(message, "chunk_seq", 0)
+            begun = self._words if number and chunk and number == heard.text else ""
+            heard.text, self._words = number, begun + message.text
             if message.severity <= _WARNING:
-                heard.alarm = message.text
+                heard.alarm, heard.alarmed = self._words, now
         elif kind in self._expected:
             self._answers.put(message)
         elif kind in ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT"):
@@ -682,7 +689,9 @@ class MavlinkVehicle(ListeningLink):
             return State.FAULT if heard.fault or self._faulty else State.STOPPED
         if self._ardupilot and not heard.armed and heard.progress is not State.FINISHED:
             return State.IDLE
-        if heard.progress is State.UNKNOWN and self._ardupilot:
+        # ArduSub's mission stays under way in other modes than AUTO (ArduSub/mode.cpp, exit_mode).
+        led = heard.progress is not State.UNKNOWN and heard.mode == ardusub.AUTO
+        if self._ardupilot and not led and heard.progress is not State.FINISHED:
             return _MODES.get(heard.mode, State.UNKNOWN)
         return heard.progress
 

@@ -115,7 +115,7 @@ class NoticeFile:
     def read(self) -> Iterator[Notice | str]:
         """Yield what whole lines were added, as notices or as text that says what is wrong.
 
-        A file that has become shorter was started again, and is read from its beginning.
+        A file that has become shorter, or was away, was started again, and is read from its beginning.
         """
         try:
             with self._path.open("rb") as file:
@@ -126,7 +126,7 @@ class NoticeFile:
         except OSError as error:
             if not self._gone:
                 yield f"{self._path}: {error.strerror or error}"
-            self._gone = True
+            self._gone, self._place, self._line = True, 0, 0
             return
         self._gone = False
         whole = text[: text.rfind(b"\n") + 1]
@@ -158,8 +158,8 @@ class NoticeFile:
             return CurrentNotice(np.asarray([*parts, 0.0][:3]), at)
         if place is None:
             raise ValueError("obstacle: needs longitude and latitude, or north and east")
-        course = math.radians(_number(found, "course", (-360.0, 360.0), 0.0))
         speed = _number(found, "speed", (0.0, 50.0), 0.0)
+        course = math.radians(_number(found, "course", (-360.0, 360.0), None if speed else 0.0))
         radius = _number(found, "radius", (0.1, 100_000.0))
         top, bottom = (
             _number(found, "depth_min", _DEPTHS, 0.0),
@@ -180,9 +180,12 @@ class NoticeFile:
 
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""
+        degrees, metres = ("longitude", "latitude"), ("north", "east")
+        if any(name in found for name in degrees) and any(name in found for name in metres):
+            raise ValueError("a place is longitude and latitude, or north and east, not both")
         if "longitude" in found or "latitude" in found:
-            degrees = _number(found, "longitude", (-180.0, 360.0)), _number(found, "latitude", (-90.0, 90.0))
-            north, east = self._site.to_local(*degrees)
+            spans = (-180.0, 360.0), (-90.0, 90.0)
+            north, east = self._site.to_local(*map(_number, (found, found), degrees, spans))
             return float(north), float(east)
         if "north" in found or "east" in found:
             return _number(found, "north", (-1e7, 1e7)), _number(found, "east", (-1e7, 1e7))
@@ -197,7 +200,7 @@ def _number(
     found: dict[str, Any], name: str, span: tuple[float, float], default: float | None = None
 ) -> float:
     """Return a number within limits, or its default."""
-    value = found.get(name, default)
+    value = default if found.get(name) is None else found[name]
     if value is None:
         raise ValueError(f"{name}: is missing")
     if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):

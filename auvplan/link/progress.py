@@ -16,8 +16,8 @@ Array = NDArray[np.floating]
 _AT_TASK = 15.0
 
 #: s of mission time between two sightings by which the pace is judged, s of what was planned in the past that
-#: it begins with, and s after which 1/e of what was seen counts.
-_APART, _PRIOR, _MEMORY = 30.0, 30.0, 1200.0
+#: it begins with, and s after which 1/e of what was seen counts, in the long run and in the short.
+_APART, _PRIOR, _MEMORY = 30.0, 30.0, np.asarray([1200.0, 300.0])
 
 #: Pace up to which a vehicle counts as slow, s that it must have cost, and the least that is counted on.
 _SLOW, _COST, _LEAST = 0.95, 45.0, 0.3
@@ -29,28 +29,29 @@ _STANDS = 0.2
 _TIMES, _MORE = 2.0, 2.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pace:
-    """How fast a vehicle gets on, in shares of what it is asked for.
+    """How fast a vehicle gets on, in shares of what it is asked for, in the long run and in the short.
 
     Attributes:
-        planned: s that it was to take for what it went, at the full pace.
-        taken: s that it took.
+        planned: [2] s that it was to take for what it went, at the full pace.
+        taken: [2] s that it took.
     """
 
-    planned: float = _PRIOR
-    taken: float = _PRIOR
+    planned: Array = field(default_factory=lambda: np.full(2, _PRIOR))
+    taken: Array = field(default_factory=lambda: np.full(2, _PRIOR))
 
     def after(self, planned: float, taken: float) -> "Pace":
         """Return the pace after a way that was to take `planned` s at the full pace, and took `taken` s."""
-        kept = math.exp(-taken / _MEMORY)
+        kept = np.exp(-taken / _MEMORY)
         return Pace(kept * self.planned + planned, kept * self.taken + taken)
 
     @property
     def share(self) -> float:
         """The share that is counted on; 1 where it is little less, as currents make it differ as well."""
-        share, cost = self.planned / self.taken, self.taken - self.planned
-        return max(share, _LEAST) if share < _SLOW and cost > _COST else 1.0
+        shares = self.planned / self.taken
+        slow = (shares < _SLOW) & (self.taken - self.planned > _COST)
+        return max(float(shares[slow].min()), _LEAST) if slow.any() else 1.0
 
 
 @dataclass
@@ -82,7 +83,7 @@ class Progress:
     astray: float = math.inf
     begun: Array | None = None
     task: tuple[int, float] = (-1, 0.0)
-    pace: Pace = Pace()
+    pace: Pace = field(default_factory=Pace)
     counted: float = 1.0
     sight: tuple[int, float, float, Array] | None = None
     stayed: Array = field(init=False)
@@ -250,7 +251,8 @@ class Progress:
         At a task it stays at the task's place, wherever about that it circles, until the task is done.
         """
         if self.at_task(place):
-            left = self.step.hold - self._time_at_task(now)
+            # Some vehicles begin it when they have come to rest at its place, from `_AT_TASK` on.
+            left = self.step.hold + 2.0 * _AT_TASK / self.step.pace - self._time_at_task(now)
             return staying(self.step.position, float(np.clip(left, 0.0, HORIZON)))
         places, times = [place], [0.0]
         for step in self.upload.steps[self.ahead :]:

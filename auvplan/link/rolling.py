@@ -238,6 +238,8 @@ class RollingPlan:
     def leave_leg(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan without the rest of the leg after the first `count`: back to its start, or to the destination.
 
+        On the way to the destination it is without the task there.
+
         Arguments as for `from_position`; None where the destination is not reached so in time.
         """
         return next(filter(self.in_time, self._without_leg(count, position, now)), None)
@@ -248,13 +250,15 @@ class RollingPlan:
         if old.start != old.goal:
             before.barred |= {(old.start, old.goal), (old.goal, old.start)}
             before.graph = before.graph.without_edges([(old.start, old.goal)])
-        for goal in (old.start, home) if old.goal != home else (old.start,):
-            state, record = before.fork(now=now), LegRecord(old.start, goal, 0.0, 0.0, 0.0, revisit=True)
+        for goal in (old.start, home) if old.goal != home or old.priority > 0.0 else (old.start,):
+            state = before.fork(now=now)
+            record = LegRecord(old.start, goal, 0.0, self._stop, 0.0, revisit=True)
             if not self._set_out_from(state, record, position):
                 continue
             go_as_planned([state])
             finish(state.active_leg)
             state.run.legs.append(record)
+            state.now += record.t_task
             state.leg, state.here, state.cause = None, goal, "refused"
             if goal == home:
                 state.end("")

@@ -43,6 +43,8 @@ def test_the_simulator_is_executed_and_recorded(tmp_path, call, light_search):
         (["--scale", "0"], "--scale: must be positive"),
         (["--limit", "patience=3"], "with a name of reply"),
         (["--limit", "silence=long"], "'long' is no number"),
+        (["--limit", "tries=1.5"], "'1.5' is no whole number"),
+        (["--limit", "look=1e9"], "limit look: must be at most 60 s"),
         (["--limit", "silence=-1"], "limit silence: must be positive"),
         (["--notices", "no/such/file"], "create it empty"),
     ],

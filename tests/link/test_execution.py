@@ -525,8 +525,11 @@ def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
     plan, vehicle = made()
     told = [(float(t), CurrentNotice(np.array([0.1 * np.sin(t), 0.0, 0.0]))) for t in range(10, 250, 2)]
     told.insert(0, (5.0, CurrentNotice(np.full(3, np.nan))))
+    told.insert(0, (4.0, CurrentNotice(np.ones(3), np.array([9e6, 0.0, 10.0]))))
     record = executed(plan, vehicle, notices=Tell(vehicle, *told))
-    assert record.count("note") == 1
+    notes = [event.text for event in record.events if event.kind == "note"]
+    assert len(notes) == 2
+    assert "km from the mission: left out" in notes[0]
     assert "current" in [upload["cause"] for upload in record.uploads]
     assert len(record.uploads) < 8
     assert record.success
@@ -675,6 +678,41 @@ def test_a_plan_from_a_hold_leads_to_the_destination_even_too_late():
     assert available < found.ends < available + lasts + 60.0
     assert found.legs[-1].goal == plan.run.goal
     assert plan.from_leg(last, available - 60.0) is None, "the vehicle is under way there already"
+
+
+def test_a_leg_that_makes_all_too_late_is_left():
+    """Back to its start where more can be done from there in time, straight to the destination where not."""
+    plan, _ = made()
+    leg, available = plan.legs[1], plan.run.t_available
+    here = np.asarray(leg.positions[3], float)
+    assert plan.leave_leg(1, here, available - 600.0) is None
+    ways = []
+    for left in (1350.0, 1650.0, 1900.0):
+        found = plan.from_position(1, here, available - left)
+        assert found is not None
+        assert plan.in_time(found)
+        ways.append([part.goal for part in found.legs[1:]])
+    goal = plan.run.goal
+    assert ways == [[goal], [leg.start, goal], [leg.goal, goal]]
+    late = plan.from_position(1, here, available - 600.0)
+    assert late is not None
+    assert [part.goal for part in late.legs[1:]] == [goal], "the least late"
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_grows_slow_far_out_leaves_its_leg():
+    """At six tenths of its speed from the first waypoint on, which are known on the way to the second."""
+    plan, vehicle = made(told=1.0)
+    report = vehicle.report
+
+    def slower(seconds):
+        vehicle.told = 1.0 if vehicle.now < 520.0 else 0.6
+        return report(seconds)
+
+    vehicle.report = slower
+    record = executed(plan, vehicle)
+    assert "leave leg" in [upload["cause"] for upload in record.uploads]
+    assert record.success, record.reason
 
 
 def test_a_hold_on_the_first_leg_keeps_the_route():

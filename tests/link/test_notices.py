@@ -79,6 +79,17 @@ def test_the_file_is_read_on_by_whole_lines(tmp_path):
     assert np.asarray(found.velocity) == pytest.approx([0.0, 1.0, 0.0])
 
 
+def test_a_file_that_was_away_is_read_from_its_beginning(tmp_path):
+    path, line = tmp_path / "notices.jsonl", '{"current": [1, 0]}\n'
+    path.write_text(line)
+    notices = NoticeFile(path, SITE)
+    assert len(list(notices.read())) == 1
+    path.unlink()
+    assert len(list(notices.read())) == 1, "that it is away"
+    path.write_text(line)
+    assert isinstance(next(notices.read()), CurrentNotice)
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -88,6 +99,8 @@ def test_the_file_is_read_on_by_whole_lines(tmp_path):
         ({"current": 3}, "must be [north, east]"),
         ({"current": [99, 0]}, "from -10 to 10"),
         ({"obstacle": "x", "radius": 5}, "needs longitude and latitude"),
+        ({"obstacle": "x", "radius": 5, "north": 1, "east": 2, "longitude": 3, "latitude": 4}, "not both"),
+        ({"obstacle": "x", "radius": 5, "north": 1, "east": 2, "speed": 3}, "course: is missing"),
         ({"obstacle": "x", "north": 0, "east": 0}, "radius: is missing"),
         ({"obstacle": "x", "north": 0, "east": 0, "radius": -5}, "radius: must be from"),
         ({"obstacle": "x", "north": 0, "east": 0, "radius": 5, "depth_min": 9, "depth_max": 3}, "is above"),

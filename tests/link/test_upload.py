@@ -10,7 +10,7 @@ from auvplan.export.itinerary import waypoints
 from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Limits, Upload
 from auvplan.link.opening import check_address
-from auvplan.link.progress import Progress
+from auvplan.link.progress import Pace, Progress
 from tests.export.sample import SPEED, at_speeds, make_itinerary
 
 
@@ -115,15 +115,17 @@ def under_way(upload, pace, until, every=5.0, stands=()):
 
 @pytest.mark.parametrize("pace", [0.5, 0.7, 0.9, 1.0, 1.2])
 def test_the_pace_is_what_was_planned_for_the_way_made_by_what_it_took(upload, pace):
-    """From 30 s at the full pace on; 1/e is kept after twenty minutes, and currents make a little of it."""
+    """From 30 s at the full pace on; 1/e is kept after 20 and 5 minutes, and currents make a little of it."""
     first = upload.steps[1].left_at
     until = max(step.time for step in upload.steps if step.leg == 1) - 10.0
     progress = under_way(upload, pace, until)
     planned, taken = progress.pace.planned, progress.pace.taken
-    kept = np.exp(-(until - first) / pace / 1200.0)
-    begun, seen = 30.0 * kept, 1200.0 * (1.0 - kept)
+    memory = np.asarray([1200.0, 300.0])
+    kept = np.exp(-(until - first) / pace / memory)
+    begun, seen = 30.0 * kept, memory * (1.0 - kept)
     assert planned / taken == pytest.approx((begun + pace * seen) / (begun + seen), rel=0.02)
-    assert progress.pace.share == (1.0 if planned / taken >= 0.95 else planned / taken)
+    slow = (planned / taken)[(planned / taken < 0.95) & (taken - planned > 45.0)]
+    assert progress.pace.share == (min(slow) if len(slow) else 1.0)
     assert progress.slower == pytest.approx(1.0 / progress.pace.share)
     # What the plan reckons with already is not slower than that.
     progress.counted = progress.pace.share
@@ -132,6 +134,19 @@ def test_the_pace_is_what_was_planned_for_the_way_made_by_what_it_took(upload, p
     progress.counted = 1.0
     _, later = progress.track_ahead(progress.step.left, 0.0)
     assert later[1] == pytest.approx(min(seconds[1] / progress.pace.share, 180.0), rel=1e-6)
+
+
+def test_a_vehicle_that_grows_slow_is_known_to_be_within_minutes():
+    pace = Pace()
+    for _ in range(40):
+        pace = pace.after(30.0, 30.0)
+    assert pace.share == 1.0
+    for _ in range(8):
+        pace = pace.after(0.6 * 30.0, 30.0)
+    assert 0.6 < pace.share < 0.8
+    for _ in range(12):
+        pace = pace.after(0.6 * 30.0, 30.0)
+    assert pace.share == pytest.approx(0.64, abs=0.03)
 
 
 def test_a_vehicle_that_stands_still_has_no_other_pace(upload):
@@ -149,7 +164,8 @@ def test_at_a_task_the_track_ahead_stays_for_what_is_left_of_it(upload):
     for since in (0.0, 0.25, 0.9):
         track, seconds = progress.track_ahead(near, 700.0 + since * task.hold)
         assert (track == task.position).all()
-        assert seconds[-1] == pytest.approx(min((1.0 - since) * task.hold, 180.0))
+        begun = 30.0 / task.pace  # which it may begin when it is at rest there
+        assert seconds[-1] == pytest.approx(min((1.0 - since) * task.hold + begun, 180.0))
 
 
 def test_the_speeds_of_legs_are_those_of_their_steps():
