@@ -225,8 +225,8 @@ def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, r
     over = stops[:, -1] if count else np.full(len(stops), begins)
     used = (over - begins) / (run.t_available - begins)
     if (limit := _Limit.of(run, legs, ways)) is not None:
-        meanwhile = travel, np.diff(stops, axis=1, prepend=begins), tasks, done
-        shares = [np.where(kind == one, limit.shares(one, *meanwhile), 0.0) for one in range(3)]
+        times = travel, np.diff(stops, axis=1, prepend=begins), tasks, done
+        shares = [np.where(kind == one, limit.shares(one, *times), 0.0) for one in range(3)]
         used = np.maximum(used, limit.common + np.sum(shares, axis=(0, 2)))
     won = np.zeros(len(used))
     for which, some in enumerate(_by_kind(legs, ways)):
@@ -268,7 +268,7 @@ class _Draw(NamedTuple):
     Attributes:
         total: Wh, of each with its task.
         path, rest, task: s of its path, of waiting, and of its task.
-        under_way, at_rest, at_task: W meanwhile.
+        under_way, at_rest, at_task: W during these.
         start: Wh, that the task takes once where it is done.
     """
 
@@ -309,7 +309,7 @@ class _Draw(NamedTuple):
                 )
         return cls(*rows)
 
-    def meanwhile(self, gone: Array, lasts: Array, tasks: Array, done: NDArray[np.bool_]) -> Array:
+    def taken(self, gone: Array, lasts: Array, tasks: Array, done: NDArray[np.bool_]) -> Array:
         """Return Wh of legs that take other times than planned.
 
         Args:
@@ -351,9 +351,9 @@ class _Limit:
         ]
         return cls(most, (whole.total - draws[0].total.sum()) / most, draws)
 
-    def shares(self, kind: int, *meanwhile: Any) -> Array:
-        """Return the shares of it [D, L] that legs of a kind take; arguments as for `_Draw.meanwhile`."""
-        return self.draws[kind].meanwhile(*meanwhile) / self.most
+    def shares(self, kind: int, *times: Any) -> Array:
+        """Return the shares of it [D, L] that legs of a kind take; arguments as for `_Draw.taken`."""
+        return self.draws[kind].taken(*times) / self.most
 
 
 def _by_kind(legs: list[LegRecord], ways: Ways) -> list[list[LegRecord | None]]:
