@@ -212,7 +212,7 @@ class RollingPlan:
         return min(found, key=lambda plan: plan.ends, default=None)
 
     def _onward(self, count: int, position: Array, now: float) -> Iterator[Prospect]:
-        """Yield the plan of the rest of a leg and all after it, in time or not, where there is one."""
+        """Yield plans of the rest of a leg and all after it, in time or not: as it was, and another."""
         old, before, after = self.legs[count], self._before(count), self.followed.states[count + 1]
         if old.start == old.goal:  # a way back to its start, which `_without_leg` plans
             return
@@ -228,8 +228,10 @@ class RollingPlan:
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
                 step([state])
-            if (found := self._complete(state, count, (record, before), late=True)) is not None:
-                yield found
+            for cause in (state.cause,) if state.ended else (state.cause, "late"):
+                rest = self._complete(state.fork(cause=cause), count, (record, before), late=True)
+                if rest is not None:
+                    yield rest
 
     def in_time(self, plan: Prospect) -> bool:
         """Return whether a plan keeps the time available, and what else is promised."""
