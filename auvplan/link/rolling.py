@@ -4,7 +4,7 @@ Before every leg the state of the planners is kept. A new plan begins from the s
 may still change, with what has been learnt since.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -45,6 +45,9 @@ _NONE = Allowance()
 #: s that a vehicle goes aside for, at a share of its speed, and s that it stays there before it ends its
 #: mission by itself.
 _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
+
+#: Times as much less time as a plan was late by which it is made again.
+_SHORTER = 2.0, 4.0, 8.0
 
 #: Spheres of known obstacles that programs are made for; a slender one that reaches deep takes many.
 _PLACES = 64
@@ -186,7 +189,8 @@ class RollingPlan:
 
         None where there is no plan that reaches the destination, in time if not `late`.
         """
-        return self._complete(self._before(count, now=now, cause="late"), count, late=late)
+        found = self._rest(lambda: self._before(count, now=now, cause="late"), count)
+        return found if found is not None and (late or self.in_time(found)) else None
 
     def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
@@ -212,7 +216,7 @@ class RollingPlan:
         return min(found, key=lambda plan: plan.ends, default=None)
 
     def _onward(self, count: int, position: Array, now: float) -> Iterator[Prospect]:
-        """Yield plans of the rest of a leg and all after it, in time or not: as it was, and another."""
+        """Yield a plan of the rest of a leg and all after it, as that was where it is in time still."""
         old, before, after = self.legs[count], self._before(count), self.followed.states[count + 1]
         if old.start == old.goal:  # a way back to its start, which `_without_leg` plans
             return
@@ -228,10 +232,11 @@ class RollingPlan:
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
                 step([state])
-            for cause in (state.cause,) if state.ended else (state.cause, "late"):
-                rest = self._complete(state.fork(cause=cause), count, (record, before), late=True)
-                if rest is not None:
-                    yield rest
+            first, own = (record, before), self._complete(state.fork(), count, (record, before))
+            if own is not None:
+                yield own
+            elif rest := self._rest(lambda: state.fork(cause="late"), count, first):
+                yield rest
 
     def in_time(self, plan: Prospect) -> bool:
         """Return whether a plan keeps the time available, and what else is promised."""
@@ -373,6 +378,28 @@ class RollingPlan:
     def margin(self) -> float:
         """M that paths keep off obstacles."""
         return self._context.scenario.safety.obstacles
+
+    def _rest(
+        self, start: Callable[[], Mission], count: int, first: tuple[LegRecord, Mission] | None = None
+    ) -> Prospect | None:
+        """Plan to the end from a state that is made twice, in time if it can be; else as `_complete`.
+
+        Paths take longer than routes reckon with: where that makes a plan late, it is made again with twice
+        as much less time as it was late, and so on.
+        """
+        found = self._complete(start(), count, first, late=True)
+        if found is None or self.in_time(found):
+            return found
+        for times in _SHORTER:
+            state = start()
+            available = state.run.t_available
+            state.run.t_available = available - times * max(found.ends - available, 0.0)
+            sooner = self._complete(state, count, first, late=True)
+            for one in [] if sooner is None else sooner.states:
+                one.run.t_available = available
+            if sooner is None or self.in_time(sooner):
+                return sooner or found
+        return found
 
     def _complete(
         self,
