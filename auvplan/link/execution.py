@@ -132,8 +132,8 @@ class _Executor:
         self._due = ""  # why the rest is to be re-planned
         self._turns = ""  # why its leg is to be left for the way back
         # Legs that were done, s that it was late, and s when the mission was to end, when the rest was last
-        # re-planned for its times.
-        self._settled = -1, 0.0, math.inf
+        # re-planned for its times; 0 before that on each leg.
+        self._settled = -1, 0.0, 0.0
         self._tries: Counter[str] = Counter()  # answers in a row, by kind, to what did not go away
         self._spent = ""  # what was answered too often
         self._failed = -math.inf  # s, when something failed that is tried again later
@@ -311,10 +311,11 @@ class _Executor:
         ends = _delays(self._plan.legs[self._count :], now, late, self._progress.slower)[-1].done
         count, known, foreseen = self._settled
         off = abs(late - known) if count == self._count else abs(late)
-        too_late = ends > self._record.t_available and ends - foreseen > _SOONER
+        known_late = foreseen > self._record.t_available  # and nothing was found against it
+        too_late = ends > self._record.t_available and not (known_late and ends - foreseen <= _SOONER)
         if off <= limit and not too_late:
             return ""
-        self._settled = self._count, late, ends + _SOONER  # where no plan is found, it is not for each second
+        self._settled = self._count, late, ends
         return "late" if too_late or late > 0.0 else "early"
 
     def _missed(self, new: _Next) -> str:
@@ -372,7 +373,7 @@ class _Executor:
                 self._say("leg", f"reached {self._plan.run.place(leg.goal)}{task}, {off}")
                 self._plan.ended(number, ended)
             self._count, self._looked = max(self._count, step.leg), -math.inf  # looks at the next leg at once
-            self._turns = ""
+            self._turns, self._settled = "", (self._count, 0.0, 0.0)
         if self._link.by_legs and report.position is not None:
             progress.pass_corners(report.position)
 
@@ -618,10 +619,8 @@ class _Executor:
             found = self._plan.from_leg(kept, begins, late=True) if more else None
             found = found if found is not None and found.ends < ends - _SOONER else None
         if found is None:
-            self._due = ""
-            if more:
-                reason = self._plan.reason
-                self._say("no plan", f"no better plan ({cause}): {reason}; it goes on as uploaded")
+            self._due, reason = "", self._plan.reason
+            self._say("no plan", f"no better plan ({cause}): {reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)
         staying = []

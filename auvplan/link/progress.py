@@ -17,10 +17,11 @@ _AT_TASK = 15.0
 
 #: s of mission time between two sightings by which the pace is judged, s of what was planned in the past that
 #: it begins with, and s after which 1/e of what was seen counts, in the long run and in the short.
-_APART, _PRIOR, _MEMORY = 30.0, 30.0, np.asarray([1200.0, 300.0])
+_APART, _PRIOR, _MEMORY = 30.0, 30.0, np.asarray([1200.0, 180.0])
 
-#: Pace up to which a vehicle counts as slow, s that it must have cost, and the least that is counted on.
-_SLOW, _COST, _LEAST = 0.95, 45.0, 0.3
+#: Pace up to which a vehicle counts as slow, s that it must have cost in the long run and in the short, and
+#: the least that is counted on.
+_SLOW, _COST, _LEAST = 0.95, np.asarray([45.0, 30.0]), 0.3
 
 #: Share of the planned pace below which a vehicle is not under way.
 _STANDS = 0.2

@@ -115,16 +115,16 @@ def under_way(upload, pace, until, every=5.0, stands=()):
 
 @pytest.mark.parametrize("pace", [0.5, 0.7, 0.9, 1.0, 1.2])
 def test_the_pace_is_what_was_planned_for_the_way_made_by_what_it_took(upload, pace):
-    """From 30 s at the full pace on; 1/e is kept after 20 and 5 minutes, and currents make a little of it."""
+    """From 30 s at the full pace on; 1/e is kept after 20 and 3 minutes, and currents make a little of it."""
     first = upload.steps[1].left_at
     until = max(step.time for step in upload.steps if step.leg == 1) - 10.0
     progress = under_way(upload, pace, until)
     planned, taken = progress.pace.planned, progress.pace.taken
-    memory = np.asarray([1200.0, 300.0])
+    memory = np.asarray([1200.0, 180.0])
     kept = np.exp(-(until - first) / pace / memory)
     begun, seen = 30.0 * kept, memory * (1.0 - kept)
     assert planned / taken == pytest.approx((begun + pace * seen) / (begun + seen), rel=0.02)
-    slow = (planned / taken)[(planned / taken < 0.95) & (taken - planned > 45.0)]
+    slow = (planned / taken)[(planned / taken < 0.95) & (taken - planned > [45.0, 30.0])]
     assert progress.pace.share == (min(slow) if len(slow) else 1.0)
     assert progress.slower == pytest.approx(1.0 / progress.pace.share)
     # What the plan reckons with already is not slower than that.
@@ -141,9 +141,9 @@ def test_a_vehicle_that_grows_slow_is_known_to_be_within_minutes():
     for _ in range(40):
         pace = pace.after(30.0, 30.0)
     assert pace.share == 1.0
-    for _ in range(8):
+    for _ in range(4):
         pace = pace.after(0.6 * 30.0, 30.0)
-    assert 0.6 < pace.share < 0.8
+    assert 0.6 < pace.share < 0.85
     for _ in range(12):
         pace = pace.after(0.6 * 30.0, 30.0)
     assert pace.share == pytest.approx(0.64, abs=0.03)
