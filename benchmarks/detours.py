@@ -120,7 +120,8 @@ def posed(case: Case, folder: Path) -> Scenario:
     ]
     changes: dict[str, Any] = {
         "vehicle.speed": SPEED, "safety.coast": COAST, "mission.time_available": case.available,
-        "chart.pixel_size": 20, "chart.no_go": areas("no_go.geojson", case.closed), "mission.jobs": collection("jobs.geojson", jobs),
+        "chart.pixel_size": 20, "chart.no_go": areas("no_go.geojson", case.closed),
+        "mission.jobs": collection("jobs.geojson", jobs),
         "mission.start": [*case.start.tolist(), 5.0], "mission.goal": [*case.goal.tolist(), 5.0],
     }  # fmt: skip
     if case.islands:

@@ -65,7 +65,7 @@ def energy_along(trajectory: "Trajectory", power: PowerModel, vehicle: "Vehicle"
     turn = jnp.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1 + 1e-9)
     turn = jnp.concatenate([jnp.zeros_like(turn[:1]), turn])
     speed = jnp.broadcast_to(jnp.asarray(vehicle.speed, seconds.dtype), seconds.shape)
-    spent = energy_of_steps(power, seconds, speed, down, turn)
+    spent = _with_pump(energy_of_steps(power, seconds, speed, down, turn), power, down)
     return {name: part.sum(axis=0) for name, part in spent.items()}
 
 
@@ -227,9 +227,11 @@ def _with_tasks(spent: dict[str, Any], tasks: Any) -> dict[str, Array]:
     return {name: np.array(part, float) for name, part in (spent | {"tasks": tasks}).items()}
 
 
-def _with_pump(spent: dict[str, Any], power: PowerModel, down: Array) -> dict[str, Any]:
-    """Return the energy of steps one after the other with that of the pump where descents end."""
-    ends = (down > 0.0) & ~np.append(down[1:] > 0.0, False)
+def _with_pump(spent: dict[str, Any], power: PowerModel, down: Any) -> dict[str, Any]:
+    """Return the energy of steps one after the other, along axis 0, with that of the pump after descents."""
+    sinks = down > 0.0
+    ends = sinks & ~(np if isinstance(down, np.ndarray) else jnp).roll(sinks, -1, axis=0)
+    ends = ends | (sinks & (np.arange(len(down)) == len(down) - 1).reshape(-1, *[1] * (down.ndim - 1)))
     return spent | {"dive": spent["dive"] + power.pump * ends}
 
 

@@ -371,7 +371,7 @@ class RollingPlan:
         if track is None:
             return None
         leg, ends = self.legs[count], np.stack([position, track[-1]])
-        times, names = [now, now + _ASIDE], self.run.names
+        times, names = [now, now + _BRISK * _ASIDE], self.run.names  # it is asked for all its speed
         return PlannedLeg.of(count + 1, leg.start, leg.goal, ends, times, names=names, hold=_WAIT)
 
     @property

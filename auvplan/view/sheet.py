@@ -172,7 +172,7 @@ class MissionSheet:
             "otherwise",
             "depth, m",
             "transit, m",
-            "window",
+            "may begin",
             "wait, s",
             "hold, s",
             "leg, s",
@@ -238,7 +238,7 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    *("latitude, longitude", "leave by", "otherwise", "transit, m", "window", "wait, s", "hold, s"),
+    *("latitude, longitude", "leave by", "otherwise", "transit, m", "may begin", "wait, s", "hold, s"),
     *("through water, m/s", "closed, m", "bed, m", "obstacle, m", "fix, s", "position, m", "risk"),
 )
 

@@ -188,6 +188,15 @@ def total(*arguments, **names):
 
 
 LAW = replace(MODEL, propulsion=PowerLaw(5.0, 12.0), battery=None)
+
+
+def test_the_pump_counts_once_a_descent():
+    plain, pumped = (energies(replace(LAW, pump=pump), dive=20.0)["dive"] for pump in (0.0, 4850.0))
+    np.testing.assert_allclose(pumped - plain, 4850.0, rtol=1e-5)
+    up = (energies(replace(LAW, pump=pump), dive=-5.0)["dive"] for pump in (0.0, 4850.0))
+    np.testing.assert_allclose(np.diff(list(up), axis=0), 4850.0, rtol=1e-5)  # down again at the end
+
+
 compiled_total = jax.jit(total)
 slopes_of = jax.jit(jax.value_and_grad(total, argnums=(1, 2, 3, 5)))
 
