@@ -192,9 +192,7 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     planned: list[float] = []
 
     def noted(event) -> None:
-        if (
-            event.kind == "plan"
-        ):  # the last one before the start; of later ones legs are as they were executed
+        if event.kind == "plan":  # the last one before the start; later legs are as they were executed
             planned[:] = [leg.ends for leg in plan.legs]
         tell(event)
 

@@ -230,8 +230,8 @@ def _with_tasks(spent: dict[str, Any], tasks: Any) -> dict[str, Array]:
 def _with_pump(spent: dict[str, Any], power: PowerModel, down: Any) -> dict[str, Any]:
     """Return the energy of steps one after the other, along axis 0, with that of the pump after descents."""
     sinks = down > 0.0
-    ends = sinks & ~(np if isinstance(down, np.ndarray) else jnp).roll(sinks, -1, axis=0)
-    ends = ends | (sinks & (np.arange(len(down)) == len(down) - 1).reshape(-1, *[1] * (down.ndim - 1)))
+    xp: Any = np if isinstance(down, np.ndarray) else jnp
+    ends = sinks & ~xp.concatenate([sinks[1:], xp.zeros_like(sinks[:1])])
     return spent | {"dive": spent["dive"] + power.pump * ends}
 
 

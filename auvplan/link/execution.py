@@ -130,7 +130,7 @@ class _Executor:
         self._phase = Phase.READY
         self._new: _Next | None = None
         self._due = ""  # why the rest is to be re-planned
-        self._turns = ""  # why its leg is to be left for the way back
+        self._turns = ""  # why its leg is to be left
         # Legs that were done, s that it was late, and s when the mission was to end, when the rest was last
         # re-planned for its times; 0 before that on each leg.
         self._settled = -1, 0.0, 0.0
@@ -608,18 +608,19 @@ class _Executor:
         kept = self._count + 1
         while kept < len(legs) and delays[kept - 1].done < begin + self._cost:
             kept += 1
-        more = kept < len(legs)
-        begins, ends = delays[min(kept, len(legs)) - 1].done, delays[len(legs) - 1].done
-        found = self._plan.from_leg(kept, begins) if more else None
-        if found is None and ends > self._record.t_available:
-            back, moment = legs[self._count].start == legs[self._count].goal, self._now + self._cost
-            if not back and self._plan.leave_leg(self._count, self._place, moment) is not None:
+        found, reason, ends = None, "no leg after the present one", delays[len(legs) - 1].done
+        if kept < len(legs):
+            found = self._plan.from_leg(kept, delays[kept - 1].done, late=True)
+            reason = self._plan.reason
+        in_time = found is not None and self._plan.in_time(found)
+        if not in_time and ends > self._record.t_available:
+            moment = self._now + self._cost
+            if self._plan.leave_leg(self._count, self._place, moment) is not None:
                 self._due, self._turns = "", f"{cause}: the rest of its leg cannot be in time"
                 return
-            found = self._plan.from_leg(kept, begins, late=True) if more else None
-            found = found if found is not None and found.ends < ends - _SOONER else None
-        if found is None:
-            self._due, reason = "", self._plan.reason
+            in_time = found is not None and found.ends < ends - _SOONER  # or less late at least
+        if found is None or not in_time:
+            self._due = ""
             self._say("no plan", f"no better plan ({cause}): {reason}; it goes on as uploaded")
             return
         present = progress.upload.without(progress.ahead)

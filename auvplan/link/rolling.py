@@ -247,8 +247,11 @@ class RollingPlan:
 
         On the way to the destination it is without the task there.
 
-        Arguments as for `from_position`; None where the destination is not reached so in time.
+        Arguments as for `from_position`; None where the destination is not reached so in time, or where the
+        leg is such a way back itself.
         """
+        if self.legs[count].start == self.legs[count].goal:
+            return None
         return next(filter(self.in_time, self._without_leg(count, position, now)), None)
 
     def _without_leg(self, count: int, position: Array, now: float) -> Iterator[Prospect]:
@@ -387,13 +390,12 @@ class RollingPlan:
         Paths take longer than routes reckon with: where that makes a plan late, it is made again with twice
         as much less time as it was late, and so on.
         """
-        found = self._complete(start(), count, first, late=True)
-        if found is None or self.in_time(found):
+        found, available = self._complete(start(), count, first, late=True), self.run.t_available
+        if found is None or found.ends < available:
             return found
         for times in _SHORTER:
             state = start()
-            available = state.run.t_available
-            state.run.t_available = available - times * max(found.ends - available, 0.0)
+            state.run.t_available = available - times * (found.ends - available)
             sooner = self._complete(state, count, first, late=True)
             for one in [] if sooner is None else sooner.states:
                 one.run.t_available = available

@@ -337,7 +337,7 @@ def test_a_leg_is_looked_at_from_its_beginning():
     """An obstacle close after a task, of which nothing was planned, is not run into before the next look."""
     reached = next(event.time for event in executed(*made()).events if event.kind == "leg")
     plan, vehicle = made()
-    plan.from_leg = lambda *_: None  # no plan of the rest is found while it is at the task
+    plan.from_leg = lambda *_, **__: None  # no plan of the rest is found while it is at the task
     radius, first, then = 20.0, *(np.asarray(plan.legs[1].positions[k], float) for k in (0, 20))
     north, east = (first + 35.0 * (then - first) / np.linalg.norm(then - first))[:2].tolist()
     buoy = KnownObstacle("buoy", (north, east), radius)
