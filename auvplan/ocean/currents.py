@@ -7,7 +7,7 @@ after the other. ``barotropic`` says that z does not matter, which spares them t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial, reduce
 from typing import Any, Protocol, runtime_checkable
 
@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.deviation import deviation
-from auvplan.ocean.functions import PlainFunction, as_pytree
+from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import elementwise
 
@@ -38,12 +38,12 @@ class Current(Protocol):
         ...
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@register_function
+@dataclass(frozen=True, eq=False)
 class FunctionCurrent(PlainFunction):
     """A plain Python function as a current."""
 
-    steady: bool = field(default=False, metadata={"static": True})
+    steady: bool = False
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""

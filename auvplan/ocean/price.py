@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 
-from auvplan.ocean.functions import PlainFunction, as_pytree
+from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
 
 
 @runtime_checkable
@@ -21,8 +21,8 @@ class Price(Protocol):
         ...
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@register_function
+@dataclass(frozen=True, eq=False)
 class FunctionPrice(PlainFunction):
     """A plain Python function as a price."""
 
