@@ -17,6 +17,7 @@ from jax.core import Tracer
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
+from auvplan.runtime.captured import captured_by
 from auvplan.runtime.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
@@ -88,7 +89,13 @@ def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.
     """Score a population; a cost that is not a number becomes infinite. Returns (cost [P], violation [P])."""
     scored = fun(population, *args)
     cost, violation = scored if isinstance(scored, tuple) else (scored, jnp.zeros_like(scored))
-    chex.assert_shape([cost, violation], (population.shape[0],))
+    count = population.shape[0]
+    for plane in (cost, violation):
+        if jnp.shape(plane) != (count,):
+            raise ValueError(
+                f"a function of a population [{count}, {population.shape[1]}] must return [{count}], got "
+                f"shape {jnp.shape(plane)}: jax.vmap makes one of a function of a single habitat"
+            )
     return worst_unless_finite(cost), violation
 
 
@@ -371,7 +378,7 @@ def minimize(
 
     Args:
         fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]); any JAX function. It is
-            compiled once: pass data that changes between calls in `args`, not in a closure.
+            compiled again once what it reads from around it has changed: pass what changes often in `args`.
         lower: [D] inclusive lower bounds; integer bounds make an integer search.
         upper: [D] inclusive upper bounds.
         key: PRNG key, consumed; the same key gives the same result.
@@ -384,7 +391,8 @@ def minimize(
         The best habitat, its cost and violation, the last population and the history.
 
     Raises:
-        ValueError: bounds or population do not fit together.
+        ValueError: bounds or population do not fit together, the function returns other than one cost for
+            each habitat, or reads a NumPy array that has been changed in place since the last call.
         TypeError: the key is none, such as a seed.
 
     Example:
@@ -407,7 +415,20 @@ def minimize(
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
     target = None if stop is None else jnp.asarray(stop)
-    return _run(run_key, fun, start, low, high, config, args, feasible=True, stop=target)
+    return _run(run_key, fun, start, low, high, config, args, target, captured_by(fun))
 
 
-_run = jax.jit(run, static_argnums=(1, 5), static_argnames=("feasible",))
+@partial(jax.jit, static_argnames=("fun", "config", "captured"))
+def _run(
+    key: jax.Array,
+    fun: CostFunction,
+    population: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    config: BBOConfig,
+    args: tuple[Any, ...],
+    stop: jax.Array | None,
+    captured: tuple,
+) -> Result:
+    """Run a search, compiled for the values that the function has `captured`."""
+    return run(key, fun, population, lower, upper, config, args, feasible=True, stop=stop)

@@ -39,7 +39,7 @@ class Current(Protocol):
 
 
 @register_function
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FunctionCurrent(PlainFunction):
     """A plain Python function as a current."""
 

@@ -22,7 +22,7 @@ class Price(Protocol):
 
 
 @register_function
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FunctionPrice(PlainFunction):
     """A plain Python function as a price."""
 

@@ -5,7 +5,9 @@ Every function needs programs of its own; all grids of one shape share theirs.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
+import jax
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +42,6 @@ class SampledCurrent(GriddedCurrent):
     gradual = False
 
 
-@lru_cache(maxsize=4)
 def sampled(
     current: FunctionCurrent,
     lower: tuple[float, float, float],
@@ -61,6 +62,20 @@ def sampled(
         The samples, linear in between, and the most by which they differ from the function at random places,
         m/s; None where that is more than allowed, or where single precision cannot hold the nodes apart.
     """
+    return _sampled(jax.tree.structure(current), lower, upper, first, last, within)
+
+
+@lru_cache(maxsize=4)
+def _sampled(
+    form: Any,
+    lower: tuple[float, float, float],
+    upper: tuple[float, float, float],
+    first: float,
+    last: float,
+    within: float,
+) -> tuple[SampledCurrent, float] | None:
+    """Return `sampled` of a function's current that is given by its form, which tells what it captures."""
+    current = form.unflatten(())
     with_depth = axes_used(current)[2] and upper[2] > lower[2]
     with_time = axes_used(current, vertical=True)[3]
     count = _NODES[with_time, with_depth]

@@ -240,6 +240,36 @@ def test_problem_data_in_args_compiles_once() -> None:
     assert float(jnp.abs(first.x - second.x).sum()) > 1.0
 
 
+def test_a_function_is_compiled_again_once_what_it_reads_has_changed() -> None:
+    at, settings = [0.0], {"key": jax.random.key(0), "config": BBOConfig()}
+
+    class Shifted:
+        def __call__(self, x: jax.Array) -> jax.Array:
+            return sphere(x - at[0])
+
+    for fun in (lambda x: sphere(x - at[0]), partial(lambda at, x: sphere(x - at[0]), at), Shifted()):
+        at[0] = 0.0
+        first = minimize(fun, LOWER, UPPER, **settings)
+        at[0] = 2.0
+        second = minimize(fun, LOWER, UPPER, **settings)
+        np.testing.assert_allclose([first.x, second.x], [np.zeros(6), np.full(6, 2.0)], atol=0.5)
+
+
+def test_an_array_that_is_changed_in_place_is_refused() -> None:
+    centre = np.zeros(6)
+
+    def shifted(x: jax.Array) -> jax.Array:
+        return sphere(x - centre)
+
+    for _ in range(2):
+        minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+    centre += 2.0
+    with pytest.raises(ValueError, match="changed in place"):
+        minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+    centre = centre + 0.0
+    minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+
+
 BAD = [
     {"population": 1}, {"iterations": -1}, {"elites": 100}, {"elites": -1}, {"immigration": 1.1},
     {"emigration": 0.0}, {"mutation_max": -0.1}, {"mutation_genes": -1.0}, {"mutation_step": -1.0},
@@ -262,6 +292,9 @@ def test_bad_arguments_are_refused() -> None:
         minimize(sphere, UPPER, LOWER, key=key)
     with pytest.raises(ValueError, match="population must be"):
         minimize(sphere, LOWER, UPPER, key=key, config=SMALL, population=np.zeros((21, 6)))
+    for fun in (lambda x: (x**2).sum(), lambda x: (sphere(x), 0.0)):
+        with pytest.raises(ValueError, match=r"must return \[20\], got shape \(\): jax.vmap"):
+            minimize(fun, LOWER, UPPER, key=key, config=SMALL)
     gaussian = SMALL.replace(mutation="gaussian")
     with pytest.raises(ValueError, match="real SIVs"):
         minimize(integer_cost, np.zeros(3, int), np.ones(3, int), key=key, config=gaussian)
