@@ -18,7 +18,7 @@ from auvplan.path.ends import as_point, check_concrete, check_ends, check_given,
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples, samples_of
-from auvplan.path.sensitivity import Conditions, differentiable_time
+from auvplan.path.sensitivity import Conditions, Given, differentiable_time
 from auvplan.path.stages import Batch, Legs, polish_finely, search_legs, sketch_legs, split
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
@@ -45,8 +45,8 @@ def plan_path(
     """Plan the fastest safe path from start to goal.
 
     Under `jax.grad` and `jax.jvp` the `travel_time` of a feasible plan has a derivative by every leaf of
-    start, goal, environment, vehicle and departure, along the path found and at the limits that bind
-    (envelope theorem). All else in the plan is constant.
+    start, goal, environment, vehicle and departure (envelope theorem): along the path found with
+    `SETTLING_STEPS` in the last polish, and at the limits that bind. All else in the plan is constant.
 
     Args:
         start: [3] m, north, east, depth.
@@ -80,22 +80,21 @@ def plan_path(
     """
     kept = None if population is None else jnp.asarray(population)[None]
 
-    def planned(
-        start: ArrayLike, goal: ArrayLike, env: Environment, vehicle: Vehicle | None, depart: ArrayLike
-    ) -> PathPlan:
+    def planned(given: Given, config: PathConfig) -> PathPlan:
+        start, goal, env, vehicle, depart = given
         ends = as_point("start", start)[None], as_point("goal", goal)[None]
         settings = {"key": key, "config": config, "depart": depart, "population": kept, "budget": budget}
         return plan_paths(*ends, env, vehicle, **settings)[0]
 
-    given = start, goal, env, vehicle, depart
+    given, config = (start, goal, env, vehicle, depart), config or PathConfig()
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
-        return planned(*given)
+        return planned(given, config)
     check_given(env, vehicle)
     given = jax.tree.map(
         jnp.asarray,
         (jnp.asarray(start), jnp.asarray(goal), env, (vehicle or Vehicle()).without_power(), depart),
     )
-    time, plan = differentiable_time(planned, given, "plan_path")
+    time, plan = differentiable_time(planned, given, config, "plan_path")
     return replace(plan, travel_time=time)  # type: ignore[arg-type]
 
 

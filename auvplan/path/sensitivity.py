@@ -25,8 +25,13 @@ from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
 Given = tuple[Any, Any, Environment, Vehicle, Any]
 
-#: Limits bind from this multiple of a polish's margin on, and from this share of them on.
-_REACH, _NEARLY = 2.0, 0.995
+#: Gradient steps of the last polish of a path along which a derivative is taken: one within some tenths of a
+#: percent of the least time may still be so far from stationary that limits seem to cost nothing.
+SETTLING_STEPS = 1000
+
+#: Limits bind from these multiples of a polish's margins to coast, obstacles and the bed on, and from this
+#: share of other limits on.
+_REACH, _REACH_ABOVE, _NEARLY = 2.0, 5.0, 0.995
 
 
 @dataclass(frozen=True)
@@ -183,15 +188,19 @@ def _time_along(
     return evaluate(track, depart, bare, vehicle, config).travel_time[0]
 
 
-def differentiable_time(plan: Callable[..., Any], given: Given, name: str) -> tuple[jax.Array, Any]:
+def differentiable_time(
+    plan: Callable[[Given, PathConfig], Any], given: Given, config: PathConfig, name: str
+) -> tuple[jax.Array, Any]:
     """Plan while `jax.grad`, `jax.jvp` or the like differentiates, and return the least time and the plan.
 
-    The derivative is that of the envelope theorem: along the path that was found, by everything given, the
-    travel time changes as fast as the least one, plus what the limits that bind cost, each by its multiplier.
+    The derivative is that of the envelope theorem: along the least path, by everything given, the travel time
+    changes as fast as the least one, plus what the limits that bind cost, each by its multiplier. It is taken
+    along the path that is found with as many steps in the last polish as it takes to settle.
 
     Args:
-        plan: takes what is given, and returns a `PathPlan`.
+        plan: takes what is given and settings, and returns a `PathPlan`.
         given: start, goal, environment, vehicle and departure, some leaves of which are differentiated.
+        config: settings of the plan that is returned.
         name: of the public function, for messages.
 
     Raises:
@@ -203,14 +212,21 @@ def differentiable_time(plan: Callable[..., Any], given: Given, name: str) -> tu
     @jax.custom_jvp
     def least_time(given: Given) -> jax.Array:
         check_concrete(name, given)
-        plans.append(plan(*given))
+        plans.append(plan(given, config))
         return jnp.asarray(plans[-1].travel_time, float)
 
     @least_time.defjvp
     def _(primals: tuple[Given], tangents: tuple[Given]) -> tuple[jax.Array, jax.Array]:
         check_concrete(name, primals)  # traced once more, a second derivative is asked for
         time = least_time(*primals)
-        pairs = zip(_slopes_of_least(plans[-1], *primals), jax.tree.leaves(tangents), strict=True)
+        settled = plans[-1]
+        if config.refine_steps < SETTLING_STEPS:
+            settled = plan(*primals, config.replace(refine_steps=SETTLING_STEPS))
+        pairs = zip(
+            _slopes_of_least(settled if settled.feasible else plans[-1], *primals),
+            jax.tree.leaves(tangents),
+            strict=True,
+        )
         terms = [jnp.vdot(slope, of) for slope, of in pairs if of.dtype != jax.dtypes.float0]
         return time, jnp.asarray(sum(terms), time.dtype)
 
@@ -277,7 +293,7 @@ def _followed(
     """
     start, goal, env, vehicle, depart = given
     factor = factor_of(start, goal)
-    room, above_bed = (_REACH * margin / factor for margin in (GUIDE_MARGIN, GUIDE_ALTITUDE))
+    room, above_bed = (_REACH * GUIDE_MARGIN / factor, _REACH_ABOVE * GUIDE_ALTITUDE / factor)
     env = replace(env, obstacles=env.obstacles.resolved(env.current))
     if env.seabed is not None:
         env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + above_bed))

@@ -14,7 +14,7 @@ from auvplan.ocean.currents import is_quasi_steady
 from auvplan.path.cost import Track, evaluate
 from auvplan.path.kinematics import PacedCurrent
 from auvplan.path.profile import timed
-from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
+from auvplan.path.sensitivity import SETTLING_STEPS, Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
@@ -202,7 +202,8 @@ def test_slopes_of_a_least_time_by_every_leaf():
     plan = ap.plan_path(*given[:4], key=jax.random.key(0), config=LIGHT, depart=500.0)
     assert least == plan.travel_time
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes) if leaf.dtype != jax.dtypes.float0)
-    known = plan.sensitivity()
+    settled = LIGHT.replace(refine_steps=SETTLING_STEPS)
+    known = ap.plan_path(*given[:4], key=jax.random.key(0), config=settled, depart=500.0).sensitivity()
     assert (slopes[3].speed, slopes[4]) == pytest.approx((known.speed, known.departure), rel=1e-3)
     assert slopes[0][0] < 0.0 < slopes[1][0]
 
@@ -240,6 +241,50 @@ def test_least_times_have_the_slopes_of_plans_made_anew():
     pushed = jax.jvp(time, given, (*map(jnp.zeros_like, given[:2]), jax.tree.map(jnp.zeros_like, current),
                                    *map(jnp.zeros_like, given[3:5]), jnp.ones(())))[1]  # fmt: skip
     assert float(pushed) == pytest.approx(float(slopes[5]), rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4, 6])
+def test_least_times_of_default_settings_have_these_slopes_too(seed):
+    """Past an obstacle a default path may be so far from stationary that the limit seems to cost nothing."""
+    current = ap.random_vortices(jax.random.key(seed), (0, -1500, 0), (3000, 1500, 40), count=2)
+
+    def time(radius, config=None):
+        sphere = ap.Obstacles.static(np.array([[1500.0, 40.0, 20.0]]), np.ones(1))
+        env = ap.Environment(
+            current, None, replace(sphere, radius=radius[None]), (-500, -2000, 20), (3500, 2000, 20)
+        )
+        ends = (0.0, 0.0, 20.0), (3000.0, 0.0, 20.0)
+        return ap.plan_path(*ends, env, key=jax.random.key(0), config=config).travel_time
+
+    radius, settled = jnp.asarray(250.0), ap.PathConfig(refine_steps=3000)
+    changed = [float(time(radius + step, settled)) for step in (20.0, -20.0)]
+    assert float(jax.grad(time)(radius)) == pytest.approx((changed[0] - changed[1]) / 40.0, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("depth", ["flat", "sill"])
+def test_least_times_over_a_bed_have_the_slopes_of_plans_of_other_clearances(depth):
+    """In a following current that grows with depth the vehicle keeps as deep as it may."""
+    north = np.arange(-100.0, 3110.0, 10.0)
+    below = {"flat": 63.0 + 0.0 * north, "sill": 80.0 - 35.0 * np.exp(-(((north - 1500.0) / 400.0) ** 2))}
+    bed = ap.Seabed.from_depth(np.repeat(below[depth][:, None], 21, 1), 10.0, (-105.0, -105.0), clearance=3.0)
+    vehicle = ap.Vehicle(1.5, sway_max=5.0, surge_max=9.0, turn_rate_max=10.0)
+
+    def time(clearance, config=None):
+        seabed = replace(bed, clearance=clearance)
+        env = ap.Environment(sheared, None, None, (-100, -100, 0), (3100, 100, 90), seabed=seabed)
+        ends = (0.0, 0.0, 5.0), (3000.0, 0.0, 5.0)
+        return ap.plan_path(*ends, env, vehicle, key=jax.random.key(0), config=config).travel_time
+
+    clearance, settled = jnp.asarray(3.0), ap.PathConfig(refine_steps=3000)
+    changed = [float(time(clearance + step, settled)) for step in (2.0, -2.0)]
+    assert float(jax.grad(time)(clearance)) == pytest.approx((changed[0] - changed[1]) / 4.0, rel=0.06)
+
+
+def sheared(x, y, z, t):
+    """A stream to the north that grows with depth, m/s."""
+    return 0.012 * z, 0.0, 0.0
 
 
 def test_what_cannot_be_traced_says_what_can():
