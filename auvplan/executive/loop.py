@@ -473,4 +473,4 @@ def what_is_left(graph: MissionGraph, left: int, reached: int, visits: str) -> M
     """
     if visits == "once":
         return graph.without_waypoints([left]).without_task_at(reached)
-    return graph.without_edges([(left, reached)]).without_task_at(reached)
+    return graph.without_edges([(left, reached)], both_ways=None).without_task_at(reached)

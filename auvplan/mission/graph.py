@@ -138,18 +138,21 @@ class MissionGraph:
         bare = {"travel_time": None, "waypoint_duration": None, "timetable": None}
         return replace(self, duration=0.0 * self.duration, **bare).leg_times(speed)
 
-    def without_edges(self, used: Iterable[tuple[int, int]], both_ways: bool = True) -> Self:
+    def without_edges(self, used: Iterable[tuple[int, int]], both_ways: bool | None = True) -> Self:
         """Return a copy without the passed edges, the same shapes (section 3.3.2).
 
         Args:
             used: pairs (i, j).
-            both_ways: remove (j, i) as well; False for graphs whose two directions are separate tasks.
+            both_ways: remove (j, i) as well; None to do so where its own task is that of (i, j), so that the
+                two are one.
         """
         adjacency = np.array(self.adjacency)
+        pairs = (self.priority, self.waypoint_priority), (self.duration, self.waypoint_duration)
+        own = [np.asarray(whole) - np.asarray(part)[..., None, :] for whole, part in pairs]
         for i, j in used:
             adjacency[..., i, j] = False
-            if both_ways:
-                adjacency[..., j, i] = False
+            one = [np.isclose(plane[..., i, j], plane[..., j, i], atol=1e-6) for plane in own]
+            adjacency[..., j, i] &= ~np.logical_and(*one) if both_ways is None else not both_ways
         return replace(self, adjacency=adjacency)
 
     def without_waypoints(self, nodes: Iterable[int]) -> Self:

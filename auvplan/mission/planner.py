@@ -145,11 +145,13 @@ def replan_mission(
     speed: float | None = None,
     budget: float | None = None,
     energy_available: float | None = None,
+    now: float | None = None,
 ) -> MissionRoute:
     """Re-plan the rest of a mission from a waypoint of its route (section 3.3.2).
 
-    Edges that were passed leave the graph, and so do the tasks done. The search starts from the population of
-    the last route, and the rest of that route is among its habitats.
+    Edges that were passed leave the graph, and so do the tasks done; the energy of a task at a waypoint stays
+    in `SpeedOptions.fixed`, from which the caller takes it. The search starts from the population of the last
+    route, and the rest of that route is among its habitats.
 
     Args:
         route: that was followed so far.
@@ -163,9 +165,10 @@ def replan_mission(
         speed: m/s, instead of `vehicle`.
         budget: s of wall-clock time, as for `plan_mission`.
         energy_available: J that are left, as for `plan_mission`.
+        now: s since the moment that the graph's timetable counts from; needed where it has one.
 
     Raises:
-        ValueError: `here` is not on the route, or as `plan_mission`.
+        ValueError: `here` is not on the route, `now` is missing, or as `plan_mission`.
 
     Example:
         >>> import jax, numpy as np
@@ -181,8 +184,14 @@ def replan_mission(
     nodes = [int(node) for node in route.nodes]
     if here not in nodes:
         raise ValueError(f"here must be a waypoint of the route {nodes}, got {here}")
+    if graph.timetable is not None:
+        if now is None:
+            raise ValueError(
+                "a graph with a timetable needs `now`, s since the moment that its times count from"
+            )
+        graph = replace(graph, timetable=graph.timetable.since(now))
     reached = nodes.index(here)
-    graph = graph.without_edges(list(pairwise(nodes[: reached + 1])))
+    graph = graph.without_edges(list(pairwise(nodes[: reached + 1])), both_ways=None)
     for node in nodes[: reached + 1]:
         graph = graph.without_task_at(node)
     return plan_mission(

@@ -1,6 +1,7 @@
 """Mission planning as a whole."""
 
-from itertools import pairwise
+from dataclasses import replace
+from itertools import combinations, pairwise
 
 import jax
 import numpy as np
@@ -14,11 +15,13 @@ from auvplan.mission import (
     MissionConfig,
     MissionGraph,
     MissionStatus,
+    Timetable,
     check_route,
     plan_mission,
     plan_missions,
     random_graph,
     replan_mission,
+    task_graph,
 )
 from auvplan.runtime.compiled import compilations
 from tests.mission.naive import BLIND, PLAIN, QUICK, best_priority, grid_graph, needs_graphs, proven
@@ -329,6 +332,41 @@ def test_a_mission_is_replanned_from_a_waypoint_of_its_route() -> None:
     unvisited = next(node for node in range(graph.size) if node not in first.nodes)
     with pytest.raises(ValueError, match="here must be a waypoint of the route"):
         replan_mission(first, graph, unvisited, left, speed=SPEED, key=jax.random.key(7))
+
+
+def test_a_replanned_mission_goes_by_the_clock() -> None:
+    """A window that has closed since the first plan is closed for the second."""
+    places = np.array([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]])
+    tasks = [(1, 1.0, 60.0), (2, 5.0, 60.0)]
+    graph = task_graph(places, list(combinations(range(4), 2)), waypoint_tasks=tasks)
+    closes = np.full((4, 4, 1), np.inf)
+    closes[:, 2] = 2200.0
+    travel = np.repeat((graph.leg_times(1.0) - graph.duration)[None], 2, axis=0)
+    graph = graph.with_timetable(
+        Timetable(np.array([0.0, 7200.0]), travel, np.full((4, 4, 1), -np.inf), closes)
+    )
+    first = plan_mission(graph, 0, 3, 7200.0, speed=1.0, key=jax.random.key(0))
+    assert first.priority == 6.0
+    for now, priority in ((1060.0, 5.0), (3000.0, 0.0)):
+        settings = {"speed": 1.0, "key": jax.random.key(1)}
+        rest = replan_mission(first, graph, 1, 7200.0 - now, now=now, **settings)
+        assert (rest.feasible, rest.priority, rest.bound) == (True, priority, priority)
+    with pytest.raises(ValueError, match="needs `now`"):
+        replan_mission(first, graph, 1, 4200.0, speed=1.0, key=jax.random.key(1))
+
+
+def test_the_way_back_along_a_directed_edge_is_a_task_of_its_own() -> None:
+    places = np.array([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]])
+    adjacency, priority = np.zeros((4, 4), bool), np.zeros((4, 4))
+    adjacency[[0, 1, 0, 1], [1, 0, 3, 3]] = True
+    priority[0, 1], priority[1, 0] = 2.0, 3.0
+    settings = {"speed": 1.0, "key": jax.random.key(0)}
+    for back, nodes in ((3.0, [1, 0, 3]), (2.0, [1, 3])):  # the same both ways, it is one task
+        priority[1, 0] = back
+        graph = MissionGraph(places, adjacency, priority, np.zeros((4, 4)))
+        first = plan_mission(graph, 0, 3, 4000.0, known_route=[0, 1, 3], **settings)
+        first = replace(first, nodes=np.array([0, 1, 3]))
+        np.testing.assert_array_equal(replan_mission(first, graph, 1, 3000.0, **settings).nodes, nodes)
 
 
 def test_a_speed_is_no_vehicle() -> None:
