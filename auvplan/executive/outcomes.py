@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Mission
+from auvplan.mission.timetable import ALWAYS
 from auvplan.path.outlook import Chain, Drawn, chain_times, leg_times, ruled_times
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
@@ -45,6 +46,8 @@ class Outcomes:
             that task included, and straight to the destination; infinite where there is no such way.
         spent: shares of the energy that may be used, where that is limited: [D] of all legs together, [D, L]
             of each more, and [D, K] on the ways past a task and to the destination.
+        lost: by how much more than planned the priority of each task has fallen [D, L], and of those past a
+            task [D, K], when they begin.
     """
 
     ends: Array
@@ -56,6 +59,7 @@ class Outcomes:
     past: Array
     home: Array
     spent: tuple[Array, ...] = ()
+    lost: tuple[Array | float, Array | float] = (0.0, 0.0)
 
     @property
     def in_time(self) -> NDArray[np.bool_]:
@@ -168,18 +172,39 @@ def outcomes(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways
         on = limit.shares(0, gone, np.diff(stops, axis=1, prepend=begins), tasks, done)
         common = np.full(len(on), limit.common)
         used, spent = np.maximum(used, common + on.sum(axis=1)), [common, on]
-    instead = [*np.zeros((2, len(used), 0))]
+    instead, begun = [*np.zeros((2, len(used), 0))], [*np.zeros((2, len(used), 0))]
     for kind, some in enumerate(ways or ()):
         lasts, last = (np.concatenate(part)[:, :count] for part in zip(*others[kind], strict=True))
         missing = [leg is None for leg in some]
         instead[kind] = np.where(missing, np.inf, (lasts + last)[:, 1 : len(some) + 1])
+        begun[kind] = stops[:, : len(some)] + lasts[:, 1 : len(some) + 1]
         if limit is not None:
             shares = limit.shares(kind + 1, lasts, lasts + last, last, np.ones(lasts.shape, bool))
             spent.append(shares[:, 1 : len(some) + 1])
     latest = latest_stops(parts[0], gone, tasks, done, run.t_available)
     past, home = instead
     drawn = np.concatenate(members)
-    return Outcomes(stops[:, -1], stops, done, used, drawn, latest, past, home, tuple(spent))
+    skipped = () if ways is None else ways.past
+    lost = _lost(run, legs, stops - tasks), _lost(run, skipped, begun[0])
+    return Outcomes(stops[:, -1], stops, done, used, drawn, latest, past, home, tuple(spent), lost)
+
+
+def _lost(run: MissionRun, legs: Sequence[LegRecord | None], begins: Array) -> Array:
+    """Return by how much more the priorities of tasks have fallen than planned [D, L].
+
+    Args:
+        run: the plan.
+        legs: with the tasks at their ends; None for none.
+        begins: [D, L] s since the epoch, when they begin.
+    """
+    lost, table = np.zeros(begins.shape), run.graph.timetable
+    for number, leg in enumerate(legs):
+        if table is not None and leg is not None and leg.priority > 0.0:
+            edge = leg.start, leg.goal
+            fallen = table.drops[edge] * (begins[:, number, None] > table.falls[edge])
+            more = fallen.sum(axis=1) - table.lost(*edge, leg.ends - leg.t_task)
+            lost[:, number] = np.minimum(more, leg.priority)
+    return lost
 
 
 def latest_stops(chain: Chain, gone: Array, tasks: Array, done: NDArray[np.bool_], available: float) -> Array:
@@ -199,6 +224,11 @@ def latest_stops(chain: Chain, gone: Array, tasks: Array, done: NDArray[np.bool_
         in_windows = np.minimum(begins[:, None], np.asarray(chain.closes)[k])
         in_windows = np.where(in_windows >= np.asarray(chain.opens)[k], in_windows, -np.inf).max(axis=1)
         begins = np.where(done[:, k] & np.isfinite(in_windows), in_windows, begins)
+        lasts = gone[:, k, None] + tasks[:, k, None]
+        in_time = np.minimum(begins[:, None], np.asarray(chain.until)[k] - tasks[:, k, None])
+        entered = in_time + tasks[:, k, None] - lasts >= np.asarray(chain.enters)[k]
+        in_time = np.where(entered, in_time, -np.inf).max(axis=1)
+        begins = np.where(done[:, k] & np.isfinite(in_time), in_time, begins)
         latest[:, k - 1] = begins - gone[:, k] - np.asarray(chain.rises)[k]
     return latest
 
@@ -230,9 +260,11 @@ def ruled(mission: Mission, legs: list[LegRecord], key: jax.Array, ways: Ways, r
         used = np.maximum(used, limit.common + np.sum(shares, axis=(0, 2)))
     won = np.zeros(len(used))
     for which, some in enumerate(_by_kind(legs, ways)):
+        lost = _lost(run, some, stops[:, : len(some)] - tasks[:, : len(some)])
         for number, leg in enumerate(some):
             if leg is not None:
-                won += leg.priority * ((kind[:, number] == which) & done[:, number])
+                gained = (kind[:, number] == which) & done[:, number]
+                won += (leg.priority - lost[:, number]) * gained
     none = np.zeros((len(used), 0))
     found = Outcomes(over, stops, done, used, np.concatenate(members), none, none, none)
     return Ruled(rule, kind[:, 1 : len(rule.on) + 1], found, float(won.mean()))
@@ -381,14 +413,19 @@ def _chain(mission: Mission, legs: list[LegRecord]) -> Chain:
         return np.stack([np.interp(places, along, axis) for axis in np.asarray(leg.positions, float).T], 1)
 
     table = mission.run.graph.timetable
-    windows = 1 if table is None else max(table.opens.shape[-1], 1)
-    opens = np.full((len(legs), -(-windows // _WINDOWS) * _WINDOWS), -np.inf)
-    closes = np.full(opens.shape, np.inf)
-    if table is not None and (count := table.opens.shape[-1]):
-        closes[:, count:], opens[:, count:] = -np.inf, np.inf  # no windows of theirs
-        for row, leg in enumerate(legs):
-            opens[row, :count] = table.opens[leg.start, leg.goal]
-            closes[row, :count] = table.closes[leg.start, leg.goal]
+
+    def windows(first: str, last: str) -> dict[str, Array]:
+        """Those of each leg's task, of which no more count than there are."""
+        count = 0 if table is None else getattr(table, first).shape[-1]
+        pair = np.full((2, len(legs), -(-max(count, 1) // _WINDOWS) * _WINDOWS), np.inf)
+        pair[0] = -np.inf
+        if count:
+            pair[:, :, count:] *= -1.0
+            for row, leg in enumerate(legs):
+                edge = leg.start, leg.goal
+                pair[:, row, :count] = getattr(table, first)[edge], getattr(table, last)[edge]
+        return {first: pair[0], last: pair[1]}
+
     rises = [leg.t_fix or 0.0 for leg in legs]
     waits = [leg.t_hold > rise for leg, rise in zip(legs, rises, strict=True)]
     rows: dict[str, Any] = {
@@ -398,11 +435,11 @@ def _chain(mission: Mission, legs: list[LegRecord]) -> Chain:
         "speed": [speed if leg.speed is None else leg.speed for leg in legs],
         "rises": rises,
         "leaves": [float(leg.times[0]) if wait else -np.inf for leg, wait in zip(legs, waits, strict=True)],
-        "opens": opens,
-        "closes": closes,
+        **windows("opens", "closes"),
+        **windows("enters", "until"),
         "task": [leg.t_task for leg in legs],
     }
-    fill: dict[str, float] = {"speed": speed, "leaves": -np.inf, "opens": -np.inf, "closes": np.inf}
+    fill: dict[str, float] = {"speed": speed, "leaves": -np.inf} | ALWAYS
     padded: dict[str, Any] = {
         name: np.concatenate([values, np.full((more, *np.shape(values)[1:]), fill.get(name, 0.0))])
         for name, values in ((name, np.asarray(values, float)) for name, values in rows.items())

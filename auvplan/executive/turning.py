@@ -130,7 +130,7 @@ def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
     seas = slice(None, None, _SEAS)
     moments = np.linspace(stakes.begins, stakes.available, _MOMENTS)
     step, last = moments[1] - moments[0], found.stops.shape[1] - 1
-    won = stakes.priorities * found.done[seas]
+    won, skipped = (part[seas] for part in _won(found, stakes))
     lasts, home, past = np.diff(found.stops, axis=1)[seas], found.home[seas], found.past[seas]
 
     def ahead(worth: Array, lasts: Array) -> Array:
@@ -154,7 +154,7 @@ def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
         if np.isfinite(home[:, k]).all():
             back = ahead(there, home[:, k])
         if k < past.shape[1] and np.isfinite(past[:, k]).all():
-            skip = stakes.past[k] + ahead(worth[k + 2], past[:, k])
+            skip = skipped[:, k, None] + ahead(worth[k + 2], past[:, k])
         times = found.stops[seas, k]
         here = [
             nowhere[:, 0] if way is nowhere else ahead(way, times - stakes.begins)[:, 0]
@@ -164,6 +164,12 @@ def _rule(found: Outcomes, stakes: Stakes, cost: float) -> Rule:
         goes_on, skips = np.searchsorted(moments, until[:, k], side="right")
         worth[k] = np.concatenate([on[:, :goes_on], skip[:, goes_on:skips], back[:, skips:]], axis=1)
     return Rule(*until)
+
+
+def _won(found: Outcomes, stakes: Stakes) -> tuple[Array, Array]:
+    """Return priorities that tasks win as they go without a rule [D, L], and those past a task [D, K]."""
+    past = np.broadcast_to(stakes.past[: found.past.shape[1]] - found.lost[1], found.past.shape)
+    return (stakes.priorities - found.lost[0]) * found.done, past
 
 
 def until_when(times: Array, on: Array, past: Array, home: Array) -> tuple[float, float]:
@@ -196,7 +202,7 @@ def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
         stakes: of the plan.
     """
     seas, count = found.home.shape
-    lasts, won_on = np.diff(found.stops, axis=1), stakes.priorities * found.done
+    lasts, (won_on, skipped) = np.diff(found.stops, axis=1), _won(found, stakes)
     now, won = found.stops[:, 0].copy(), won_on[:, 0].copy()
     kinds, there = np.full((seas, count), -1), np.zeros(seas, int)
     none = np.zeros((seas, lasts.shape[1] + 1))
@@ -214,7 +220,7 @@ def turned(found: Outcomes, rule: Rule, stakes: Stakes) -> Ruled:
         there[go] = k + 1
         if k < found.past.shape[1]:
             now[skip] += found.past[skip, k]
-            won[skip] += stakes.past[k]
+            won[skip] += skipped[skip, k]
             spent[skip] += past[skip, k]
             there[skip] = k + 2
         if k < count:

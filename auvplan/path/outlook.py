@@ -25,6 +25,9 @@ from auvplan.vehicle import Vehicle
 #: [V, 1], excess over each limit that is not a break.
 _LET_PASS = np.array([[WITHIN * (name in IN_CURRENT)] for name in VIOLATIONS])
 
+#: s, by which windows may be missed: times are of single precision.
+_PUNCTUAL = 0.01
+
 
 @dataclass(frozen=True)
 class Outlook:
@@ -116,6 +119,7 @@ class Chain:
         rises: [L] s, that the vehicle surfaces for a fix before it.
         leaves: [L] s, before which a leg is not begun; minus infinity where the vehicle does not wait.
         opens, closes: [L, W] s, windows in which the task at its end may begin.
+        enters, until: [L, V] s, windows in one of which it is begun and its task done.
         task: [L] s, that it takes.
     """
 
@@ -127,6 +131,8 @@ class Chain:
     leaves: jax.Array
     opens: jax.Array
     closes: jax.Array
+    enters: jax.Array
+    until: jax.Array
     task: jax.Array
 
 
@@ -251,7 +257,8 @@ def _gone(
     arrives = leaves + travel
     waits = jnp.where(arrives > leg.closes, jnp.inf, jnp.maximum(leg.opens - arrives, 0.0))
     wait = waits.min(initial=jnp.inf)
-    done = jnp.isfinite(wait)
+    kept = (leaves >= leg.enters - _PUNCTUAL) & (arrives + factor * leg.task <= leg.until + _PUNCTUAL)
+    done = jnp.isfinite(wait) & kept.any()
     return travel, arrives + jnp.where(done, wait + factor * leg.task, 0.0), done
 
 

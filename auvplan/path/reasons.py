@@ -151,16 +151,24 @@ def _steep(plan: "PathPlan", limit: str, segment: int) -> str:
 
 
 def _beaten(plan: "PathPlan", segment: int) -> str:
-    """Return the current on a segment where it leaves the vehicle the least way, and how much."""
+    """Return the current on a segment where it leaves the vehicle the least way, and how much.
+
+    Where it holds the vehicle at its depth, it is that.
+    """
     way = plan.positions[segment + 1] - plan.positions[segment]
     share = np.asarray(JUDGED_AT)
     places = plan.positions[segment] + share[:, None] * way
     times = plan.times[segment] + share * (plan.times[segment + 1] - plan.times[segment])
     found = plan.conditions.world().current(*(jnp.asarray(v, float) for v in (*places.T, times)))
     water = np.stack([np.broadcast_to(np.asarray(axis, float), share.shape) for axis in found], axis=1)
+    speed, steepest = float(np.asarray(plan.conditions.vehicle.speed)), plan.conditions.vehicle.pitch_max
+    if steepest is not None and way[2] != 0.0:
+        against, rate = -float((water[:, 2] * np.sign(way[2])).min()), speed * float(np.sin(steepest))
+        if against > (1.0 - SPEED_FLOOR) * rate:
+            sense, moves = ("upwards", "sinks") if way[2] > 0.0 else ("downwards", "rises")
+            return f"current {against:.2f} m/s {sense} beats the {rate:.2f} m/s at which the vehicle {moves}"
     all_along = water @ way / np.linalg.norm(way)
     all_across = np.sqrt(np.maximum((water**2).sum(axis=1) - all_along**2, 0.0))
-    speed = float(np.asarray(plan.conditions.vehicle.speed))
     progress = all_along + np.sqrt(np.maximum(speed**2 - all_across**2, 0.0))
     if plan.conditions.config.speed_reading == "eq8":
         progress = all_along + speed

@@ -142,7 +142,8 @@ def saw_tooth_plan(plan: PathPlan, saw: SawTooth, vehicle: Vehicle, seabed: Seab
 
 
 #: Where a glide begins or ends: m along the track, m of depth, s since the epoch, and the share of its
-#: horizontal speed by which the current beats the vehicle on the way. Glides and rests are [4, n], by sample.
+#: horizontal or vertical speed by which the current beats the vehicle on the way. Glides and rests are
+#: [4, n], by sample.
 _State = tuple[float, ...] | Array
 
 
@@ -159,7 +160,7 @@ class _Sea:
 
     def at(self, marks: Array) -> Array:
         """Return the places [n, 2] m at distances along the track; beyond its end it goes on straight."""
-        beyond = np.maximum(marks - self.length, 0.0)[:, None] / self.length
+        beyond = np.maximum(marks - self.length, 0.0)[:, None] / max(self.length, _LEAST)
         places = np.stack([np.interp(marks, self.marks, axis) for axis in self.track.T], axis=1)
         return places + beyond * (self.track[-1] - self.track[0])
 
@@ -187,7 +188,9 @@ class _Sea:
             forward = (water[:, :2] * unit).sum(axis=1)
             across = np.linalg.norm(water[:, :2] - forward[:, None] * unit, axis=1)
             ground, beaten = along_track("track", self.level, forward, across)
-            lasts = np.diff(fallen) / np.maximum(self.fall + sense * water[:, 2], SPEED_FLOOR * self.fall)
+            sinking = (self.fall + sense * water[:, 2]) / self.fall
+            beaten = np.maximum(beaten, SPEED_FLOOR - sinking)
+            lasts = np.diff(fallen) / (self.fall * np.maximum(sinking, SPEED_FLOOR))
             marks = along + np.concatenate([[0.0], np.cumsum(ground * lasts)])
             times = time + np.concatenate([[0.0], np.cumsum(lasts)])
             if np.abs(marks - before).max() < _LEAST:

@@ -165,6 +165,9 @@ class Scenario(Section):
         refuse(fixed, "vehicle.speed_range", reason, "planning.objective", "planning.preset")
         glides = self.vehicle.speed_range is not None and self.vehicle.saw_tooth is not None
         refuse(glides, "vehicle.speed_range", "does not go with a saw-tooth", "vehicle.saw_tooth")
+        glides = self.planning.promise is not None and self.vehicle.saw_tooth is not None
+        reason = "does not follow a saw-tooth's dives: keep time back by a shorter mission.time_available"
+        refuse(glides, "planning.promise", reason, "vehicle.saw_tooth")
         low, high = self.box
         nothing = "leaves, with depth_max, nothing of the area's depths"
         refuse(low[2] > high[2], "vehicle.depth_min", nothing, *_BOX_FIELDS)

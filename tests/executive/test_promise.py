@@ -23,6 +23,7 @@ from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathConfig
@@ -32,7 +33,7 @@ from auvplan.scenario.scenario import Scenario
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of
 from tests.executive.small import scenario
-from tests.executive.tide import CHANNEL, STREAMS, channel, channel_with
+from tests.executive.tide import CHANNEL, STREAMS, channel, channel_with, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -60,6 +61,7 @@ def straight(*lengths, **more):
         "leaves": np.full(count, -np.inf), "rises": np.zeros(count),
         "opens": np.full((count, 1), -np.inf),
         "closes": np.full((count, 1), np.inf), "task": np.zeros(count),
+        "enters": np.full((count, 1), -np.inf), "until": np.full((count, 1), np.inf),
     }  # fmt: skip
     return Chain(
         positions.astype(np.float32), **{k: np.asarray(v, np.float32) for k, v in (usual | more).items()}
@@ -213,6 +215,43 @@ def test_members_are_followed_one_by_one():
     still = sum(np.linalg.norm(np.diff(leg.positions, axis=0), axis=1).sum() for leg in done.run.done) / speed
     tasks = sum(leg.t_task for leg in done.run.done)
     assert means[1] == pytest.approx(still + tasks, rel=0.02)
+
+
+def followed(jobs, members, available):
+    """Outcomes of the plan for jobs in still water where other members stream to the north, m/s."""
+    streams = tuple(tidal_area(north, 0.0).forecast for north in members)
+    area = replace(tidal_area(0.0, 0.0), jobs=jobs, members=streams)
+    mission = mission_of(channel(mission=CHANNEL["mission"] | {"time_available": available}), area)
+    done = mission.fork()
+    complete(done)
+    ways = ways_of(mission, done.run)
+    return mission, done.run, ways, outcomes(mission, done.run.done, jax.random.key(0), ways)
+
+
+def test_a_line_that_is_over_after_its_window_is_missed():
+    """300 m there and 300 m along it, by 400 s: at 1.5 m/s they do, at 1.0 they do not."""
+    line = JobLine("line", ((300.0, 0.0, 5.0), (600.0, 0.0, 5.0)), priority=5.0, windows=((0.0, 400.0),))
+    _, run, _, found = followed(Jobs((), (line,)), (-1.0, -1.5), 3000.0)
+    (number,) = np.flatnonzero([leg.line is not None for leg in run.done])
+    np.testing.assert_array_equal(found.done[:, number], found.members < 2)
+    for member, speed in enumerate((2.5, 1.5)):
+        latest = found.latest[found.members == member, number - 1]
+        np.testing.assert_allclose(latest, 400.0 - 300.0 / speed, rtol=2e-3)
+
+
+def test_priorities_that_fall_fall_in_drawn_seas():
+    """The second task loses 7 of 8 when it begins after 300 s: it does where the first is left late."""
+    point = JobPoint("b", (600.0, 0.0, 5.0), 8.0, 120.0, falls=((300.0, 1.0),))
+    others = JobPoint("a", (200.0, 0.0, 5.0), 1.0, 30.0), JobPoint("c", (800.0, 0.0, 5.0), 1.0, 60.0)
+    mission, run, ways, found = followed(Jobs((*others, point), ()), (-0.8,), 1000.0)
+    assert run.total_priority == 10.0
+    late = found.members == 1
+    assert 0.2 < late.mean() < 0.8
+    stakes, count = Stakes.of(mission, run, ways), len(run.done) - 2
+    never = Rule(*np.full((2, count), np.inf))
+    expected = 10.0 - 7.0 * late.mean()
+    assert turned(found, never, stakes).priority == pytest.approx(expected)
+    assert ruled(mission, run.done, jax.random.key(0), ways, never).priority == pytest.approx(expected)
 
 
 def test_half_a_promise_in_a_sea_that_is_known_is_the_usual_plan_to_the_bit():
@@ -593,6 +632,12 @@ def test_a_way_home_is_followed_as_a_leg_is():
     leaves = np.full((3, 2), 10.0, np.float32)
     travel = leg_times(chain, leaves, seas, config=PathConfig().only())
     np.testing.assert_allclose(travel, timed(chain, streams)[0], rtol=1e-5)
+
+
+def test_no_promise_is_made_for_a_saw_tooth():
+    glider = {"saw_tooth": {"glide_angle": 26, "deep": 30}}
+    with pytest.raises(ValueError, match=r"planning\.promise does not follow a saw-tooth's dives: keep time"):
+        channel(mission=CHANNEL["mission"], planning=with_promise(0.9), vehicle=glider)
 
 
 def test_no_rule_is_made_where_the_position_grows_uncertain():

@@ -145,6 +145,25 @@ def test_a_goal_too_far_down_and_a_current_too_strong_are_named():
     assert len(plan.times) < 50, "it does not go on for days"
 
 
+@pytest.mark.parametrize(
+    ("down", "words"), [(-0.2, "0.20 m/s upwards beats"), (0.2, "0.20 m/s downwards beats")]
+)
+def test_a_vertical_current_that_holds_the_vehicle_is_named(down, words):
+    sinks = V * np.sin(ANGLE)
+    assert sinks < 0.2
+    plan = dived(env=replace(STILL, current=ap.UniformCurrent(0.0, 0.0, down)))
+    assert not plan.feasible
+    assert plan.status is ap.PathStatus.CURRENT
+    assert words in plan.reason
+    weaker = ap.UniformCurrent(0.0, 0.0, 0.5 * np.sign(down) * sinks)
+    assert dived(env=replace(STILL, current=weaker)).feasible
+
+
+def test_a_track_straight_down_is_too_steep():
+    plan = dived(goal=(0.0, 0.0, 100.0))
+    assert plan.broken() == ("pitch",)
+
+
 def test_a_bent_track_is_held():
     vehicle, config = ap.Vehicle(speed=V), PathConfig()
     track = straight_plan(np.zeros(3), np.array([3000.0, 0.0, 0.0]), 0.0, Conditions(STILL, vehicle, config))
