@@ -23,7 +23,7 @@ from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
-Given = tuple[Any, Any, Environment, Vehicle, Any]
+Given = tuple[Any, Any, Environment, Any, Any]
 
 #: Gradient steps of the last polish of a path along which a derivative is taken: one within some tenths of a
 #: percent of the least time may still be so far from stationary that limits seem to cost nothing.
