@@ -583,7 +583,8 @@ class _Executor:
 
     def _plan_leg(self, decision: Decision) -> None:
         """Plan from where the vehicle holds, for when it can be started, twice where that is missed."""
-        cause = decision.why
+        cause, again = decision.why, self._tries["no plan"] + 1 < self._limits.tries
+        self._plan.patience = again * (_PAUSE + _LATE)
         for _ in range(2):
             asked, self._plan.pace = self._now, self._progress.pace.share
             begins = asked + self._cost

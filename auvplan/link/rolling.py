@@ -93,10 +93,13 @@ class RollingPlan:
         reason: how the last planning ended, in words.
         measured: currents that count.
         pace: share of the speed that it is asked for which the vehicle makes; counted on from now on.
+        patience: s that a vehicle waits for its ways on and back, where both are blocked, before it goes
+            straight to the destination.
     """
 
     followed: Prospect
     pace: float = 1.0
+    patience: float = 0.0
 
     def __init__(
         self,
@@ -197,6 +200,8 @@ class RollingPlan:
 
         Where no path leads from there to the leg's goal, or all after it would be too late, its rest is left
         out, see `leave_leg`. Where only the time is short either way, the plan that is least late is taken.
+        Where nothing but the way to the destination is open, and there is the time, it is not taken as long
+        as there is `patience`.
 
         Args:
             count: legs that are done.
@@ -207,8 +212,12 @@ class RollingPlan:
             The plan, or None.
         """
         found: list[Prospect] = []
+        start, goal, home = self.legs[count].start, self.legs[count].goal, self.run.goal
         for plan in chain(self._onward(count, position, now), self._without_leg(count, position, now)):
             if self.in_time(plan):
+                shut = not found and home not in (start, goal) and plan.legs[count].goal == home
+                if shut and plan.ends + self.patience <= self.run.t_available and self.patience:
+                    break
                 return plan
             found.append(plan)
         if not found:

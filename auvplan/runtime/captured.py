@@ -18,8 +18,8 @@ _LIBRARIES = "auvplan", "builtins", "jax", "numpy", "scipy"
 #: Functions, containers and objects within one another that are looked into.
 _DEPTH = 4
 
-#: Numbers of an array that are looked at, evenly apart, and entries of what is looked into at most.
-_LOOKED_AT = 2**16
+#: Numbers of an array, and entries of a container, that are looked at, evenly apart.
+_NUMBERS, _ENTRIES = 2**16, 2**10
 
 #: Arrays that functions have been seen to read, and what was in them, by their identities.
 _arrays: dict[int, tuple[weakref.ref, tuple]] = {}
@@ -81,7 +81,7 @@ def _seen(value: Any, depth: int) -> Any:
     if value is None or isinstance(value, bool | int | float | complex | str | bytes):
         return type(value), repr(value)
     if isinstance(value, np.ndarray) and value.dtype != object:
-        part = value.reshape(-1)[:: 1 + value.size // _LOOKED_AT]
+        part = value.reshape(-1)[:: 1 + value.size // _NUMBERS]
         words = value.shape, value.dtype, hash(part.tobytes())
         key = id(value)
         array, before = _arrays.get(key, (None, None))
@@ -94,15 +94,13 @@ def _seen(value: Any, depth: int) -> Any:
         return words
     if depth == 0 or isinstance(value, ModuleType | type | jax.Array):
         return _Same(value)
-    if isinstance(value, dict | list | tuple | set | frozenset) and len(value) > _LOOKED_AT:
-        return _Same(value), len(value)
     if isinstance(value, partial):
         return captured_by(value, depth - 1)
     if isinstance(value, FunctionType | MethodType):
         ours = (value.__module__ or "").split(".")[0] in _LIBRARIES
         return _Same(value), () if ours else captured_by(value, depth - 1)
-    if isinstance(value, dict):
-        return _Same(value), tuple((_seen(k, 0), _seen(v, depth - 1)) for k, v in value.items())
-    if isinstance(value, list | tuple | set | frozenset):
-        return type(value), tuple(_seen(part, depth - 1) for part in value)
+    if isinstance(value, dict | list | tuple | set | frozenset):
+        entries = list(value.items() if isinstance(value, dict) else value)
+        some = entries[:: 1 + len(entries) // _ENTRIES]
+        return type(value), len(entries), tuple(_seen(part, depth - 1) for part in some)
     return _Same(value), tuple((k, _seen(v, depth - 1)) for k, v in getattr(value, "__dict__", {}).items())

@@ -727,6 +727,33 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
 
 
+def test_a_vehicle_that_is_shut_in_waits_before_it_goes_home():
+    """Obstacles lie over both ends of its leg; as long as there are time and patience, they may go away."""
+    plan, _ = made()
+    assert plan.plan()
+    leg = plan.legs[1]
+    here, now = np.asarray(leg.positions[len(leg.positions) // 2], float), float(leg.times[3])
+    places = plan.run.graph.positions
+    for name, end in (("on", leg.goal), ("back", leg.start)):
+        north, east, _ = map(float, places[end])
+        plan.add_obstacle(KnownObstacle(name, (north, east), 40.0))
+    home = plan.from_position(1, here, now)
+    assert home is not None
+    assert home.legs[1].goal == plan.run.goal
+    plan.patience = 60.0
+    assert plan.from_position(1, here, now) is None
+    assert "no path leads on" in plan.reason
+    plan.patience = plan.run.t_available - home.ends + 1.0
+    again = plan.from_position(1, here, now)
+    assert again is not None
+    assert again.ends == home.ends
+    plan.remove_obstacle("on")
+    plan.patience = 60.0
+    on = plan.from_position(1, here, now)
+    assert on is not None
+    assert on.legs[1].goal == leg.goal
+
+
 def in_the_channel(members):
     """A plan among six tasks in a stream, with other forecasts of it."""
     settings, area = channel_with(members, available=3000.0)
