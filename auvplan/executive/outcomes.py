@@ -224,9 +224,8 @@ def latest_stops(chain: Chain, gone: Array, tasks: Array, done: NDArray[np.bool_
         in_windows = np.minimum(begins[:, None], np.asarray(chain.closes)[k])
         in_windows = np.where(in_windows >= np.asarray(chain.opens)[k], in_windows, -np.inf).max(axis=1)
         begins = np.where(done[:, k] & np.isfinite(in_windows), in_windows, begins)
-        lasts = gone[:, k, None] + tasks[:, k, None]
         in_time = np.minimum(begins[:, None], np.asarray(chain.until)[k] - tasks[:, k, None])
-        entered = in_time + tasks[:, k, None] - lasts >= np.asarray(chain.enters)[k]
+        entered = in_time - gone[:, k, None] >= np.asarray(chain.enters)[k]
         in_time = np.where(entered, in_time, -np.inf).max(axis=1)
         begins = np.where(done[:, k] & np.isfinite(in_time), in_time, begins)
         latest[:, k - 1] = begins - gone[:, k] - np.asarray(chain.rises)[k]
