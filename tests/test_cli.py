@@ -51,6 +51,31 @@ def test_promise_says_what_it_costs_in_a_table_a_picture_and_json(tmp_path, call
     assert (code, json.loads(said)) == (0, found)
 
 
+@pytest.mark.parametrize("how", [(), ("--json",)])
+def test_a_plan_is_written_without_the_files_that_cannot_hold_it(tmp_path, call, how):
+    (tmp_path / "jobs.csv").write_text("name,north,east,depth,priority,duration\nwreck,700,700,10,3,70000\n")
+    mission = {key: LEG["mission"][key] for key in ("start", "goal")}
+    mission |= {"jobs": "jobs.csv", "time_available": 90_000}
+    site = {"longitude": 8.0, "latitude": 54.0, "departure": "2026-03-01T05:30:00Z"}
+    scenario, out = write(tmp_path, mission=mission, site=site), tmp_path / "out"
+    code, said, err = call("plan", scenario, "--out", out, "--pictures", "none", *how)
+    assert code == 0, err
+    for file in ("itinerary.plan", "itinerary.imc.xml"):
+        assert re.search(rf"warning: {file} is left out: .*the task .* takes 70000 s, at most 65535\n", err)
+        assert not (out / file).exists()
+        assert how or f"note: {file}" not in said
+    assert all(
+        (out / file).is_file() for file in ("summary.json", "mission.nc", "sheet.html", "itinerary.gpx")
+    )
+    code, said, again = call("export", out, "--out", tmp_path / "files")
+    assert code == 0
+    assert again.splitlines() == [line for line in err.splitlines() if "warning: " in line]
+    assert len(list((tmp_path / "files").iterdir())) == 6
+    code, _, err = call("export", out, "--format", "qgc")
+    assert code == 2
+    assert "the task at wreck (leg 1) takes 70000 s" in err
+
+
 @pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
 def test_promise_without_a_plan_says_why(tmp_path, call):
     mission = LEG["mission"] | {"time_available": 300}

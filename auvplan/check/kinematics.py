@@ -12,6 +12,9 @@ from auvplan.check.saved import TIME_TOLERANCE, Array, Saved
 POSITION_TOLERANCE = 0.3
 #: Share of what the velocity changes by within a step that its mean may be off, on a curved one.
 _CURVATURE = 0.25
+#: Shares of what the current changes by that the mean velocity of a planned step may be off: where the path
+#: keeps its limits, and where it does not, as the current may beat the vehicle on part of it.
+_MEANS = 0.1, 0.5
 #: Share of the turn at a corner by which a velocity there may lie off the middle of those beside it.
 _CORNER = 0.6
 #: m/s by which the speed through the water may differ from the vehicle's where the current is known, beyond
@@ -86,6 +89,7 @@ def _step_faults(
     velocity: Array,
     simulated: bool = False,
     made_at: Array | tuple[()] = (),
+    unsure: Array | float = 0.0,
 ) -> Iterator[str]:
     """Yield the first of n - 1 steps that its velocity does not lead along.
 
@@ -95,11 +99,12 @@ def _step_faults(
         velocity: [n or n - 1, 3] m/s over ground, from each moment on.
         simulated: whether a velocity is that at the beginning of its step, and not the mean of it.
         made_at: s, when the paths were planned that were followed.
+        unsure: [n - 1] m/s, by which the mean velocity of each step may be off.
     """
     elapsed = np.diff(times)[:, None]
     moved, begin = np.diff(positions, axis=0), velocity[: len(elapsed)] * elapsed
     apart = np.linalg.norm(moved - begin, axis=1)
-    allowed = np.full(len(apart), POSITION_TOLERANCE)
+    allowed = POSITION_TOLERANCE + unsure * elapsed[:, 0]
     if simulated:
         # On a curve half of the change to the next velocity leads there. At a corner, where a velocity lies
         # between those beside it, all of it may.
@@ -131,14 +136,22 @@ def _plan_faults(run: Saved) -> Iterator[str]:
     if "plan_time" not in run or "plan_yaw" not in run:
         return
     times, positions = run["plan_time"], run["plan_position"].astype(float)
-    velocity, made_at = Velocities.of(run, "plan_").ground, run["plan_made_at"]
+    velocities, made_at = Velocities.of(run, "plan_"), run["plan_made_at"]
+    velocity, feasible = velocities.ground, run["plan_feasible"]
     for number, count in enumerate(np.isfinite(times).sum(axis=1)):
         own = times[number, :count]
         if count and not abs(own[0] - made_at[number]) <= TIME_TOLERANCE:
             yield f"plan {number}: made at {made_at[number]:.2f} s, it begins at {own[0]:.2f} s"
         if count > 1 and np.isfinite(velocity[number, : count - 1]).all():
+            # A step takes the mean of the times by the current in several places, and has the velocity by its
+            # mean: they differ as the current changes along it, as far as those beside it show.
+            steps = np.s_[number, : count - 1]
+            speed = run.legs[int(run["plan_leg"][number])].speed
+            water = velocity[steps] - speed * velocities.heading[steps]
+            changes = np.pad(np.linalg.norm(np.diff(water, axis=0), axis=1), 1)
+            unsure = np.maximum(changes[:-1], changes[1:]) * _MEANS[not feasible[number]]
             places = positions[number, :count]
-            yield from _step_faults(f"plan {number}", own, places, velocity[number, : count - 1])
+            yield from _step_faults(f"plan {number}", own, places, velocity[steps], unsure=unsure)
 
 
 def _vertical_faults(run: Saved) -> Iterator[str]:

@@ -84,21 +84,24 @@ def plan(
             write_pdf(sheet, partial / "sheet.pdf")
         write_html(sheet, partial / "sheet.html", "mission.png" if names else None)
         notes: list[str] = []
+        left_out: list[str] = []
         if run.success and run.site is None:
             notes.append(
                 "no vehicle's file: the scenario has no section site, add one to export geographic formats"
             )
         elif run.success:
-            from auvplan.export import export, export_notes, itinerary_of
+            from auvplan.export import export_held, export_notes, itinerary_of
 
             itinerary = itinerary_of(run)
-            export(itinerary, partial)
-            notes += export_notes(itinerary)
+            held, left_out = export_held(itinerary, partial)
+            notes += export_notes(itinerary, held)
         if pictures != Pictures.NONE:
             from auvplan.report import write_run_report
 
             write_run_report(run, run.summary() | {"sheet": sheet.plain()}, partial)
         written = sorted(file.name for file in partial.iterdir())
+    for line in left_out:
+        shared.print_error(f"warning: {line}")
     if as_json:
         shared.print_json(run.summary() | {"sheet": sheet.plain()})
     elif not quiet:

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import QuietOption, SpeedHeld, list_files, name_page, progress_bar, say, say_notes
+from auvplan.cli.shared import (
+    QuietOption,
+    SpeedHeld,
+    list_files,
+    name_page,
+    print_error,
+    progress_bar,
+    say,
+    say_notes,
+)
 from auvplan.errors import ScenarioError, StudyError
 from auvplan.runtime.files import MISSION, ResultError, is_study
 
@@ -99,7 +108,8 @@ def export(
         list[str] | None,
         typer.Option(
             "--format",
-            help="qgc, geojson, kml, gpx, csv, netcdf, imc or ros; may be given again. All if absent.",
+            help="qgc, geojson, kml, gpx, csv, netcdf, imc or ros; may be given again. All that can hold the "
+            "plan if absent.",
         ),
     ] = None,
     out: Annotated[
@@ -124,10 +134,10 @@ def export(
     quiet: QuietOption = False,
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
-    from auvplan.export import FORMATS, export, export_notes, itinerary_of
+    from auvplan.export import export, export_held, export_notes, itinerary_of
     from auvplan.io.restore import restore_run
 
-    chosen = [name.strip() for text in formats or FORMATS for name in text.split(",")]
+    chosen = [name.strip() for text in formats or () for name in text.split(",")]
     run = restore_run(folder)
     if run.simulated and not as_simulated:
         raise ResultError(
@@ -136,8 +146,14 @@ def export(
         )
     over_ground = speed is SpeedHeld.GROUND
     itinerary = replace(itinerary_of(run, slow=slow), fence_points=fence_points, over_ground=over_ground)
-    notes = export_notes(itinerary, chosen)
-    files = export(itinerary, out or folder, chosen)
+    if chosen:
+        notes = export_notes(itinerary, chosen)
+        files = export(itinerary, out or folder, chosen)
+    else:
+        held, left_out = export_held(itinerary, out or folder)
+        notes, files = export_notes(itinerary, held), list(held.values())
+        for line in left_out:
+            print_error(f"warning: {line}")
     if not quiet:
         say_notes(notes)
         list_files("files", files)

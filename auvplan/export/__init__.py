@@ -34,6 +34,7 @@ __all__ = [
     "Thinned",
     "Track",
     "export",
+    "export_held",
     "export_notes",
     "export_run",
     "itinerary_of",
@@ -101,6 +102,24 @@ def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tu
     chosen = _formats(formats)
     target = output_folder(folder)
     return [kind.write(itinerary, target) for kind in chosen]
+
+
+def export_held(itinerary: Itinerary, folder: str | Path) -> tuple[dict[str, Path], list[str]]:
+    """Write an itinerary in all formats that can hold it.
+
+    Returns:
+        Their files by the formats' names, and a line for each other format, with its file and why.
+
+    Raises:
+        OutputError: as `export`.
+    """
+    held, left_out = {}, []
+    for name, kind in FORMATS.items():
+        try:
+            (held[name],) = export(itinerary, folder, [name])
+        except ExportError as error:
+            left_out.append(f"{kind.file} is left out: {error}")
+    return held, left_out
 
 
 def export_run(

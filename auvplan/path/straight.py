@@ -26,6 +26,9 @@ STEP = 20.0
 #: Steps that one compiled call evaluates: two shapes serve lines of every length.
 _TOGETHER = 512, 8192
 
+#: Steps that are held in memory at once, besides those of one more line: half a kilobyte each.
+_AT_ONCE = 2**19
+
 #: s, by which arrival times may still change when a path is said to be timed; and passes at most.
 _SETTLED, _PASSES = 0.01, 12
 
@@ -105,9 +108,15 @@ class Straights:
             begin: [L] s since the epoch, when each is begun.
             passing: [L] s that each is taken to last, which says when its steps are taken.
         """
-        cut = Cut.of(first, last)
-        duration, room, _ = self._evaluate(cut, begin[cut.line] + cut.middle * passing[cut.line])
-        return np.add.reduceat(duration, cut.offsets), np.minimum.reduceat(room, cut.offsets, axis=1)
+        blocks = np.cumsum(_steps_of(first, last, STEP)) // _AT_ONCE
+        durations, rooms = [], []
+        for own in np.split(np.arange(len(first)), np.flatnonzero(np.diff(blocks)) + 1):
+            cut = Cut.of(first[own], last[own])
+            when = begin[own][cut.line] + cut.middle * passing[own][cut.line]
+            duration, room, _ = self._evaluate(cut, when)
+            durations.append(np.add.reduceat(duration, cut.offsets))
+            rooms.append(np.minimum.reduceat(room, cut.offsets, axis=1))
+        return np.concatenate(durations), np.concatenate(rooms, axis=1)
 
     def _evaluate(self, cut: "Cut", time: Array) -> tuple[Array, Array, Array]:
         """Durations [N] s of all steps, `Steps.room` and `Steps.water`, in calls of few shapes."""
@@ -149,13 +158,18 @@ class Cut:
     @classmethod
     def of(cls, first: Array, last: Array, step: float = STEP) -> "Cut":
         """Cut L lines between ends [L, 3] m."""
-        count = np.maximum(np.ceil(np.linalg.norm(last - first, axis=1) / step), 1.0).astype(int)
+        count = _steps_of(first, last, step)
         offsets = np.concatenate([[0], np.cumsum(count)[:-1]])
         line = np.repeat(np.arange(len(count)), count)
         share = (np.arange(len(line)) - offsets[line]) / count[line]
         way = ((last - first) / count[:, None])[line]
         start = first[line] + share[:, None] * (last - first)[line]
         return cls(line, offsets, start, way, share + 0.5 / count[line])
+
+
+def _steps_of(first: Array, last: Array, step: float) -> NDArray[np.intp]:
+    """Return into how many steps, of at most so many m, lines between ends [L, 3] m are cut."""
+    return np.maximum(np.ceil(np.linalg.norm(last - first, axis=1) / step), 1.0).astype(int)
 
 
 def _room(

@@ -11,7 +11,7 @@ from auvplan.path.motion import Motion
 from auvplan.vehicle import Vehicle
 from tests.check.test_check import check, in_a_band_that_closes, three_jobs, with_known_obstacle
 from tests.check.test_check_seabed import over
-from tests.io.sample_run import SPEED, make_run
+from tests.io.sample_run import SPEED, make_run, refused_leg
 
 #: m/s that a vehicle of the sample run makes good in the fastest current that there is.
 FASTEST = SPEED + 5.0
@@ -86,6 +86,53 @@ def test_what_a_new_path_does_says_nothing_of_the_step_before_it():
     assert not faults(run, "off the next position")
     run.legs[0].positions[6, :2] += [0.0, 1.5]
     assert faults(run, "off the next position")
+
+
+def across_a_stream(feasible, most):
+    """A plan due north in long steps across a stream of up to so many times the vehicle's speed.
+
+    Times are means over each step, and velocities those in the mean of the current.
+    """
+    gaps, places = np.full(12, 200.0), (np.arange(96.0) + 0.5) / 96.0
+    stream = most * SPEED * np.sin(np.pi * places)
+    ground = np.sqrt(SPEED**2 - np.minimum(stream, 0.99 * SPEED) ** 2)
+    times = np.concatenate([[0.0], np.cumsum(gaps * (1.0 / ground).reshape(12, 8).mean(axis=1))])
+    positions = np.c_[200.0 * np.arange(13.0), np.zeros(13), np.full(13, 30.0)]
+    run = along(positions, times)
+    (leg,) = run.legs
+    water = np.c_[np.zeros(12), stream.reshape(12, 8).mean(axis=1), np.zeros(12)]
+    motion = Motion.along("track", SPEED, np.diff(positions, axis=0), water)
+    plan = leg.plans[0]
+    leg.plans = [replace(plan, positions=positions, times=times, motion=motion, feasible=feasible)]
+    return run, leg.plans[0]
+
+
+@pytest.mark.parametrize(
+    ("feasible", "most", "metres"), [(True, 0.9, 10.0), (True, 0.93, 10.0), (False, 1.0, 40.0)]
+)
+def test_planned_steps_may_be_off_by_what_the_current_changes_along_them(feasible, most, metres):
+    run, plan = across_a_stream(feasible, most)
+    off = np.diff(plan.positions, axis=0) - plan.motion.ground_velocity * np.diff(plan.times)[:, None]
+    assert np.linalg.norm(off, axis=1).max() > 0.5
+    assert not faults(run, "plan 0: ")
+    plan.positions[6, 0] += metres
+    assert faults(run, "plan 0: the velocity at ")
+
+
+def test_planned_steps_in_a_current_that_does_not_change_are_exact():
+    run, plan = across_a_stream(True, 0.0)
+    assert not faults(run, "plan 0: ")
+    plan.positions[6, 0] += 0.31
+    assert faults(run, "plan 0: the velocity at ")
+
+
+def test_a_leg_whose_refused_path_took_longer_expects_that_time():
+    run = make_run()
+    leg = run.legs[1]
+    leg.t_expected += 100.0
+    assert faults(run, "its route")
+    run.legs.insert(1, replace(refused_leg(run), start=leg.start, goal=leg.goal))
+    assert not faults(run, "its route")
 
 
 @pytest.mark.parametrize(("faster", "found"), [(1.0, 0), (2.2, 1)])

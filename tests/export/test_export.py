@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from auvplan.export import FORMATS, ExportError, export, export_notes
+from auvplan.export import FORMATS, ExportError, export, export_held, export_notes
 from auvplan.runtime.files import OutputError
 from tests.export.compare import written
 from tests.export.sample import EPOCH, SITE, make_itinerary
@@ -73,3 +73,17 @@ def test_a_time_beyond_those_of_ros_is_told_in_one_line(tmp_path: Path):
     with pytest.raises(ExportError, match="a ROS time is from 1901 to 2038"):
         export(itinerary, tmp_path, ["ros"])
     assert not list(tmp_path.iterdir())
+
+
+def test_formats_that_cannot_hold_a_plan_are_left_out_by_name(tmp_path: Path):
+    whole = make_itinerary()
+    first, *rest = whole.legs
+    held, left_out = export_held(replace(whole, legs=(replace(first, hold=70_000.0), *rest)), tmp_path)
+    assert [*held] == [name for name in FORMATS if name not in ("qgc", "imc")]
+    assert sorted(held.values()) == sorted(tmp_path.iterdir())
+    assert left_out == [
+        "itinerary.plan is left out: .plan: the task at wreck & reef (leg 1) takes 70000 s, at most 65535",
+        "itinerary.imc.xml is left out: IMC plan: the task of leg 1 takes 70000 s, at most 65535",
+    ]
+    held, left_out = export_held(whole, tmp_path)
+    assert ([*held], left_out) == ([*FORMATS], [])

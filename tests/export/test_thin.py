@@ -13,6 +13,7 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.seabed import Seabed
+from auvplan.path.straight import Cut, Straights
 from auvplan.vehicle import Vehicle
 from tests.io.sample_run import make_vortices
 
@@ -80,6 +81,21 @@ def rowed(places: np.ndarray, current, depart: float, steps: int = 400) -> float
             across = np.sqrt(max(water @ water - along**2, 0.0))
             now += gap / (along + np.sqrt(4.0 - across**2))
     return now
+
+
+def test_lines_of_any_length_are_looked_at_in_blocks_that_change_nothing(monkeypatch):
+    path = arc(4.0, 30)
+    i, j = np.triu_indices(30, 1)
+    lines = path[i], path[j], 70.0 * i, 70.0 * (j - i)
+    sea = Straights.through(Environment(make_vortices(), **BOX), VEHICLE)
+    whole, sizes, cut = sea.pass_lines(*lines), [], Cut.of
+    monkeypatch.setattr("auvplan.path.straight._AT_ONCE", 1000)
+    monkeypatch.setattr(Cut, "of", lambda *ends: sizes.append(cut(*ends)) or sizes[-1])
+    for once, again in zip(whole, sea.pass_lines(*lines), strict=True):
+        np.testing.assert_array_equal(once, again)
+    counts = [len(block.line) for block in sizes]
+    assert sum(counts) == len(cut(*lines[:2]).line)
+    assert max(counts) < 1000 + 3000 / 20 + 1 < sum(counts) / 10
 
 
 def test_times_and_choice_agree_with_a_naive_search_in_a_tide():
