@@ -168,7 +168,7 @@ class Cut:
 
 
 def _steps_of(first: Array, last: Array, step: float) -> NDArray[np.intp]:
-    """Return into how many steps, of at most so many m, lines between ends [L, 3] m are cut."""
+    """Return into how many steps, of at most `step` m, lines between ends [L, 3] m are cut."""
     return np.maximum(np.ceil(np.linalg.norm(last - first, axis=1) / step), 1.0).astype(int)
 
 
