@@ -26,6 +26,7 @@ from auvplan.plot import (
 )
 from auvplan.plot.style import figure_of, save
 from auvplan.runtime.files import OutputError
+from auvplan.site import Site
 from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
 pytestmark = pytest.mark.usefixtures("coarse")
@@ -122,6 +123,22 @@ def test_route_is_where_it_was_executed_in_kilometres_where_it_is_large():
     assert any(np.allclose(line, run.legs[0].positions[:, [1, 0]]) for line in lines)
     figure = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
+
+
+@pytest.mark.parametrize("longitude", [148.96, 179.998, -179.998])
+def test_maps_have_longitudes_along_their_edges_also_across_180_degrees(longitude):
+    run = make_run()
+    run.site = Site(longitude, -20.34, origin=(1000.0, 1000.0))
+    axes = data_axes(plot_mission(run))[0]
+    figure_of(axes).draw_without_rendering()
+    axis = axes.child_axes[0].xaxis
+    stated = [float(text.get_text().rstrip("°")) for text in axis.get_ticklabels()]
+    assert len(stated) >= 2
+    middle = np.full(len(stated), 0.5 * sum(axes.get_ylim()))
+    found, _ = run.site.to_geographic(middle, axis.get_ticklocs())
+    np.testing.assert_allclose((found - stated + 180.0) % 360.0 - 180.0, 0.0, atol=5e-5)
+    assert np.abs(stated).max() <= 180.0
+    assert longitude < 179.0 or min(stated) < 0.0 < max(stated)
 
 
 def test_areas_that_close_are_drawn_with_their_hours():

@@ -1,10 +1,18 @@
 """The pages in a browser: no complaint, no request; slider and clicks show what the files hold."""
 
+import re
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
 from auvplan.io import load_run
+from auvplan.report import write_report
+from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
+from tests.io.sample_run import make_run
 from tests.report.browser import Browser, chromium
+from tests.report.conftest import save
 
 pytestmark = [
     pytest.mark.slow,
@@ -81,6 +89,21 @@ def test_the_slider_moves_vehicle_obstacles_and_arrows(browser, run, run_page):
         radii = saved["obstacle_radius"].values[0]
         assert (np.asarray(shown["boundaries"]) > radii).all()
         before = shown
+    assert_quiet(browser)
+
+
+def test_positions_and_edges_of_a_map_across_180_degrees(browser, tmp_path):
+    run = make_run()
+    run.scenario = Scenario().model_dump(mode="json")
+    run.site = Site(179.998, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (1000.0, 1000.0))
+    browser.show(write_report(save(run, tmp_path)))
+    set_time(browser, 0)
+    longitude, latitude = run.site.to_geographic(*run.graph.positions[run.start][:2])
+    words = browser.run("document.body.textContent")
+    assert f"{-latitude:.4f}°\u00a0S, {longitude:.4f}°\u00a0E" in words
+    edges = re.findall(r"([\d.]+)° ([EW])", words)
+    assert {side for _, side in edges} == {"E", "W"}
+    assert all(179.9 < float(degrees) <= 180.0 for degrees, _ in edges)
     assert_quiet(browser)
 
 
