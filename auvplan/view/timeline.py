@@ -46,10 +46,6 @@ def planned_bars(run: MissionRun, route: RouteRecord) -> list[Bar]:
     waits = dict.fromkeys(legs, 0.0) | dict(zip(legs, route.waits, strict=False))
     for (i, j), seconds in zip(legs, route.leg_times, strict=False):
         travel[i, j] = max(seconds - waits[i, j] - float(run.graph.duration[i, j]), 0.0)
-    # A refused leg was planned after all, and later routes reckon with what its path takes.
-    for leg in run.legs:
-        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= route.made_at:
-            travel[leg.start, leg.goal] = leg.plans[-1].times[-1] - leg.plans[-1].times[0]
     bars, now = [], route.made_at
     for i, j in legs:
         task = float(run.graph.duration[i, j])

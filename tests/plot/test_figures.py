@@ -25,8 +25,10 @@ from auvplan.plot import (
     style,
 )
 from auvplan.plot.style import figure_of, save
+from auvplan.records import RouteRecord
 from auvplan.runtime.files import OutputError
 from auvplan.site import Site
+from auvplan.view.timeline import planned_bars
 from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
 pytestmark = pytest.mark.usefixtures("coarse")
@@ -171,6 +173,18 @@ def test_timeline_has_a_row_for_each_route_and_one_as_executed():
     rows = [label.get_text().splitlines()[0] for label in axes.get_yticklabels()]
     assert rows == ["first route", f"re-plan R1 at {run.routes[1].made_at:,.0f} s, late", "executed"]
     assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
+
+
+def test_a_route_is_drawn_as_long_as_it_was_expected_to_take_whatever_was_refused_then():
+    run = make_run()
+    refused = refused_leg(run)
+    again = RouteRecord(refused.plans[0].made_at, [1, 3, 2], 700.0, 6.0, 0.1, "refused", [300.0, 400.0])
+    before = replace(again, nodes=[1, 2], leg_times=[260.0], waits=[20.0], time=260.0, cause="late")
+    run.routes, run.legs = [run.routes[0], before, again], [run.legs[0], refused, *run.legs[1:]]
+    for route in run.routes:
+        bars = planned_bars(run, route)
+        assert bars[-1].ends - route.made_at == pytest.approx(route.time)
+        assert [bar.ends - bar.begin for bar in bars] == pytest.approx(route.leg_times)
 
 
 def test_a_panel_for_each_plan_up_to_four():
