@@ -30,6 +30,7 @@ from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of, write_html
+from auvplan.view.timeline import spans_in_words
 from tests.io.sample_run import SPEED, at_speeds, make_run
 
 SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))
@@ -259,3 +260,21 @@ def test_what_a_failed_mission_had_on_its_route_was_left_out_under_way_or_time_r
     run.legs, run.routes[1].cause = [], "late"
     reasons = {job.name: job.reason for job in sheet_of(run).left_out}
     assert reasons["b"].endswith("without it: a leg took longer than expected")
+
+
+def test_of_hours_those_that_touch_the_mission_are_stated_with_their_date_on_other_days():
+    run, day = make_run(), 86400.0
+    run.site, run.t_available = SITE, 7200.0  # 20:30 to 22:30 UTC on 1 March
+    daily = [(k * day + 3600.0, k * day + 5400.0) for k in range(-20, 4)]
+    assert spans_in_words(run, daily) == "21:30-22:00"
+    assert spans_in_words(run, daily[:20] + daily[21:]) == "2026-02-28 21:30-22:00, 2026-03-02 21:30-22:00"
+    night = [(k * day + 5400.0, k * day + 5.5 * 3600.0) for k in range(-20, 4)]
+    assert spans_in_words(run, night) == "22:00-2026-03-02 02:00"
+    run.t_available = day + 7200.0
+    words = "2026-02-28 22:00-2026-03-01 02:00"
+    assert spans_in_words(run, [(-day + 5400.0, 0.0 - 66600.0)]) == words
+    assert spans_in_words(run, night) == "22:00-2026-03-02 02:00, 2026-03-02 22:00-2026-03-03 02:00"
+    assert spans_in_words(run, [(-np.inf, 3600.0), (5400.0, np.inf)]) == "-21:30, 22:00-"
+    assert spans_in_words(run, [*daily, (-np.inf, np.inf)]) == ""
+    run.site = replace(SITE, epoch=None)
+    assert spans_in_words(run, daily[20:21]) == "1 h 00 min-1 h 30 min"
