@@ -152,7 +152,7 @@ class MissionSheet:
     def plain(self) -> dict[str, Any]:
         """Return the sheet ready for JSON."""
         stops = [
-            asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
+            asdict(stop) | {"utc": None if stop.utc is None else f"{_second(stop.utc):%Y-%m-%dT%H:%M:%SZ}"}
             for stop in self.stops
         ]
         for stop in stops:
@@ -198,15 +198,15 @@ class MissionSheet:
                 str(number), stop.name,
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
                 stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
-                *(f"{moment:%H:%M:%S}" for moment in moments), self._latest(stop),
+                *(f"{_second(moment):%H:%M:%S}" for moment in moments), self._latest(stop),
                 self._otherwise(stop),
                 f"{stop.depth:.0f}", transit, stop.window,
-                *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
-                *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
+                *(f"{_whole(seconds)}" if seconds else "" for seconds in (stop.wait, stop.hold)),
+                *((f"{_whole(stop.travel):,}", f"{stop.length:,.0f}") if number else ("", "")),
                 "" if stop.speed is None else f"{stop.speed:.2f}", speeds if number else "",
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
-                f"{stop.fix:.0f}" if stop.fix else "",
+                f"{_whole(stop.fix)}" if stop.fix else "",
                 "" if stop.position_std is None else f"{stop.position_std:.0f}",
                 "" if stop.risk is None else share(stop.risk),
             ])  # fmt: skip
@@ -224,7 +224,7 @@ class MissionSheet:
         )
 
     def _moment(self, stop: Stop, seconds: float) -> str:
-        """Return a time, s since the departure, as the arrival at a stop is given."""
+        """Return a time not to be passed, s since the departure, as the arrival at a stop is given."""
         later = timedelta(seconds=seconds - stop.arrival)
         return hours(seconds) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
 
@@ -235,15 +235,25 @@ class MissionSheet:
         rows = [
             [
                 str(number), stop.name, stop.done,
-                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
+                hours(stop.arrival) if stop.utc is None else f"{_second(stop.utc):%H:%M:%S}",
                 self._latest(stop), f"{stop.depth:.0f} m",
-                " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
+                " + ".join(f"{_whole(part)} s" for part in (stop.wait, stop.hold) if part),
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
             ]
             for number, stop in enumerate(self.stops)
         ]  # fmt: skip
         return _filled(headings, rows)
+
+
+def _whole(seconds: float) -> int:
+    """Return a time in whole seconds, halves rounded up as on the page."""
+    return math.floor(seconds + 0.5)
+
+
+def _second(moment: datetime) -> datetime:
+    """Return a moment to the nearest second."""
+    return (moment + timedelta(seconds=0.5)).replace(microsecond=0)
 
 
 #: Columns of the sheet that are left out where they have nothing to say.

@@ -11,6 +11,7 @@ import numpy as np
 from auvplan.mission.timetable import Timetable
 from auvplan.records import MissionRun, RouteRecord
 from auvplan.runtime.formatting import counted, hours
+from auvplan.view.scene import short_name
 
 #: What a vehicle does at the last waypoint, in words.
 END_BEHAVIOURS = {
@@ -98,8 +99,8 @@ def doings(run: MissionRun) -> list[tuple[float, str]]:
     for number, leg in enumerate(run.legs):
         if not len(leg.times):
             continue
-        goal, ends = run.called(leg.goal), float(leg.times[-1])
-        title = f"leg {number + 1}: {run.called(leg.start)} → {goal}"
+        goal, ends = short_name(run, leg.goal), float(leg.times[-1])
+        title = f"leg {number + 1}: {short_name(run, leg.start)} → {goal}"
         found.append((float(leg.times[0]), title))
         later = enumerate(leg.followed_plans[1:], start=1)
         found += [(plan.made_at, f"{title}, {counted(count, 're-plan')}") for count, plan in later]

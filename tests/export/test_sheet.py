@@ -18,7 +18,7 @@ from auvplan.io import save_run
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
-from auvplan.mission import plan_mission
+from auvplan.mission import MissionGraph, plan_mission
 from auvplan.mission.jobs import JobPoint, jobs_done, jobs_graph
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
@@ -278,3 +278,31 @@ def test_of_hours_those_that_touch_the_mission_are_stated_with_their_date_on_oth
     assert spans_in_words(run, [*daily, (-np.inf, np.inf)]) == ""
     run.site = replace(SITE, epoch=None)
     assert spans_in_words(run, daily[20:21]) == "1 h 00 min-1 h 30 min"
+
+
+def test_times_of_the_sheet_are_rounded_to_the_second():
+    run = make_run()
+    run.site = SITE
+    leg = run.legs[0]
+    end = float(np.ceil(leg.times[-1])) + 0.75
+    run.legs[0] = replace(leg, times=np.append(leg.times[:-1], end), t_task=60.5)
+    headings, rows = sheet_of(run).table()
+    moment = SITE.utc(end + 0.25)
+    assert rows[1][headings.index("UTC")] == f"{moment:%H:%M:%S}"
+    assert sheet_of(run).plain()["stops"][1]["utc"] == f"{moment:%Y-%m-%dT%H:%M:%SZ}"
+    assert rows[1][headings.index("hold, s")] == "61"
+    brief, cells = sheet_of(run).table(brief=True)
+    assert (cells[1][brief.index("UTC")], cells[1][brief.index("hold")]) == (f"{moment:%H:%M:%S}", "61 s")
+
+
+def test_the_ends_of_a_mission_of_two_waypoints_are_called_the_same_on_sheet_and_page():
+    run = make_run((0, 1))
+    small = MissionGraph(*(part[:2] for part in (run.graph.positions, run.graph.adjacency[:, :2])),
+                         run.graph.priority[:2, :2], run.graph.duration[:2, :2])  # fmt: skip
+    run.graph = small
+    names = [stop.name for stop in sheet_of(run).stops]
+    data = run_data(run, run.summary())
+    assert [waypoint["name"] for waypoint in data["waypoints"]] == names == ["start", "goal"]
+    assert next(words for _, words in data["doing"]) == "leg 1: start → goal"
+    more = run_data(make_run(), make_run().summary())
+    assert [waypoint["name"] for waypoint in more["waypoints"]] == ["0", "1", "2", "3"]

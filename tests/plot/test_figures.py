@@ -247,6 +247,19 @@ def test_panels_take_the_place_of_the_axes_that_are_given(plot):
         plot(make_run(), ax=Figure().add_axes((0, 0, 1, 1)))
 
 
+@pytest.mark.parametrize("plot", [plot_currents, plot_obstacles])
+def test_nothing_of_a_plan_is_called_executed(plot):
+    def words(run):
+        figure = figure_of(plot(run))
+        legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+        return [text.get_text() for legend in legends for text in legend.get_texts()]
+
+    assert "executed" in words(make_run())
+    plan = make_run()
+    plan.simulated = False
+    assert not any("executed" in text for text in words(plan))
+
+
 def test_a_run_without_histories_is_stated():
     run = make_run()
     run.legs[0].plans[0].history = {}

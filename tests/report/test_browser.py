@@ -107,6 +107,13 @@ def test_positions_and_edges_of_a_map_across_180_degrees(browser, tmp_path):
     assert_quiet(browser)
 
 
+def test_times_on_the_page_are_rounded_and_none_is_minus_nothing(browser, run_page):
+    browser.show(run_page)
+    assert browser.run("report.hours(-20)") == "0 h 00 min"
+    assert browser.run("report.hours(-90)") == "−0 h 02 min"
+    assert browser.run("report.utc(3.6, '2026-03-01T05:30:00Z')") == "2026-03-01 05:30:04 UTC"
+
+
 def test_boundaries_grow_between_two_looks_and_shrink_at_one(browser, run, run_page):
     browser.show(run_page)
     first = run.legs[0]
