@@ -60,7 +60,7 @@ class PlannedLeg:
         motion: [n], attitude and velocities from each sample to the next, as planned; NaN where not known.
         time_change: share by which the straight lines take longer than the path.
         clearance: m, least certified distance of the straight lines to coast and obstacles, or infinite.
-        hold: s, the task at the goal; 0 where there is none.
+        hold: s at the goal, for its task and waiting; 0 where there is neither.
         priority: of the task.
         led: m/s over ground, and of it along the hull, at which the first waypoint is gone to; NaN where the
             leg begins there.
@@ -69,6 +69,8 @@ class PlannedLeg:
         rise: s of the hold, at its end, in which the vehicle surfaces for a fix, up and down included.
         fix: s of these at the surface.
         pace: share of the speed that the vehicle is asked for which it makes; times and motion are by it.
+        wait: s of the hold, at its beginning, that pass in waiting for the task's window.
+        onward: s of the hold, at its end, before the next leg: in waiting for the way to open, and the rise.
     """
 
     number: int
@@ -91,6 +93,8 @@ class PlannedLeg:
     rise: float = 0.0
     fix: float = 0.0
     pace: float = 1.0
+    wait: float = 0.0
+    onward: float = 0.0
 
     @classmethod
     def of(
@@ -313,13 +317,14 @@ class Waypoint:
         longitude, latitude: degrees.
         seconds: since the epoch, when the planned path is there, as on the mission sheet. Straight lines take
             a little more or less; by how much, the leg's note says.
-        hold: s, of the task there, or of a rest under way; 0 where there is none.
+        hold: s, of the task and the waiting there, or of a rest under way; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
         yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
         charge: share of the battery's usable energy that is left; NaN where not known.
         speed: m/s through the water of the leg; None where it is the vehicle's.
+        wait, onward, rise: s of the hold, see `PlannedLeg`.
     """
 
     leg: int
@@ -336,6 +341,9 @@ class Waypoint:
     body_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
     charge: float = np.nan
     speed: float | None = None
+    wait: float = 0.0
+    onward: float = 0.0
+    rise: float = 0.0
 
     @property
     def depth(self) -> float:
@@ -344,11 +352,19 @@ class Waypoint:
 
     @property
     def task(self) -> str:
-        """One line on the task, or nothing."""
-        words = f"task of priority {figure(self.priority)}, {self.hold:.0f} s"
-        if self.hold and not self.ends_leg:
-            return f"rest of {self.hold:.0f} s"
-        return words if self.hold or self.priority else ""
+        """One line on the task, and on waiting before and after it; or nothing."""
+        if not self.ends_leg:
+            return f"rest of {self.hold:.0f} s" if self.hold else ""
+        task, later = self.hold - self.wait - self.onward, self.onward - self.rise
+        parts = [
+            f"wait of {self.wait:.0f} s" if self.wait else "",
+            f"task of priority {figure(self.priority)}, {max(task, 0.0):.0f} s"
+            if self.priority or task > 1e-3
+            else "",
+            f"wait of {later:.0f} s" if later > 1e-3 else "",
+            f"surfacing for a fix, {self.rise:.0f} s" if self.rise else "",
+        ]
+        return ", then ".join(filter(None, parts))
 
 
 def waypoints(itinerary: Itinerary) -> list[Waypoint]:
@@ -374,7 +390,7 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             charge = np.nan if leg.charge is None else float(leg.charge[leg.kept[k]])
             rows.append(Waypoint(
                 leg.number, name, place, longitude, latitude, seconds, hold, priority, k == last, yaw, pitch,
-                body[k], charge, leg.speed,
+                body[k], charge, leg.speed, *((leg.wait, leg.onward, leg.rise) if k == last else ()),
             ))  # fmt: skip
     return rows
 

@@ -62,6 +62,7 @@ def itinerary_of(
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
             clearance=few.clearance, speed=leg.speed, rise=rises[number - 1],
+            wait=leg.t_wait, onward=onward[number - 1],
             fix=max(rises[number - 1] - sum(run.vehicle.vertical_times(float(plan.positions[-1, 2]))), 0.0),
             charge=energy.charge_at(whole.times) if energy is not None and metered else None,
         ))  # fmt: skip

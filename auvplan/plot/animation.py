@@ -298,7 +298,7 @@ class _Film:
         dot: dict[str, Any] = {"ls": "", "marker": "o", "ms": 5.0, "mec": "black"}
         found: list[Any] = [
             style.mark(style.VEHICLE, "vehicle", mec="white"),
-            style.line("executed", color=_TRACK, lw=2.2),
+            style.line("executed" if self._run.simulated else "passed", color=_TRACK, lw=2.2),
             style.line("plan", color=_PLAN, lw=1.8),
             style.line("task ahead", color=_AHEAD, **dot),
             style.line("task done", color=_TASK_DONE, **dot),

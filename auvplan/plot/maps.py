@@ -238,9 +238,11 @@ class Map:
         for k, (axis, low, high) in enumerate(((top.xaxis, west, east), (right.yaxis, south, north))):
             ends = np.array([low, high]) * self.metres
             across = np.full(2, middle[k])
-            first, last = site.to_geographic(*((across, ends) if k == 0 else (ends, across)))[k]
+            found = site.to_geographic(*((across, ends) if k == 0 else (ends, across)))[k]
+            first, last = np.unwrap(found, period=360.0)  # longitudes go on beyond 180 degrees
             ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(first, last)
             ticks = ticks[(ticks >= first) & (ticks <= last)]
             where = low + (ticks - first) / (last - first) * (high - low)
-            axis.set_ticks(where, [f"{tick:.3f}".rstrip("0").rstrip(".") + "°" for tick in ticks])
+            within = np.where(np.abs(ticks) > 180.0, ticks - np.copysign(360.0, ticks), ticks)
+            axis.set_ticks(where, [f"{tick:.3f}".rstrip("0").rstrip(".") + "°" for tick in within])
             axis.set_tick_params(labelsize=7, length=3)

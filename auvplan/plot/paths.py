@@ -83,11 +83,11 @@ def plot_currents(
         axes.set_visible(False)
     for axes in grid:
         axes.label_outer()
+    done = style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black"))
     style.legend_below(figure, [
         style.line("new path", color="black", lw=2.4),
         style.line("earlier paths", color=style.RED, ls="--", lw=1.3),
-        style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black")),
-        *style.marks(), *pens[-1].handles,
+        *[done] * run.simulated, *style.marks(), *pens[-1].handles,
     ])  # fmt: skip
     figure.suptitle(f"Paths and current, {scene.leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])

@@ -118,9 +118,9 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     pen.line(leg.positions if executed else leg.plans[-1].positions, color="black", lw=2.6, zorder=4)
     pen.finish(leg.plans, (top, bottom), _HEIGHT, pad=6)
     axes.view_init(elev=28, azim=-60)
-    handles: list[Any] = [
-        style.line("executed" if executed else "planned, not executed", color="black", lw=2.6)
-    ]
+    track = "executed" if executed and run.simulated else "planned"
+    track += "" if executed else ", not executed"
+    handles: list[Any] = [style.line(track, color="black", lw=2.6)]
     if len(leg.plans) > 1:
         handles.append(style.line("earlier plans", color=style.RED, ls="--", lw=1.2))
     handles += [style.mark(style.START, "start"), style.mark(style.GOAL, "target")]

@@ -33,10 +33,16 @@ _STEP = 0.001
 def map_data(
     low: Array, high: Array, chart: Chart | None, seabed: Seabed | None, site: Site | None
 ) -> dict[str, Any]:
-    """Return what a map between two corners, [2] m, shows under everything else; its place with a site."""
+    """Return what a map between two corners, [2] m, shows under everything else; its place with a site.
+
+    Longitudes of its corners go on beyond 180 degrees where the map lies across.
+    """
     # South-west, south-east, north-west and north-east.
     north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
-    corners = None if site is None else np.stack(site.to_geographic(north, east), axis=1).tolist()
+    corners = None
+    if site is not None:
+        longitude, latitude = site.to_geographic(north, east)
+        corners = np.stack([np.unwrap(longitude, period=360.0), latitude], axis=1).tolist()
     return {
         "low": low,
         "high": high,

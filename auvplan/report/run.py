@@ -149,7 +149,7 @@ def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
     visited = set(run.route)
     return [
         {
-            "name": scene.waypoint_name(run, node) if run.names else str(node),
+            "name": scene.short_name(run, node),
             "place": np.round(place, 2),
             "state": "task" if node in done else "visited" if node in visited else "left",
         }

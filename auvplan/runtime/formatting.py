@@ -44,11 +44,11 @@ def hours(seconds: float) -> str:
     """Return a duration in hours and minutes.
 
     Example:
-        >>> hours(10452.0), hours(-90.0)
-        ('2 h 54 min', '-0 h 02 min')
+        >>> hours(10452.0), hours(-90.0), hours(-20.0)
+        ('2 h 54 min', '-0 h 02 min', '0 h 00 min')
     """
-    sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
-    return f"{sign}{minutes // 60} h {minutes % 60:02d} min"
+    minutes = round(abs(seconds) / 60.0)
+    return f"{'-' if seconds < 0.0 < minutes else ''}{minutes // 60} h {minutes % 60:02d} min"
 
 
 def clearance(metres: float | None, accuracy: float = 0.0, reach: float = math.inf) -> str:

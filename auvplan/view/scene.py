@@ -59,6 +59,11 @@ def waypoint_name(run: MissionRun, node: int) -> str:
     return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
 
 
+def short_name(run: MissionRun, node: int) -> str:
+    """Return a waypoint for maps and tables: by its number without a name, where there are more than two."""
+    return waypoint_name(run, node) if len(run.graph.positions) == 2 else run.called(node)
+
+
 # --- legs and plans ----------------------------------------------------------------------------------
 
 

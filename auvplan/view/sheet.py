@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.mission.graph import shortest_path, shortest_times, time_to_go
-from auvplan.mission.jobs import jobs_done, jobs_of
+from auvplan.mission.jobs import NodesOfJob, jobs_done, jobs_of
+from auvplan.mission.route import MissionRoute
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
@@ -29,6 +30,15 @@ from auvplan.view.scene import waypoint_name
 
 #: A chance that is stated no finer.
 _NO_RISK = 1e-4
+
+#: Why a mission was planned again, by `RouteRecord.cause`.
+_CAUSES = {
+    "late": "a leg took longer than expected",
+    "early": "a leg took less than expected",
+    "refused": "a leg was refused",
+    "charge": "the charge did not do for the rest",
+    "spare": "there was charge to spare",
+}
 
 
 @dataclass(frozen=True)
@@ -142,7 +152,7 @@ class MissionSheet:
     def plain(self) -> dict[str, Any]:
         """Return the sheet ready for JSON."""
         stops = [
-            asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
+            asdict(stop) | {"utc": None if stop.utc is None else f"{_second(stop.utc):%Y-%m-%dT%H:%M:%SZ}"}
             for stop in self.stops
         ]
         for stop in stops:
@@ -188,15 +198,15 @@ class MissionSheet:
                 str(number), stop.name,
                 "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
                 stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
-                *(f"{moment:%H:%M:%S}" for moment in moments), self._latest(stop),
+                *(f"{_second(moment):%H:%M:%S}" for moment in moments), self._latest(stop),
                 self._otherwise(stop),
                 f"{stop.depth:.0f}", transit, stop.window,
-                *(f"{seconds:.0f}" if seconds else "" for seconds in (stop.wait, stop.hold)),
-                *((f"{stop.travel:,.0f}", f"{stop.length:,.0f}") if number else ("", "")),
+                *(f"{_whole(seconds)}" if seconds else "" for seconds in (stop.wait, stop.hold)),
+                *((f"{_whole(stop.travel):,}", f"{stop.length:,.0f}") if number else ("", "")),
                 "" if stop.speed is None else f"{stop.speed:.2f}", speeds if number else "",
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
-                f"{stop.fix:.0f}" if stop.fix else "",
+                f"{_whole(stop.fix)}" if stop.fix else "",
                 "" if stop.position_std is None else f"{stop.position_std:.0f}",
                 "" if stop.risk is None else share(stop.risk),
             ])  # fmt: skip
@@ -214,7 +224,7 @@ class MissionSheet:
         )
 
     def _moment(self, stop: Stop, seconds: float) -> str:
-        """Return a time, s since the departure, as the arrival at a stop is given."""
+        """Return a time not to be passed, s since the departure, as the arrival at a stop is given."""
         later = timedelta(seconds=seconds - stop.arrival)
         return hours(seconds) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
 
@@ -225,15 +235,25 @@ class MissionSheet:
         rows = [
             [
                 str(number), stop.name, stop.done,
-                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
+                hours(stop.arrival) if stop.utc is None else f"{_second(stop.utc):%H:%M:%S}",
                 self._latest(stop), f"{stop.depth:.0f} m",
-                " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
+                " + ".join(f"{_whole(part)} s" for part in (stop.wait, stop.hold) if part),
                 clearance(stop.coast, self.accuracy, self.reach),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
             ]
             for number, stop in enumerate(self.stops)
         ]  # fmt: skip
         return _filled(headings, rows)
+
+
+def _whole(seconds: float) -> int:
+    """Return a time in whole seconds, halves rounded up as on the page."""
+    return math.floor(seconds + 0.5)
+
+
+def _second(moment: datetime) -> datetime:
+    """Return a moment to the nearest second."""
+    return (moment + timedelta(seconds=0.5)).replace(microsecond=0)
 
 
 #: Columns of the sheet that are left out where they have nothing to say.
@@ -500,40 +520,72 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
         else:
             left = [edge for edge in pairwise(job.nodes) if frozenset(edge) not in taken]
             priority = float(sum(np.asarray(graph.priority)[edge] for edge in left))
-        found.append(LeftOut(job.name, priority, _why(run, job.nodes)))
+        found.append(LeftOut(job.name, priority, _why_dropped(run, job) or _why(run, job.nodes)))
     return sorted(found, key=lambda job: -job.priority)
 
 
+def _why_dropped(run: MissionRun, job: NodesOfJob) -> str:
+    """Return why a job that was on a route of a mission is not done; empty where it was on none."""
+    if any(leg.missed for leg in run.done if leg.goal in job.nodes):
+        return "the vehicle came too late for its window"
+
+    def has(moment: float, ahead: Sequence[int]) -> bool:
+        legs = [(leg.start, leg.goal) for leg in run.done if leg.ends <= moment + 1.0]
+        return job.name in jobs_done(run.names, [*legs, *pairwise(ahead)])
+
+    if (run.arrived and not run.simulated) or has(math.inf, ()):
+        return ""
+    having = [k for k, route in enumerate(run.routes) if has(route.made_at, route.nodes)]
+    if not having:
+        return ""
+    if having[-1] == len(run.routes) - 1:
+        return "" if run.arrived else f"the mission ended before it: {run.reason}"
+    cause = _refused(run, job.nodes) or _CAUSES.get(run.routes[having[-1] + 1].cause, "")
+    return f"it was on the route until that was planned again without it{': ' * bool(cause)}{cause}"
+
+
+def _refused(run: MissionRun, nodes: Sequence[int]) -> str:
+    """Return why the last leg to a job was refused; empty where none was."""
+    refused = [leg for leg in run.legs if leg.refused and leg.goal in nodes]
+    if not refused:
+        return ""
+    return f"the leg from {waypoint_name(run, refused[-1].start)} was refused, {refused[-1].refused}"
+
+
 def _why(run: MissionRun, nodes: Sequence[int]) -> str:
-    """Return why a job is left out: what the route comes to with it."""
+    """Return why a job is left out: what the route comes to with it.
+
+    Of a mission that did not reach its destination this is the first route, as planned.
+    """
     if run.first_route is None:
         return "no route was found"
-    first, route = run.first_route, run.route
+    first = run.first_route
     times = np.asarray(first.edge_times, float)
+    route, earned, of = run.route, run.total_priority, "the route"
+    ends = [0.0, *(leg.ends for leg in run.done)]
+    if not run.arrived:
+        route, earned, of = np.asarray(first.nodes).tolist(), float(first.priority), "the first route"
+        ends = [0.0, *np.cumsum(first.leg_times).tolist()]
     if all(node in route for node in nodes):
-        return "its waypoints are passed, not the line between them"
-    with_it = _with_job(run, nodes)
+        return f"{of} passes its waypoints, not the line between them"
+    with_it = _with_job(first, route, nodes)
     if with_it is None:
         return "no open path leads there: the current, the coast or the sea bed closes every leg"
     if not np.isfinite(with_it.ends[-1]):
-        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], shortest_times(times))):
+        reached = list(zip(route, ends, strict=True))
+        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], reached, shortest_times(times))):
             return why
         words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
-        return f"its window is {words}: from no place of the route on are it and the other tasks in theirs"
+        return f"its window is {words}: from no place of {of} on are it and the other tasks in theirs"
     end, needs = float(with_it.ends[-1]), with_it.needs
-    more = "with it, the others in their order, the route takes"
+    more = f"with it, the others in their order, {of} takes"
     if needs < first.time_available:
         if lack := _short_of_energy(run, with_it):
             return f"{more} {lack}"
-        lost = run.total_priority - with_it.others
+        lost = earned - with_it.others
         if lost > 1e-9:
             return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
-        refused = [leg for leg in run.legs if leg.refused and leg.goal in nodes]
-        better = "the search found no better route than this one"
-        if refused:
-            better = (
-                f"the leg from {waypoint_name(run, refused[-1].start)} was refused, {refused[-1].refused}"
-            )
+        better = _refused(run, nodes) or "the search found no better route than this one"
         return f"{more} {hours(end)}, which is in time: {better}"
     # The time that a route is given is less than all of it by the reserve and an allowance.
     needed = run.t_available + (needs - first.time_available) * run.t_available / first.time_available
@@ -581,10 +633,14 @@ class _WithJob(NamedTuple):
     others: float
 
 
-def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
-    """Put a job into the route where that ends soonest, by the clock; None where no open leg leads there."""
-    first, route = run.first_route, run.route
-    assert first is not None
+def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -> _WithJob | None:
+    """Put a job into a route where that ends soonest, by the clock; None where no open leg leads there.
+
+    Args:
+        first: the first route of the mission, by whose times of all edges that is.
+        route: waypoints from the start to the destination.
+        nodes: of the job.
+    """
     times = np.asarray(first.edge_times, float)
     table, duration = first.timetable, first.duration
     if table is not None and first.speeds is not None:
@@ -612,15 +668,18 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
     return found
 
 
-def _out_of_window(run: MissionRun, node: int, shortest: NDArray) -> str:
-    """Return how a task's windows miss the route, by shortest times; empty where a detour is in time."""
+def _out_of_window(
+    run: MissionRun, node: int, reached: Sequence[tuple[int, float]], shortest: NDArray
+) -> str:
+    """Return how a task's windows miss a route, by shortest times; empty where a detour is in time.
+
+    The route is at its waypoints, and done there, at the times `reached`, s.
+    """
     table = run.graph.timetable
     if table is None or not _windows(run, node):
         return ""
     stay = float(np.asarray(run.graph.waypoint_duration)[node])
-    ends = [(run.start, 0.0)]
-    ends += [(leg.goal, float(leg.times[-1]) + leg.t_wait + leg.t_task) for leg in run.done]
-    reach = [(seconds + shortest[i, node] - stay, i) for i, seconds in ends if i != run.goal]
+    reach = [(seconds + shortest[i, node] - stay, i) for i, seconds in reached if i != run.goal]
     begins = [table.begins(i, node, arrival) - arrival for arrival, i in reach]
     arrival, i = min(reach)
     if not np.isfinite(begins).any():

@@ -11,6 +11,7 @@ import numpy as np
 from auvplan.mission.timetable import Timetable
 from auvplan.records import MissionRun, RouteRecord
 from auvplan.runtime.formatting import counted, hours
+from auvplan.view.scene import short_name
 
 #: What a vehicle does at the last waypoint, in words.
 END_BEHAVIOURS = {
@@ -46,10 +47,6 @@ def planned_bars(run: MissionRun, route: RouteRecord) -> list[Bar]:
     waits = dict.fromkeys(legs, 0.0) | dict(zip(legs, route.waits, strict=False))
     for (i, j), seconds in zip(legs, route.leg_times, strict=False):
         travel[i, j] = max(seconds - waits[i, j] - float(run.graph.duration[i, j]), 0.0)
-    # A refused leg was planned after all, and later routes reckon with what its path takes.
-    for leg in run.legs:
-        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= route.made_at:
-            travel[leg.start, leg.goal] = leg.plans[-1].times[-1] - leg.plans[-1].times[0]
     bars, now = [], route.made_at
     for i, j in legs:
         task = float(run.graph.duration[i, j])
@@ -102,8 +99,8 @@ def doings(run: MissionRun) -> list[tuple[float, str]]:
     for number, leg in enumerate(run.legs):
         if not len(leg.times):
             continue
-        goal, ends = run.called(leg.goal), float(leg.times[-1])
-        title = f"leg {number + 1}: {run.called(leg.start)} → {goal}"
+        goal, ends = short_name(run, leg.goal), float(leg.times[-1])
+        title = f"leg {number + 1}: {short_name(run, leg.start)} → {goal}"
         found.append((float(leg.times[0]), title))
         later = enumerate(leg.followed_plans[1:], start=1)
         found += [(plan.made_at, f"{title}, {counted(count, 're-plan')}") for count, plan in later]
@@ -119,21 +116,32 @@ def doings(run: MissionRun) -> list[tuple[float, str]]:
 
 
 def spans_in_words(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str:
-    """Return intervals of time, s, in words; empty where one of them is all time."""
-    words = []
-    for opens, closes in spans:
-        if opens == -np.inf and closes == np.inf:
-            return ""
-        if opens < closes:
-            ends = ("" if np.isinf(moment) else time_in_words(run, moment) for moment in (opens, closes))
-            words.append("-".join(ends))
-    return ", ".join(words)
+    """Return the intervals of time, s, that touch the mission, in words; empty where one of them is all time.
+
+    Where none does, those next to it.
+    """
+    stated = sorted((opens, closes) for opens, closes in spans if opens < closes)
+    if (-np.inf, np.inf) in stated:
+        return ""
+    end = max(run.t_available, run.t_mission)
+    before, after = [span for span in stated if span[1] < 0.0], [span for span in stated if span[0] > end]
+    touching = [span for span in stated if span[1] >= 0.0 and span[0] <= end]
+    return ", ".join(_span_in_words(run, *span) for span in touching or [*before[-1:], *after[:1]])
 
 
-def time_in_words(run: MissionRun, seconds: float) -> str:
-    """Return a moment to the minute: UTC, or since the departure."""
-    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
-    return hours(seconds) if moment is None else f"{moment:%H:%M}"
+def _span_in_words(run: MissionRun, opens: float, closes: float) -> str:
+    first = "" if np.isinf(opens) else time_in_words(run, opens)
+    last = "" if np.isinf(closes) else time_in_words(run, closes, opens if first else 0.0)
+    return f"{first}-{last}"
+
+
+def time_in_words(run: MissionRun, seconds: float, since: float = 0.0) -> str:
+    """Return a moment to the minute: UTC, dated on another day than `since`, or since the departure."""
+    site, whole = run.site, 60.0 * round(seconds / 60.0)
+    moment, known = (None, None) if site is None else (site.utc(whole), site.utc(since))
+    if moment is None or known is None:
+        return hours(seconds)
+    return f"{moment:%H:%M}" if moment.date() == known.date() else f"{moment:%Y-%m-%d %H:%M}"
 
 
 def time_zone(run: MissionRun) -> str:

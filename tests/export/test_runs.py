@@ -16,6 +16,7 @@ from auvplan.export import (
     itinerary_of,
     itinerary_of_parts,
 )
+from auvplan.export.itinerary import waypoints
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 from tests.io.sample_run import make_run, refused_leg
@@ -44,6 +45,23 @@ def test_legs_that_arrived_are_numbered_in_order(itinerary: Itinerary):
     assert len(itinerary.executed) == 3
     assert (itinerary.name, itinerary.seed, itinerary.speed) == ("sample", 7, 2.5)
     assert json.loads(itinerary.configuration)["name"] == "sample"
+
+
+def test_tasks_and_waiting_before_and_after_them_have_their_own_durations():
+    run = make_run()
+    run.legs[0] = replace(run.legs[0], t_wait=1025.0)
+    run.legs[1] = replace(run.legs[1], t_task=0.0, priority=0.0)
+    run.legs[2] = replace(run.legs[2], t_hold=154.0)
+    itinerary = itinerary_of(run, SITE)
+    assert [leg.hold for leg in itinerary.legs] == [1085.0, 154.0, 60.0]
+    first, second, third = (row.task for row in waypoints(itinerary) if row.ends_leg)
+    assert first == "wait of 1025 s, then task of priority 3, 60 s"
+    assert second == "wait of 154 s"
+    assert third == "task of priority 3, 60 s"
+    run.legs[1] = replace(run.legs[1], t_task=60.0, priority=3.0)
+    run.legs[2] = replace(run.legs[2], t_hold=154.0, t_fix=100.0)
+    tasks = [row.task for row in waypoints(itinerary_of(run, SITE)) if row.ends_leg]
+    assert tasks[1] == "task of priority 3, 60 s, then wait of 54 s, then surfacing for a fix, 100 s"
 
 
 def test_waypoints_are_few_samples_of_the_plan(itinerary: Itinerary):

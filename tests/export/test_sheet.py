@@ -1,9 +1,12 @@
 """The mission sheet: coast and closed areas apart, land beyond the area, and what was assumed."""
 
 import json
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 
+import jax
 import numpy as np
 import pytest
 import shapely
@@ -15,16 +18,20 @@ from auvplan.io import save_run
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
+from auvplan.mission import MissionGraph, plan_mission
+from auvplan.mission.jobs import JobPoint, jobs_done, jobs_graph
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
+from auvplan.records import LegRecord, MissionRun, RouteRecord
 from auvplan.report.run import run_data
-from auvplan.runtime.formatting import clearance
+from auvplan.runtime.formatting import clearance, hours
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import sheet_of, write_html
-from tests.io.sample_run import at_speeds, make_run
+from auvplan.view.timeline import spans_in_words
+from tests.io.sample_run import SPEED, at_speeds, make_run
 
 SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))
 BAY = """\
@@ -214,3 +221,88 @@ def test_without_speeds_of_their_own_nothing_is_said_of_them():
     assert not any("speed" in stop for stop in sheet.plain()["stops"])
     alike = sheet_of(at_speeds(make_run(), (2.0, 2.0, 2.0)))
     assert alike.facts["speed"] == "2.00 m/s through the water"
+
+
+def failed_mission(time_available):
+    """A mission in open water with jobs a (east) and b (far in the east), that has its first route alone."""
+    points = [JobPoint("a", [0.0, 600.0, 5.0], 3.0, 60.0), JobPoint("b", [0.0, 2000.0, 5.0], 4.0, 60.0)]
+    graph, names = jobs_graph(points, [], [0.0, 0.0, 5.0], [900.0, 0.0, 5.0])
+    first = plan_mission(graph, 0, 3, time_available, speed=SPEED, key=jax.random.key(0), method="exact")
+    run = MissionRun({}, 0, Vehicle(speed=SPEED), graph, None, 0, 3, time_available, names=names)
+    run.first_route, run.t_mission, run.reason = first, time_available, "time ran out"
+    figures = float(first.time), float(first.priority), 0.1
+    run.routes = [RouteRecord(0.0, np.asarray(first.nodes).tolist(), *figures, "start")]
+    return run
+
+
+def test_what_a_failed_mission_left_out_is_compared_with_its_first_route():
+    run = failed_mission(500.0)
+    assert run.routes[0].nodes == [0, 3]
+    reasons = {job.name: job.reason for job in sheet_of(run).left_out}
+    ways = {"a": 600.0 + float(np.hypot(600.0, 900.0)), "b": 2000.0 + float(np.hypot(2000.0, 900.0))}
+    for name, way in ways.items():
+        seconds = way / SPEED + 60.0
+        assert f"the first route takes {hours(seconds)}, {hours(500.0)} are available" in reasons[name]
+        needed = float(re.search(r"(\d+) s would do", reasons[name])[1])
+        assert needed == pytest.approx(seconds, rel=1e-3)
+        assert name in jobs_done(run.names, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
+
+
+def test_what_a_failed_mission_had_on_its_route_was_left_out_under_way_or_time_ran_out_before_it():
+    run = failed_mission(3000.0)
+    assert set(run.routes[0].nodes) == {0, 1, 2, 3}
+    assert {job.reason for job in sheet_of(run).left_out} == {"the mission ended before it: time ran out"}
+    run.routes.append(RouteRecord(0.0, [0, 1, 3], 100.0, 3.0, 0.1, "refused"))
+    run.legs = [LegRecord(0, 2, 860.0, 60.0, 4.0, refused="its path is too long")]
+    reasons = {job.name: job.reason for job in sheet_of(run).left_out}
+    assert reasons["a"] == "the mission ended before it: time ran out"
+    assert reasons["b"].endswith("without it: the leg from start was refused, its path is too long")
+    run.legs, run.routes[1].cause = [], "late"
+    reasons = {job.name: job.reason for job in sheet_of(run).left_out}
+    assert reasons["b"].endswith("without it: a leg took longer than expected")
+
+
+def test_of_hours_those_that_touch_the_mission_are_stated_with_their_date_on_other_days():
+    run, day = make_run(), 86400.0
+    run.site, run.t_available = SITE, 7200.0  # 20:30 to 22:30 UTC on 1 March
+    daily = [(k * day + 3600.0, k * day + 5400.0) for k in range(-20, 4)]
+    assert spans_in_words(run, daily) == "21:30-22:00"
+    assert spans_in_words(run, daily[:20] + daily[21:]) == "2026-02-28 21:30-22:00, 2026-03-02 21:30-22:00"
+    night = [(k * day + 5400.0, k * day + 5.5 * 3600.0) for k in range(-20, 4)]
+    assert spans_in_words(run, night) == "22:00-2026-03-02 02:00"
+    run.t_available = day + 7200.0
+    words = "2026-02-28 22:00-2026-03-01 02:00"
+    assert spans_in_words(run, [(-day + 5400.0, 0.0 - 66600.0)]) == words
+    assert spans_in_words(run, night) == "22:00-2026-03-02 02:00, 2026-03-02 22:00-2026-03-03 02:00"
+    assert spans_in_words(run, [(-np.inf, 3600.0), (5400.0, np.inf)]) == "-21:30, 22:00-"
+    assert spans_in_words(run, [*daily, (-np.inf, np.inf)]) == ""
+    run.site = replace(SITE, epoch=None)
+    assert spans_in_words(run, daily[20:21]) == "1 h 00 min-1 h 30 min"
+
+
+def test_times_of_the_sheet_are_rounded_to_the_second():
+    run = make_run()
+    run.site = SITE
+    leg = run.legs[0]
+    end = float(np.ceil(leg.times[-1])) + 0.75
+    run.legs[0] = replace(leg, times=np.append(leg.times[:-1], end), t_task=60.5)
+    headings, rows = sheet_of(run).table()
+    moment = SITE.utc(end + 0.25)
+    assert rows[1][headings.index("UTC")] == f"{moment:%H:%M:%S}"
+    assert sheet_of(run).plain()["stops"][1]["utc"] == f"{moment:%Y-%m-%dT%H:%M:%SZ}"
+    assert rows[1][headings.index("hold, s")] == "61"
+    brief, cells = sheet_of(run).table(brief=True)
+    assert (cells[1][brief.index("UTC")], cells[1][brief.index("hold")]) == (f"{moment:%H:%M:%S}", "61 s")
+
+
+def test_the_ends_of_a_mission_of_two_waypoints_are_called_the_same_on_sheet_and_page():
+    run = make_run((0, 1))
+    small = MissionGraph(*(part[:2] for part in (run.graph.positions, run.graph.adjacency[:, :2])),
+                         run.graph.priority[:2, :2], run.graph.duration[:2, :2])  # fmt: skip
+    run.graph = small
+    names = [stop.name for stop in sheet_of(run).stops]
+    data = run_data(run, run.summary())
+    assert [waypoint["name"] for waypoint in data["waypoints"]] == names == ["start", "goal"]
+    assert next(words for _, words in data["doing"]) == "leg 1: start → goal"
+    more = run_data(make_run(), make_run().summary())
+    assert [waypoint["name"] for waypoint in more["waypoints"]] == ["0", "1", "2", "3"]

@@ -25,7 +25,10 @@ from auvplan.plot import (
     style,
 )
 from auvplan.plot.style import figure_of, save
+from auvplan.records import RouteRecord
 from auvplan.runtime.files import OutputError
+from auvplan.site import Site
+from auvplan.view.timeline import planned_bars
 from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
 pytestmark = pytest.mark.usefixtures("coarse")
@@ -124,6 +127,22 @@ def test_route_is_where_it_was_executed_in_kilometres_where_it_is_large():
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
 
 
+@pytest.mark.parametrize("longitude", [148.96, 179.998, -179.998])
+def test_maps_have_longitudes_along_their_edges_also_across_180_degrees(longitude):
+    run = make_run()
+    run.site = Site(longitude, -20.34, origin=(1000.0, 1000.0))
+    axes = data_axes(plot_mission(run))[0]
+    figure_of(axes).draw_without_rendering()
+    axis = axes.child_axes[0].xaxis
+    stated = [float(text.get_text().rstrip("°")) for text in axis.get_ticklabels()]
+    assert len(stated) >= 2
+    middle = np.full(len(stated), 0.5 * sum(axes.get_ylim()))
+    found, _ = run.site.to_geographic(middle, axis.get_ticklocs())
+    np.testing.assert_allclose((found - stated + 180.0) % 360.0 - 180.0, 0.0, atol=5e-5)
+    assert np.abs(stated).max() <= 180.0
+    assert longitude < 179.0 or min(stated) < 0.0 < max(stated)
+
+
 def test_areas_that_close_are_drawn_with_their_hours():
     run = make_run()
     run.closures = (make_closure().widened(run.safety.closing - 30.0),)
@@ -154,6 +173,18 @@ def test_timeline_has_a_row_for_each_route_and_one_as_executed():
     rows = [label.get_text().splitlines()[0] for label in axes.get_yticklabels()]
     assert rows == ["first route", f"re-plan R1 at {run.routes[1].made_at:,.0f} s, late", "executed"]
     assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
+
+
+def test_a_route_is_drawn_as_long_as_it_was_expected_to_take_whatever_was_refused_then():
+    run = make_run()
+    refused = refused_leg(run)
+    again = RouteRecord(refused.plans[0].made_at, [1, 3, 2], 700.0, 6.0, 0.1, "refused", [300.0, 400.0])
+    before = replace(again, nodes=[1, 2], leg_times=[260.0], waits=[20.0], time=260.0, cause="late")
+    run.routes, run.legs = [run.routes[0], before, again], [run.legs[0], refused, *run.legs[1:]]
+    for route in run.routes:
+        bars = planned_bars(run, route)
+        assert bars[-1].ends - route.made_at == pytest.approx(route.time)
+        assert [bar.ends - bar.begin for bar in bars] == pytest.approx(route.leg_times)
 
 
 def test_a_panel_for_each_plan_up_to_four():
@@ -214,6 +245,19 @@ def test_panels_take_the_place_of_the_axes_that_are_given(plot):
     assert all(axes.get_window_extent().x0 > left.get_window_extent().x1 for axes in panels)
     with pytest.raises(ValueError, match="one of a grid"):
         plot(make_run(), ax=Figure().add_axes((0, 0, 1, 1)))
+
+
+@pytest.mark.parametrize("plot", [plot_currents, plot_obstacles])
+def test_nothing_of_a_plan_is_called_executed(plot):
+    def words(run):
+        figure = figure_of(plot(run))
+        legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+        return [text.get_text() for legend in legends for text in legend.get_texts()]
+
+    assert "executed" in words(make_run())
+    plan = make_run()
+    plan.simulated = False
+    assert not any("executed" in text for text in words(plan))
 
 
 def test_a_run_without_histories_is_stated():

@@ -1,10 +1,18 @@
 """The pages in a browser: no complaint, no request; slider and clicks show what the files hold."""
 
+import re
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
 from auvplan.io import load_run
+from auvplan.report import write_report
+from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
+from tests.io.sample_run import make_run
 from tests.report.browser import Browser, chromium
+from tests.report.conftest import save
 
 pytestmark = [
     pytest.mark.slow,
@@ -82,6 +90,28 @@ def test_the_slider_moves_vehicle_obstacles_and_arrows(browser, run, run_page):
         assert (np.asarray(shown["boundaries"]) > radii).all()
         before = shown
     assert_quiet(browser)
+
+
+def test_positions_and_edges_of_a_map_across_180_degrees(browser, tmp_path):
+    run = make_run()
+    run.scenario = Scenario().model_dump(mode="json")
+    run.site = Site(179.998, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (1000.0, 1000.0))
+    browser.show(write_report(save(run, tmp_path)))
+    set_time(browser, 0)
+    longitude, latitude = run.site.to_geographic(*run.graph.positions[run.start][:2])
+    words = browser.run("document.body.textContent")
+    assert f"{-latitude:.4f}°\u00a0S, {longitude:.4f}°\u00a0E" in words
+    edges = re.findall(r"([\d.]+)° ([EW])", words)
+    assert {side for _, side in edges} == {"E", "W"}
+    assert all(179.9 < float(degrees) <= 180.0 for degrees, _ in edges)
+    assert_quiet(browser)
+
+
+def test_times_on_the_page_are_rounded_and_none_is_minus_nothing(browser, run_page):
+    browser.show(run_page)
+    assert browser.run("report.hours(-20)") == "0 h 00 min"
+    assert browser.run("report.hours(-90)") == "−0 h 02 min"
+    assert browser.run("report.utc(3.6, '2026-03-01T05:30:00Z')") == "2026-03-01 05:30:04 UTC"
 
 
 def test_boundaries_grow_between_two_looks_and_shrink_at_one(browser, run, run_page):

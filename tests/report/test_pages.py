@@ -17,6 +17,7 @@ from auvplan.report.run import obstacle_data, run_data
 from auvplan.report.study import study_data
 from auvplan.runtime.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
 from auvplan.view.sheet import waypoint_name
 from tests.io.sample_run import make_closure, make_run, refused_leg
 from tests.plot.sample_study import make_study, without_legs
@@ -112,6 +113,17 @@ def test_land_has_a_colour_and_no_arrows(run):
     assert on_land.any()
     assert (unpacked(found["u"])[:, on_land] == -32768 * 0.001).all()
     assert (unpacked(found["u"])[:, ~on_land] > -5.0).all()
+
+
+def test_longitudes_of_a_map_go_on_beyond_180_degrees():
+    site = Site(179.99, -17.0)
+    frame = np.array([-3000.0, -2200.0]), np.array([3000.0, 2200.0])
+    corners = np.asarray(map_data(*frame, None, None, site)["corners"])
+    assert (corners[[1, 3], 0] > 180.0).all()
+    assert (np.ptp(corners, axis=0) < 0.1).all()
+    north, east = site.to_local(*corners.T)
+    np.testing.assert_allclose(north, [-3000.0, -3000.0, 3000.0, 3000.0], atol=0.01)
+    np.testing.assert_allclose(east, [-2200.0, 2200.0, -2200.0, 2200.0], atol=0.01)
 
 
 def test_boundaries_are_told_by_looks_within_range_of_obstacles_that_are_anywhere_near(run):

@@ -53,7 +53,7 @@ const two = (value) => String(Math.floor(value)).padStart(2, "0");
 report.hours = function (seconds) {
   if (!report.isNumber(seconds)) return "–";
   const minutes = Math.round(Math.abs(seconds) / 60);
-  return `${seconds < 0 ? "−" : ""}${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
+  return `${seconds < 0 && minutes ? "−" : ""}${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
 };
 
 /** Seconds as h:mm:ss. */
@@ -62,10 +62,10 @@ report.clock = function (seconds) {
   return `${seconds < 0 ? "−" : ""}${Math.floor(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}`;
 };
 
-/** The moment of a time in UTC, to the second; empty where the result has no date. */
+/** The moment of a time in UTC, to the nearest second; empty where the result has no date. */
 report.utc = function (seconds, epoch) {
   if (!epoch) return "";
-  const moment = new Date(new Date(epoch).getTime() + 1000 * seconds);
+  const moment = new Date(1000 * Math.round(new Date(epoch).getTime() / 1000 + seconds));
   return `${moment.toISOString().slice(0, 19).replace("T", " ")} UTC`;
 };
 

@@ -35,11 +35,15 @@ report.map = function (host, label, ground, traces, labels, paint) {
     latitude: [(corners[0][1] + corners[1][1]) / 2, (corners[2][1] + corners[3][1]) / 2],
   };
   const share = (value, from, to, [low, high]) => low + ((value - from) / (to - from)) * (high - low);
+  /** Degrees with their side; longitudes, which go on beyond 180 degrees, within them. */
+  const degrees = function (value, decimals, signs, space) {
+    const within = Math.abs(value) > 180 ? value - 360 * Math.sign(value) : value;
+    return `${Math.abs(within).toFixed(decimals)}°${space}${signs[within < 0 ? 1 : 0]}`;
+  };
   map.place = function (n, e) {
     if (!along) return "";
-    const text = (value, signs) => `${Math.abs(value).toFixed(4)}°\u00a0${signs[value < 0 ? 1 : 0]}`;
-    const latitude = text(share(n, south, north, along.latitude), "NS");
-    return `${latitude}, ${text(share(e, west, east, along.longitude), "EW")}`;
+    const latitude = degrees(share(n, south, north, along.latitude), 4, "NS", "\u00a0");
+    return `${latitude}, ${degrees(share(e, west, east, along.longitude), 4, "EW", "\u00a0")}`;
   };
 
   function depthLines(colours) {
@@ -111,7 +115,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
         const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
         for (const value of values) {
           const at = from + ((value - ends[0]) / (ends[1] - ends[0])) * (to - from);
-          const text = `${Math.abs(value).toFixed(decimals)}° ${signs[value < 0 ? 1 : 0]}`;
+          const text = degrees(value, decimals, signs, " ");
           notes.push({ text, showarrow: false, font: { size: 10, color: colours.quiet }, ...where(at) });
         }
       }
