@@ -384,7 +384,8 @@ class RollingPlan:
             return None
         leg, ends = self.legs[count], np.stack([position, track[-1]])
         times, names = [now, now + _BRISK * _ASIDE], self.run.names  # it is asked for all its speed
-        return PlannedLeg.of(count + 1, leg.start, leg.goal, ends, times, names=names, hold=_WAIT)
+        away = PlannedLeg.of(count + 1, leg.start, leg.goal, ends, times, names=names, hold=_WAIT)
+        return replace(away, onward=_WAIT)
 
     @property
     def margin(self) -> float:
