@@ -41,9 +41,9 @@ class _Same:
 def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
     """Return values that a function reads from around it, as hashable words that change when they do.
 
-    They are those of global variables, of variables of enclosing functions, of its defaults and of the object
-    whose method it is: numbers, arrays, entries and attributes, and what functions among them read. What is
-    not looked into, such as arrays of JAX, stands for itself.
+    They are those of variables of its module and others, of enclosing functions, of its defaults and of the
+    object whose method it is: numbers, arrays, entries and attributes, and what functions among them read.
+    What is not looked into, such as arrays of JAX, stands for itself.
 
     Raises:
         ValueError: an array of NumPy that the function reads was changed in place since it was seen last.
@@ -59,6 +59,9 @@ def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # it is empty
             found += [cell.cell_contents] if name in names else []
+    for module in [value for value in found if isinstance(value, ModuleType)]:
+        if module.__name__.split(".")[0] not in _LIBRARIES:
+            found += [part for name, part in vars(module).items() if name in names]
     found.append(getattr(function, "__self__", None))
     found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
     return tuple(_seen(value, depth) for value in found)

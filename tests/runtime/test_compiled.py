@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -232,6 +232,8 @@ STRENGTH = 1.0
 
 
 def test_functions_are_other_ones_once_what_they_read_has_changed(monkeypatch):
+    settings = ModuleType("settings")
+    settings.strength = 1.0
     listed, held, named = [1.0], SimpleNamespace(strength=1.0), {"strength": 1.0}
     enclosed = 1.0
 
@@ -249,6 +251,7 @@ def test_functions_are_other_ones_once_what_they_read_has_changed(monkeypatch):
         lambda x, y, z, t: (held.strength, 0.0, 0.0): partial(setattr, held, "strength", 2.0),
         lambda x, y, z, t: (named["strength"], 0.0, 0.0): partial(named.__setitem__, "strength", 2.0),
         lambda x, y, z, t: (enclosed, 0.0, 0.0): change,
+        lambda x, y, z, t: (settings.strength, 0.0, 0.0): partial(setattr, settings, "strength", 2.0),
     }
     for function, change_it in changes.items():
         current = FunctionCurrent(function)
