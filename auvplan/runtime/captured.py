@@ -55,7 +55,7 @@ def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
     if not isinstance(code, CodeType):
         return _seen(function, depth), _seen(vars(type(function)).get("__call__"), depth)
     names, around = _names_read(code), function.__globals__
-    found = [around[name] for name in names if name in around]
+    found = [around[name] for name in _globals_read(code) & names if name in around]
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # it is empty
             found += [cell.cell_contents] if name in names else []
@@ -65,6 +65,13 @@ def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
     found.append(getattr(function, "__self__", None))
     found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
     return tuple(_seen(value, depth) for value in found)
+
+
+@lru_cache(maxsize=1024)
+def _globals_read(code: CodeType) -> frozenset[str]:
+    """Names of the global variables that byte code, and that of functions defined in it, reads."""
+    own = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    return frozenset(own).union(*(_globals_read(one) for one in code.co_consts if isinstance(one, CodeType)))
 
 
 @lru_cache(maxsize=1024)

@@ -1,6 +1,7 @@
 """The search: init / ask / tell and minimize."""
 
 from functools import partial
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -255,6 +256,9 @@ def test_a_function_is_compiled_again_once_what_it_reads_has_changed() -> None:
         np.testing.assert_allclose([first.x, second.x], [np.zeros(6), np.full(6, 2.0)], atol=0.5)
 
 
+UNREAD = np.zeros(1)
+
+
 def test_an_array_that_is_changed_in_place_is_refused() -> None:
     centre = np.zeros(6)
 
@@ -266,6 +270,10 @@ def test_an_array_that_is_changed_in_place_is_refused() -> None:
     centre += 2.0
     with pytest.raises(ValueError, match="changed in place"):
         minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+    named = SimpleNamespace(UNREAD=1.0)
+    for _ in range(2):  # a global variable that is called as an attribute is not read
+        minimize(lambda x: sphere(x - named.UNREAD), LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+        UNREAD[0] += 1.0
     centre = centre + 0.0
     minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
 
