@@ -415,20 +415,10 @@ def minimize(
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
     target = None if stop is None else jnp.asarray(stop)
-    return _run(run_key, fun, start, low, high, config, args, target, captured_by(fun))
+    return _run(captured_by(fun), run_key, fun, start, low, high, config, args, stop=target)
 
 
-@partial(jax.jit, static_argnames=("fun", "config", "captured"))
-def _run(
-    key: jax.Array,
-    fun: CostFunction,
-    population: jax.Array,
-    lower: jax.Array,
-    upper: jax.Array,
-    config: BBOConfig,
-    args: tuple[Any, ...],
-    stop: jax.Array | None,
-    captured: tuple,
-) -> Result:
-    """Run a search, compiled for the values that the function has `captured`."""
-    return run(key, fun, population, lower, upper, config, args, feasible=True, stop=stop)
+@partial(jax.jit, static_argnums=(0, 2, 6))
+def _run(captured: tuple, *given: Any, stop: jax.Array | None) -> Result:
+    """Run a search with what `run` is `given`, compiled for the values that its function has `captured`."""
+    return run(*given, feasible=True, stop=stop)

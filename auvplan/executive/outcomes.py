@@ -29,6 +29,9 @@ SEAS = 1000
 #: Samples of a leg's path, legs and windows that programs are made for; of the latter two multiples.
 _SAMPLES, _LEGS, _WINDOWS = 33, 8, 2
 
+#: Fields of a chain that are windows.
+_WINDOWED = "opens", "closes", "enters", "until"
+
 
 @dataclass(frozen=True)
 class Outcomes:
@@ -221,13 +224,11 @@ def latest_stops(chain: Chain, gone: Array, tasks: Array, done: NDArray[np.bool_
     latest = np.full(gone.shape, available)
     for k in reversed(range(1, gone.shape[1])):
         begins = latest[:, k] - np.where(done[:, k], tasks[:, k], 0.0)
-        in_windows = np.minimum(begins[:, None], np.asarray(chain.closes)[k])
-        in_windows = np.where(in_windows >= np.asarray(chain.opens)[k], in_windows, -np.inf).max(axis=1)
-        begins = np.where(done[:, k] & np.isfinite(in_windows), in_windows, begins)
-        in_time = np.minimum(begins[:, None], np.asarray(chain.until)[k] - tasks[:, k, None])
-        entered = in_time - gone[:, k, None] >= np.asarray(chain.enters)[k]
-        in_time = np.where(entered, in_time, -np.inf).max(axis=1)
-        begins = np.where(done[:, k] & np.isfinite(in_time), in_time, begins)
+        opens, closes, enters, until = (np.asarray(getattr(chain, name))[k] for name in _WINDOWED)
+        for first, last in ((opens, closes), (enters + gone[:, k, None], until - tasks[:, k, None])):
+            within = np.minimum(begins[:, None], last)
+            within = np.where(within >= first, within, -np.inf).max(axis=1)
+            begins = np.where(done[:, k] & np.isfinite(within), within, begins)
         latest[:, k - 1] = begins - gone[:, k] - np.asarray(chain.rises)[k]
     return latest
 

@@ -216,7 +216,7 @@ class RollingPlan:
         for plan in chain(self._onward(count, position, now), self._without_leg(count, position, now)):
             if self.in_time(plan):
                 shut = not found and home not in (start, goal) and plan.legs[count].goal == home
-                if shut and plan.ends + self.patience <= self.run.t_available and self.patience:
+                if shut and 0.0 < self.patience <= self.run.t_available - plan.ends:
                     break
                 return plan
             found.append(plan)

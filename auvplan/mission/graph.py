@@ -147,13 +147,18 @@ class MissionGraph:
                 two are one.
         """
         adjacency = np.array(self.adjacency)
-        pairs = (self.priority, self.waypoint_priority), (self.duration, self.waypoint_duration)
-        own = [np.asarray(whole) - np.asarray(part)[..., None, :] for whole, part in pairs]
         for i, j in used:
             adjacency[..., i, j] = False
-            one = [np.isclose(plane[..., i, j], plane[..., j, i], atol=1e-6) for plane in own]
-            adjacency[..., j, i] &= ~np.logical_and(*one) if both_ways is None else not both_ways
+            adjacency[..., j, i] &= ~self._is_one_task(i, j) if both_ways is None else not both_ways
         return replace(self, adjacency=adjacency)
+
+    def _is_one_task(self, i: int, j: int) -> Any:
+        """Return [...] whether the edge's own task, without those at its ends, is the same in both directions."""
+        pairs = (self.priority, self.waypoint_priority), (self.duration, self.waypoint_duration)
+        there, back = (
+            np.stack([whole[..., a, b] - part[..., b] for whole, part in pairs]) for a, b in ((i, j), (j, i))
+        )
+        return np.isclose(there, back, atol=1e-6).all(axis=0)
 
     def without_waypoints(self, nodes: Iterable[int]) -> Self:
         """Return a copy without any edge into or out of waypoints, the same shapes.

@@ -23,7 +23,7 @@ class PlainFunction:
     """A function (x, y, z, t) of places [m] and times [s]; compiled code is reused for the same object.
 
     It is compiled again once a value that it reads from around it has changed, such as a global variable: see
-    `captured_by`. Stored programs are found again by what the function does: see `fingerprint`.
+    `captured_by`. Stored programs are found again by its `fingerprint`.
     """
 
     function: Callable[..., Any]

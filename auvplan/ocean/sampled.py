@@ -3,9 +3,9 @@
 Every function needs programs of its own; all grids of one shape share theirs.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, wraps
 
 import jax
 import numpy as np
@@ -42,6 +42,16 @@ class SampledCurrent(GriddedCurrent):
     gradual = False
 
 
+_Sampled = tuple[SampledCurrent, float] | None
+
+
+def _kept(sample: Callable[..., _Sampled]) -> Callable[..., _Sampled]:
+    """Keep the last samples of functions, by what these capture, which their form as a pytree holds."""
+    of_form = lru_cache(maxsize=4)(lambda form, *box: sample(form.unflatten(()), *box))
+    return wraps(sample)(lambda current, *box: of_form(jax.tree.structure(current), *box))
+
+
+@_kept
 def sampled(
     current: FunctionCurrent,
     lower: tuple[float, float, float],
@@ -49,7 +59,7 @@ def sampled(
     first: float,
     last: float,
     within: float,
-) -> tuple[SampledCurrent, float] | None:
+) -> _Sampled:
     """Sample a function's current between two corners and two times.
 
     Args:
@@ -62,20 +72,6 @@ def sampled(
         The samples, linear in between, and the most by which they differ from the function at random places,
         m/s; None where that is more than allowed, or where single precision cannot hold the nodes apart.
     """
-    return _sampled(jax.tree.structure(current), lower, upper, first, last, within)
-
-
-@lru_cache(maxsize=4)
-def _sampled(
-    form: Any,
-    lower: tuple[float, float, float],
-    upper: tuple[float, float, float],
-    first: float,
-    last: float,
-    within: float,
-) -> tuple[SampledCurrent, float] | None:
-    """Return `sampled` of a function's current that is given by its form, which tells what it captures."""
-    current = form.unflatten(())
     with_depth = axes_used(current)[2] and upper[2] > lower[2]
     with_time = axes_used(current, vertical=True)[3]
     count = _NODES[with_time, with_depth]

@@ -219,14 +219,11 @@ def differentiable_time(
     def _(primals: tuple[Given], tangents: tuple[Given]) -> tuple[jax.Array, jax.Array]:
         check_concrete(name, primals)  # traced once more, a second derivative is asked for
         time = least_time(*primals)
-        settled = plans[-1]
+        along = plans[-1]
         if config.refine_steps < SETTLING_STEPS:
             settled = plan(*primals, config.replace(refine_steps=SETTLING_STEPS))
-        pairs = zip(
-            _slopes_of_least(settled if settled.feasible else plans[-1], *primals),
-            jax.tree.leaves(tangents),
-            strict=True,
-        )
+            along = settled if settled.feasible else along
+        pairs = zip(_slopes_of_least(along, *primals), jax.tree.leaves(tangents), strict=True)
         terms = [jnp.vdot(slope, of) for slope, of in pairs if of.dtype != jax.dtypes.float0]
         return time, jnp.asarray(sum(terms), time.dtype)
 

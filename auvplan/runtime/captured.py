@@ -54,36 +54,38 @@ def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
     code = getattr(function, "__code__", None)
     if not isinstance(code, CodeType):
         return _seen(function, depth), _seen(vars(type(function)).get("__call__"), depth)
-    names, around = _names_read(code), function.__globals__
-    found = [around[name] for name in _globals_read(code) & names if name in around]
+    variables, attributes = _names_read(code)
+    around = function.__globals__
+    found = [around[name] for name in variables if name in around]
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # it is empty
-            found += [cell.cell_contents] if name in names else []
+            found += [cell.cell_contents] if name in variables else []
     for module in [value for value in found if isinstance(value, ModuleType)]:
-        if module.__name__.split(".")[0] not in _LIBRARIES:
-            found += [part for name, part in vars(module).items() if name in names]
+        if not _is_library(module.__name__):
+            found += [value for name, value in vars(module).items() if name in attributes]
     found.append(getattr(function, "__self__", None))
     found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
     return tuple(_seen(value, depth) for value in found)
 
 
 @lru_cache(maxsize=1024)
-def _globals_read(code: CodeType) -> frozenset[str]:
-    """Names of the global variables that byte code, and that of functions defined in it, reads."""
-    own = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
-    return frozenset(own).union(*(_globals_read(one) for one in code.co_consts if isinstance(one, CodeType)))
-
-
-@lru_cache(maxsize=1024)
-def _names_read(code: CodeType) -> frozenset[str]:
-    """Names that byte code, and that of functions defined in it, uses and does not assign to, as counters."""
+def _names_read(code: CodeType) -> tuple[frozenset[str], frozenset[str]]:
+    """Variables that byte code, and that of functions in it, reads and does not assign to, and attributes."""
     codes = [code]
     for outer in codes:
         codes += [value for value in outer.co_consts if isinstance(value, CodeType)]
-    used = chain.from_iterable((*one.co_names, *one.co_freevars) for one in codes)
-    steps = chain.from_iterable(map(dis.get_instructions, codes))
-    assigned = {step.argval for step in steps if step.opname in ("STORE_GLOBAL", "STORE_DEREF")}
-    return frozenset(used) - assigned
+    names: dict[str, set[str]] = {"LOAD": set(code.co_freevars), "STORE": set(), "ATTR": set()}
+    for step in chain.from_iterable(map(dis.get_instructions, codes)):
+        kind, _, of = step.opname.partition("_")
+        if of in ("GLOBAL", "NAME", "DEREF") and kind in names:
+            names[kind].add(step.argval)
+        elif kind == "LOAD" and of in ("ATTR", "METHOD"):
+            names["ATTR"].add(step.argval)
+    return frozenset(names["LOAD"] - names["STORE"]), frozenset(names["ATTR"])
+
+
+def _is_library(module: str | None) -> bool:
+    return (module or "").split(".")[0] in _LIBRARIES
 
 
 def _seen(value: Any, depth: int) -> Any:
@@ -93,24 +95,28 @@ def _seen(value: Any, depth: int) -> Any:
     if isinstance(value, np.ndarray) and value.dtype != object:
         part = value.reshape(-1)[:: 1 + value.size // _NUMBERS]
         words = value.shape, value.dtype, hash(part.tobytes())
-        key = id(value)
-        array, before = _arrays.get(key, (None, None))
-        if array is not None and array() is value and before != words:
-            raise ValueError(
-                "an array that a function reads has been changed in place, which JAX does not see: make a "
-                "new one, as in a = 2.0 * a for a *= 2.0"
-            )
-        _arrays[key] = weakref.ref(value, lambda _: _arrays.pop(key, None)), words
+        _check_unchanged(value, words)
         return words
     if depth == 0 or isinstance(value, ModuleType | type | jax.Array):
         return _Same(value)
     if isinstance(value, partial):
         return captured_by(value, depth - 1)
     if isinstance(value, FunctionType | MethodType):
-        ours = (value.__module__ or "").split(".")[0] in _LIBRARIES
-        return _Same(value), () if ours else captured_by(value, depth - 1)
+        return _Same(value), () if _is_library(value.__module__) else captured_by(value, depth - 1)
     if isinstance(value, dict | list | tuple | set | frozenset):
         entries = list(value.items() if isinstance(value, dict) else value)
         some = entries[:: 1 + len(entries) // _ENTRIES]
         return type(value), len(entries), tuple(_seen(part, depth - 1) for part in some)
     return _Same(value), tuple((k, _seen(v, depth - 1)) for k, v in getattr(value, "__dict__", {}).items())
+
+
+def _check_unchanged(array: np.ndarray, words: tuple) -> None:
+    """Refuse an array that was seen before, with other words for what is in it."""
+    key = id(array)
+    known, before = _arrays.get(key, (None, words))
+    if known is not None and known() is array and before != words:
+        raise ValueError(
+            "an array that a function reads has been changed in place, which JAX does not see: make a "
+            "new one, as in a = 2.0 * a for a *= 2.0"
+        )
+    _arrays[key] = weakref.ref(array, lambda _: _arrays.pop(key, None)), words
