@@ -153,7 +153,7 @@ class MissionGraph:
         return replace(self, adjacency=adjacency)
 
     def _is_one_task(self, i: int, j: int) -> Any:
-        """Return [...] whether the edge's own task, without those at its ends, is the same in both directions."""
+        """Return [...] whether the edge's own task, without those at its ends, is the same both ways."""
         pairs = (self.priority, self.waypoint_priority), (self.duration, self.waypoint_duration)
         there, back = (
             np.stack([whole[..., a, b] - part[..., b] for whole, part in pairs]) for a, b in ((i, j), (j, i))
