@@ -45,8 +45,8 @@ def plan_path(
     """Plan the fastest safe path from start to goal.
 
     Under `jax.grad` and `jax.jvp` the `travel_time` of a feasible plan has a derivative by every leaf of
-    start, goal, environment, vehicle and departure (envelope theorem): along the path found with
-    `SETTLING_STEPS` in the last polish, and at the limits that bind. All else in the plan is constant.
+    start, goal, environment, vehicle and departure (envelope theorem): along the quickest path found, also
+    with `SETTLING_STEPS` in the last polish, and at the limits that bind. All else in the plan is constant.
 
     Args:
         start: [3] m, north, east, depth.

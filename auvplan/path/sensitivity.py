@@ -25,9 +25,10 @@ from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
 Given = tuple[Any, Any, Environment, Any, Any]
 
-#: Gradient steps of the last polish of a path along which a derivative is taken: one within some tenths of a
-#: percent of the least time may still be so far from stationary that limits seem to cost nothing.
-SETTLING_STEPS = 1000
+#: Gradient steps of the last polish of more paths, along the quickest of which a derivative is taken: one that
+#: is within some tenths of a percent of the least time may be so far from stationary that limits seem to cost
+#: nothing.
+SETTLING_STEPS = 300, 1000
 
 #: Limits bind from these multiples of a polish's margins to coast, obstacles and the bed on, and from this
 #: share of other limits on.
@@ -195,7 +196,7 @@ def differentiable_time(
 
     The derivative is that of the envelope theorem: along the least path, by everything given, the travel time
     changes as fast as the least one, plus what the limits that bind cost, each by its multiplier. It is taken
-    along the path that is found with as many steps in the last polish as it takes to settle.
+    along the quickest of the paths that are found with more and more steps in the last polish.
 
     Args:
         plan: takes what is given and settings, and returns a `PathPlan`.
@@ -220,9 +221,11 @@ def differentiable_time(
         check_concrete(name, primals)  # traced once more, a second derivative is asked for
         time = least_time(*primals)
         along = plans[-1]
-        if config.refine_steps < SETTLING_STEPS:
-            settled = plan(*primals, config.replace(refine_steps=SETTLING_STEPS))
-            along = settled if settled.feasible else along
+        # More steps may end on a slower path: where they lead one beyond a limit, another one is taken.
+        for steps in SETTLING_STEPS if along.feasible else ():
+            if steps > config.refine_steps:
+                settled = plan(*primals, config.replace(refine_steps=steps))
+                along = settled if settled.feasible and settled.travel_time < along.travel_time else along
         pairs = zip(_slopes_of_least(along, *primals), jax.tree.leaves(tangents), strict=True)
         terms = [jnp.vdot(slope, of) for slope, of in pairs if of.dtype != jax.dtypes.float0]
         return time, jnp.asarray(sum(terms), time.dtype)

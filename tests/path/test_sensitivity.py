@@ -1,6 +1,6 @@
 """Sensitivities of a plan against closed forms and finite differences."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import jax
@@ -202,8 +202,11 @@ def test_slopes_of_a_least_time_by_every_leaf():
     plan = ap.plan_path(*given[:4], key=jax.random.key(0), config=LIGHT, depart=500.0)
     assert least == plan.travel_time
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes) if leaf.dtype != jax.dtypes.float0)
-    settled = LIGHT.replace(refine_steps=SETTLING_STEPS)
-    known = ap.plan_path(*given[:4], key=jax.random.key(0), config=settled, depart=500.0).sensitivity()
+    configs = [LIGHT, *(LIGHT.replace(refine_steps=steps) for steps in SETTLING_STEPS)]
+    plans = [
+        ap.plan_path(*given[:4], key=jax.random.key(0), config=config, depart=500.0) for config in configs
+    ]
+    known = min(plans, key=lambda plan: plan.travel_time).sensitivity()
     assert (slopes[3].speed, slopes[4]) == pytest.approx((known.speed, known.departure), rel=1e-3)
     assert slopes[0][0] < 0.0 < slopes[1][0]
 
@@ -280,6 +283,35 @@ def test_least_times_over_a_bed_have_the_slopes_of_plans_of_other_clearances(dep
     clearance, settled = jnp.asarray(3.0), ap.PathConfig(refine_steps=3000)
     changed = [float(time(clearance + step, settled)) for step in (2.0, -2.0)]
     assert float(jax.grad(time)(clearance)) == pytest.approx((changed[0] - changed[1]) / 4.0, rel=0.06)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Crossed:
+    """A stream along the way, faster on one side, and one across it in its middle, m/s."""
+
+    along: jax.Array
+    across: jax.Array
+
+    def __call__(self, x, y, z, t):
+        north = self.along * jnp.exp(-(((y + 500.0) / 400.0) ** 2))
+        return north + 0.0 * x, self.across * jnp.exp(-(((x - 2000.0) / 700.0) ** 2)) + 0.0 * y, 0.0 * x
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [2.25, 2.3, 2.35, 2.4])
+def test_a_limit_on_the_speed_over_ground_that_binds_has_its_slope(most):
+    """The stream along the way would make the vehicle faster than it may be."""
+    stream = Crossed(jnp.asarray(0.6), jnp.asarray(1.2))
+    env = ap.Environment(stream, lower=(-500.0, -1500.0, 0.0), upper=(4500.0, 1500.0, 20.0))
+
+    def time(most):
+        vehicle = ap.Vehicle(2.0, surge_max=most, sway_max=1.5)
+        return ap.plan_path((0, 0, 10), (4000, 0, 10), env, vehicle, key=jax.random.key(0)).travel_time
+
+    changed = [float(time(most + step)) for step in (0.02, -0.02)]
+    slope = float(jax.grad(time)(jnp.asarray(most)))
+    assert slope == pytest.approx((changed[0] - changed[1]) / 0.04, rel=0.1)
 
 
 def sheared(x, y, z, t):
