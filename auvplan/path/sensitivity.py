@@ -25,9 +25,8 @@ from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
 Given = tuple[Any, Any, Environment, Any, Any]
 
-#: Gradient steps of the last polish of more paths, along the quickest of which a derivative is taken: one that
-#: is within some tenths of a percent of the least time may be so far from stationary that limits seem to cost
-#: nothing.
+#: Gradient steps of the last polish of more paths, along the quickest of which a derivative is taken. One
+#: within tenths of a percent of the least time may be so far from settled that limits seem to cost nothing.
 SETTLING_STEPS = 300, 1000
 
 #: Limits bind from these multiples of a polish's margins to coast, obstacles and the bed on, and from this
