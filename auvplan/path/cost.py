@@ -19,9 +19,9 @@ from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearan
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.kinematics import (
     Axes,
+    at_shares,
     elapsed,
     mean_met,
-    middle_times,
     most_met,
     navigated,
     norm,
@@ -29,6 +29,7 @@ from auvplan.path.kinematics import (
     pace_met,
     parts_of,
     places_met,
+    times_met,
     turn_rate,
     vertical_speeds,
 )
@@ -212,10 +213,10 @@ def evaluate(
     starts = x[:-1], y[:-1], z[:-1]
     middle = starts[0] + 0.5 * dx, starts[1] + 0.5 * dy, starts[2] + 0.5 * dz
     gap = norm(dx, dy, dz)
-    middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
     count = config.quadrature or 1
-    met = places_met(middle, track.way, middle_time, gap / vehicle.speed, parts_of(count))
-    u, v, w = (jnp.broadcast_to(component, met[0].shape) for component in env.current(*met))
+    places = places_met(middle, track.way, parts_of(count))
+    met = times_met(places, track.way, gap, depart, env, vehicle, config)
+    u, v, w = (jnp.broadcast_to(component, met.shape) for component in env.current(*places, met))
     ground, across, shortfall = over_ground((u, v, w), track.way, gap, vehicle, config)
     vertical = vertical_speeds((u, v, w), track.way, gap, ground, vehicle, config.speed_reading)
     duration = gap / pace_met(ground, count)
@@ -225,7 +226,7 @@ def evaluate(
     level = norm(dx, dy)
     coast_clear, price = coast_clearance(x, y, level, duration, env, config)
     if env.price is not None:
-        price = price + (jnp.maximum(env.price(*middle, middle_time), 0.0) * duration).sum(axis=0)
+        price = price + (jnp.maximum(env.price(*middle, mean_met(met, count)), 0.0) * duration).sum(axis=0)
     if vehicle.depth_toll is not None:
         price = price + toll(dz, vehicle.depth_toll)
     if env.closures:
@@ -327,8 +328,8 @@ def judged_within(
     begin, lasts, gap = trajectory.times[:-1], jnp.diff(trajectory.times, axis=0), norm(*way)
     starts = trajectory.x[:-1], trajectory.y[:-1], trajectory.z[:-1]
     middle = starts[0] + 0.5 * way[0], starts[1] + 0.5 * way[1], starts[2] + 0.5 * way[2]
-    met = places_met(middle, way, begin + 0.5 * lasts, lasts, JUDGED_AT)
-    u, v, w = (jnp.broadcast_to(component, met[0].shape) for component in env.current(*met))
+    places, when = places_met(middle, way, JUDGED_AT), at_shares(begin + 0.5 * lasts, lasts, JUDGED_AT)
+    u, v, w = (jnp.broadcast_to(component, when.shape) for component in env.current(*places, when))
     ground, across, shortfall = over_ground((u, v, w), way, gap, vehicle, config)
     vertical = vertical_speeds((u, v, w), way, gap, ground, vehicle, config.speed_reading)
     within = {

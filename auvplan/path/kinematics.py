@@ -54,27 +54,24 @@ def parts_of(count: int) -> tuple[float, ...]:
     return tuple((k + 0.5) / count for k in range(count))
 
 
-def places_met(
-    middle: Axes, way: Axes, when: jax.Array, lasts: jax.Array, shares: tuple[float, ...]
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """Return x, y, z, m, and times, s, at C shares of segments, [C, ...]; of one share without that axis.
+def at_shares(middle: jax.Array, step: jax.Array, shares: tuple[float, ...]) -> jax.Array:
+    """Return what has a value in segments' middles at C shares of them, [C, ...]; at one without that axis.
 
     Args:
-        middle: x, y, z, m, of segments' middles; any shape, the same for all.
-        way: x, y, z, m, from their first to their last ends.
-        when: s since the epoch, at their middles.
-        lasts: s, about their durations.
+        middle: values in the middles; any shape.
+        step: by how much values differ from a segment's first to its last end.
         shares: C of them, from 0 to 1; one alone is the middle.
     """
     if len(shares) == 1:
-        return *middle, when
+        return middle
+    off = jnp.asarray(np.subtract(shares, 0.5), middle.dtype)
+    return middle + off.reshape(-1, *(1,) * middle.ndim) * step
 
-    def along(plane: jax.Array, step: jax.Array) -> jax.Array:
-        off = jnp.asarray(np.subtract(shares, 0.5), plane.dtype)
-        return plane + off.reshape(-1, *(1,) * plane.ndim) * step
 
-    (x, y, z), (dx, dy, dz) = middle, way
-    return along(x, dx), along(y, dy), along(z, dz), along(when, lasts)
+def places_met(middle: Axes, way: Axes, shares: tuple[float, ...]) -> Axes:
+    """Return x, y, z, m, at C shares of segments, as `at_shares`, from their middles and ways, m."""
+    x, y, z = (at_shares(*plane, shares) for plane in zip(middle, way, strict=True))
+    return x, y, z
 
 
 def mean_met(plane: jax.Array, count: int) -> jax.Array:
@@ -125,8 +122,8 @@ def vertical_speeds(
     return {name: (speeds[name], limit) for name, limit in limits.items()}
 
 
-def middle_times(
-    middle: Axes,
+def times_met(
+    places: Axes,
     way: Axes,
     gap: jax.Array,
     depart: jax.Array,
@@ -134,14 +131,13 @@ def middle_times(
     vehicle: Vehicle,
     config: PathConfig,
 ) -> jax.Array:
-    """[S - 1, P] s since the epoch, when the middle of each segment of P paths is reached.
+    """Return s since the epoch when the C places of the segments of P paths are reached, as `places`.
 
-    Segment by segment: how fast the next one is depends on when. The way to its middle is taken at the
-    speed of the one before.
+    Each is in the middle of an equal part of its segment; parts are gone along `in_turn`.
 
     Args:
-        middle: x, y, z, [S - 1, P] m, of segments' middles.
-        way: x, y, z, [S - 1, P] m, from their first to their last ends.
+        places: x, y, z, [C, S - 1, P] m, where the current is met; [S - 1, P] where C is 1.
+        way: x, y, z, [S - 1, P] m, from segments' first to their last ends.
         gap: [S - 1, P] m, their lengths.
         depart: s since the epoch.
         env: the world.
@@ -149,21 +145,63 @@ def middle_times(
         config: static settings.
     """
     if is_steady(env.current) or config.speed_reading == "eq11":
-        return depart + jnp.zeros_like(gap)
+        return depart + jnp.zeros_like(places[0])
+    count = config.quadrature or 1
     if isinstance(env.current, PacedCurrent):
         duration = jax.lax.stop_gradient(gap) / env.current.pace[:, None]
-        return depart + elapsed(duration)[:-1] + 0.5 * duration
+        middle = depart + elapsed(duration)[:-1] + 0.5 * duration
+        return at_shares(middle, duration, parts_of(count))
 
-    def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
-        time, speed = carry
-        middle, way, gap = segment
-        half_way, count = time + 0.5 * gap / speed, config.quadrature or 1
-        water = env.current(*places_met(middle, way, half_way, gap / speed, parts_of(count)))
-        ground = pace_met(over_ground(water, way, gap, vehicle, config)[0], count)
-        return (time + gap / ground, ground), half_way
+    def in_order(plane: jax.Array) -> jax.Array:
+        """[(S - 1) C, P], part after part."""
+        planes = plane if plane.ndim == 3 else jnp.broadcast_to(plane, (count, *plane.shape))
+        return planes.swapaxes(0, 1).reshape(-1, plane.shape[-1])
+
+    way = way[0] / count, way[1] / count, way[2] / count
+    middle, way, parts = jax.tree.map(in_order, (places, way, gap / count))
+    when = in_turn(middle, way, parts, depart, env.current, vehicle, config)[1]
+    return when if count == 1 else when.reshape(len(gap), count, -1).swapaxes(0, 1)
+
+
+def in_turn(
+    middle: Axes,
+    way: Axes,
+    gap: jax.Array,
+    depart: jax.Array,
+    current: Current,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array]:
+    """Go along N straight parts one after the other; how fast the next one is depends on when.
+
+    The way to the middle of each is taken at a speed extrapolated from those of the two before.
+
+    Args:
+        middle: x, y, z, [N, ...] m, where the current of each is met.
+        way: x, y, z, [N, ...] m, from their first to their last ends.
+        gap: [N, ...] m, their lengths.
+        depart: s since the epoch.
+        current: that it is.
+        vehicle: speed and limits.
+        config: static settings.
+
+    Returns:
+        ``(end [...], when [N, ...])``, s since the epoch, at the last end and at the middles.
+    """
+
+    def step(carry: tuple[jax.Array, ...], part: tuple) -> tuple[tuple, jax.Array]:
+        time, speed, before = carry
+        (x, y, z), way, gap = part
+        # From the middle of the last part to that of this one's first half it is 3/4 of a part.
+        onward = jnp.clip(speed + 0.75 * (speed - before), 0.5 * speed, 2.0 * speed)
+        when = time + 0.5 * gap / onward
+        ground = over_ground(current(x, y, z, when), way, gap, vehicle, config)[0]
+        return (time + gap / ground, ground, speed), when
 
     first = jnp.zeros_like(gap[0])
-    return jax.lax.scan(step, (first + depart, first + vehicle.speed), (middle, way, gap))[1]
+    begin = first + depart, first + vehicle.speed, first + vehicle.speed
+    (end, _, _), when = jax.lax.scan(step, begin, (middle, way, gap))
+    return end, when
 
 
 @jax.tree_util.register_dataclass

@@ -16,7 +16,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import IN_CURRENT, VIOLATIONS, WITHIN, Track, evaluate
-from auvplan.path.kinematics import norm, over_ground
+from auvplan.path.kinematics import in_turn, norm
 from auvplan.path.plan import PathPlan
 from auvplan.path.profile import timed
 from auvplan.runtime.compiled import compiled
@@ -292,13 +292,7 @@ def _taken(
     """S that the path of one leg takes in a current."""
     way = jnp.diff(leg.positions, axis=0)
     gap = norm(*way.T)
+    middle = leg.positions[:-1] + 0.5 * way
     own_speed = replace(vehicle, speed=leg.speed)
-
-    def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, None]:
-        (time, speed), ((x, y, z), way, gap) = carry, segment
-        water = current(x, y, z, time + 0.5 * gap / speed)
-        ground = over_ground(water, tuple(way), gap, own_speed, config)[0]
-        return (time + gap / ground, ground), None
-
-    segments = leg.positions[:-1] + 0.5 * way, way, gap
-    return jax.lax.scan(step, (depart, leg.speed), segments)[0][0] - depart
+    planes = (middle[:, 0], middle[:, 1], middle[:, 2]), (way[:, 0], way[:, 1], way[:, 2])
+    return in_turn(*planes, gap, depart, current, own_speed, config)[0] - depart

@@ -382,3 +382,29 @@ def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeyp
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
     assert searched == pytest.approx(sways)
     assert plan.status is (ap.PathStatus.SWAY if across > 1.5 else ap.PathStatus.OK)
+
+
+@pytest.mark.parametrize("period", [40.0, 90.0])
+def test_travel_times_hold_where_the_current_changes_within_segments(period):
+    """A tide of seconds, walked along the plan in steps far shorter than its segments."""
+    rate, speed = 2.0 * np.pi / period, 2.0
+
+    def surge(x, y, z, t):
+        return 0.8 * jnp.sin(rate * t), 0.0, 0.0
+
+    env = ap.Environment(surge, lower=(-200, -200, 0), upper=(3500, 3500, 60))
+    ends = (0.0, 0.0, 20.0), (3000.0, 1500.0, 20.0)
+    plan = ap.plan_path(*ends, env, vehicle=ap.Vehicle(speed=speed), key=jax.random.key(0))
+    now, steps = 0.0, 100
+    for way in np.diff(np.asarray(plan.positions, float), axis=0):
+        length = np.linalg.norm(way)
+        for _ in range(steps):
+            half = now + 0.5 * length / steps / pace(now, way / length, rate, speed)
+            now += length / steps / pace(half, way / length, rate, speed)
+    assert float(plan.travel_time) == pytest.approx(now, rel=1e-4)
+
+
+def pace(now, heading, rate, speed):
+    """m/s over ground along a heading in the tide above."""
+    north = 0.8 * np.sin(rate * now)
+    return north * heading[0] + np.sqrt(speed**2 - north**2 * (1.0 - heading[0] ** 2))

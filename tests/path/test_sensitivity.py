@@ -40,19 +40,19 @@ look_up = jax.jit(lambda current, place, time: jnp.stack(current(*place, time)))
 def arrivals(depart, speed, factor, current, places=1):
     """[S] s at the samples of `PATH`, its segments executed one after the other.
 
-    Each meets the current at so many places, in the middles of equal parts.
+    Each meets the current at some places, in the middles of equal parts that are executed in turn.
     """
-    times, pace, current = [depart], speed, ap.Environment(current).current
+    times, now, pace, before, current = [depart], depart, speed, speed, ap.Environment(current).current
     for a, b in pairwise(PATH):
         gap = np.linalg.norm(b - a)
-        half, slowness = times[-1] + 0.5 * gap / pace, []
         for share in (np.arange(places) + 0.5) / places:
-            met = a + share * (b - a), half + (share - 0.5) * gap / pace
+            onward = np.clip(pace + 0.75 * (pace - before), 0.5 * pace, 2.0 * pace)
+            met = a + share * (b - a), now + 0.5 * gap / places / onward
             water = factor * np.asarray(look_up(current, *met))
             along = water @ (b - a) / gap
-            slowness.append(1.0 / (along + np.sqrt(speed**2 - (water @ water - along**2))))
-        pace = 1.0 / np.mean(slowness)
-        times.append(times[-1] + gap / pace)
+            before, pace = pace, along + np.sqrt(speed**2 - (water @ water - along**2))
+            now += gap / places / pace
+        times.append(now)
     return np.array(times)
 
 
