@@ -1,6 +1,5 @@
 """Data sets on servers, opened without their values: Copernicus Marine, ERDDAP's griddap, OPeNDAP."""
 
-import json
 import logging
 import os
 import re
@@ -27,13 +26,8 @@ _LONGEST = 200
 #: Degrees around the box that Copernicus is asked for too: a cell of most of the service's grids.
 _WIDER = 0.1
 _SECONDS = {"units": "seconds since 1970-01-01 00:00:00"}
-#: ERDDAP's addresses, and its types, which are Java's.
-_GRIDDAP = re.compile(r"(?P<server>https?://\S+)/griddap/(?P<dataset>[^/?#\s]+?)(\.\w+)?")
-_COUNT = re.compile(r"nValues=(\d+)")
-_TYPES = {
-    "double": "f8", "float": "f4", "long": "i8", "int": "i4", "short": "i2", "byte": "i1",
-    "ulong": "u8", "uint": "u4", "ushort": "u2", "ubyte": "u1",
-}  # fmt: skip
+#: ERDDAP's address of a data set, which is that of OPeNDAP too, and the suffix of a page.
+_GRIDDAP = re.compile(r"(https?://\S+/griddap/[^/?#\s]+?)(\.\w+)?")
 #: What is said of errors, the first that has a part of the names of their classes.
 _FAULTS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     "copernicus": (
@@ -65,17 +59,14 @@ _STATUS = {
 _PLAIN = ":,.&=<>!~/"
 
 
-#: Values of a variable in a range of indices of each of its dimensions, as the server stores them.
-Read = Callable[[str, Mapping[str, slice]], np.ndarray]
-
-
 @dataclass(frozen=True)
 class Remote:
     """A data set on a server, of which nothing but head and axes is known yet."""
 
     file: File  # its head, decoded but for times, as the readers of currents look at it
     raw: Mapping[str, xr.Variable]  # its variables as the server stores them; their values are not to be read
-    read: Read
+    #: Values of a variable in a range of indices of each of its dimensions, as the server stores them.
+    read: Callable[[str, Mapping[str, slice]], np.ndarray]
 
 
 def open_remote(request: Request, timeout: float) -> Remote:
@@ -89,12 +80,12 @@ def open_remote(request: Request, timeout: float) -> Remote:
             server refuses or cannot be reached.
     """
     with _answering(request, timeout):
-        dataset, values = _OPENERS[request.server](request, timeout)
+        dataset = (_copernicus if request.server == "copernicus" else _opendap)(request, timeout)
         raw = {str(name): variable for name, variable in dataset.variables.items()}
 
         def read(name: str, picks: Mapping[str, slice]) -> np.ndarray:
             with _answering(request, timeout):
-                return np.asarray(raw[name].isel(picks).values if values is None else values(name, picks))
+                return np.asarray(raw[name].isel(picks).values)
 
         return Remote(as_file(request.dataset, dataset), raw, read)
 
@@ -106,8 +97,8 @@ def as_file(label: str, dataset: xr.Dataset) -> File:
     return File(label, variables, decoded.attrs, lambda: None)
 
 
-def _copernicus(request: Request, timeout: float) -> tuple[xr.Dataset, None]:
-    """Open a data set by its identifier."""
+def _copernicus(request: Request, timeout: float) -> xr.Dataset:
+    """Open a data set by its identifier, undecoded."""
     # The client reads it when it is loaded.
     os.environ.setdefault("COPERNICUSMARINE_HTTPS_TIMEOUT", f"{timeout:g}")
     client: Any = import_module("copernicusmarine")
@@ -140,79 +131,23 @@ def _copernicus(request: Request, timeout: float) -> tuple[xr.Dataset, None]:
             # Times of all servers are numbers.
             kept = {key: value for key, value in variable.attrs.items() if key not in ("units", "calendar")}
             changed[name] = xr.Variable(variable.dims, seconds_of(variable.values), kept | _SECONDS)
-    return dataset.drop_vars(list(changed)).assign(changed), None
+    return dataset.drop_vars(list(changed)).assign(changed)
 
 
-def _erddap(request: Request, timeout: float) -> tuple[xr.Dataset, Read]:
-    """Open a data set by the address of its griddap page, such as https://server/erddap/griddap/DATASET."""
-    import requests
-
-    found = _GRIDDAP.fullmatch(request.dataset)
-    if found is None:
-        raise ForecastError(
-            f"--from erddap:{request.dataset}: give the address of the data set's griddap page, such as "
-            "https://server/erddap/griddap/DATASET"
-        )
-    server, dataset, connection = found["server"], found["dataset"], requests.Session()
-
-    def get(address: str) -> bytes:
-        answer = connection.get(address, timeout=timeout)
-        answer.raise_for_status()
-        return answer.content
-
-    def cut(parts: Mapping[str, tuple[slice, ...]]) -> xr.Dataset:
-        query = ",".join(
-            name + "".join(f"[{part.start}:1:{part.stop - 1}]" for part in picks)
-            for name, picks in parts.items()
-        )
-        content = get(f"{server}/griddap/{dataset}.nc?{query}")
-        engine = "h5netcdf" if content.startswith(b"\x89HDF") else "scipy"
-        return xr.open_dataset(content, decode_cf=False, engine=engine).load()
-
-    dims, variables, attributes = _head(json.loads(get(f"{server}/info/{dataset}/index.json")))
-    axes = cut({name: (slice(0, size),) for name, size in dims.items()})
-    head: dict[str, xr.Variable] = {str(name): axes.variables[name] for name in dims}
-    for name, (kind, along) in variables.items():
-        # Of the shape and type that it has, without values.
-        empty = np.broadcast_to(np.zeros((), kind), tuple(dims[dim] for dim in along))
-        head[name] = xr.Variable(along, empty, attributes.get(name, {}))
-
-    def read(name: str, picks: Mapping[str, slice]) -> np.ndarray:
-        own = head[name]
-        whole = tuple(picks.get(str(dim), slice(0, size)) for dim, size in own.sizes.items())
-        return own.values[whole] if name in dims else cut({name: whole})[name].values
-
-    return xr.Dataset(head, attrs=attributes.get("NC_GLOBAL", {})), read
-
-
-def _head(page: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
-    """Sizes by dimension, type and dimensions by variable, and attributes by variable, of an info page."""
-    dims: dict[str, int] = {}
-    variables: dict[str, tuple[str, tuple[str, ...]]] = {}
-    attributes: dict[str, dict] = {}
-    for kind, name, attribute, type_, value in page["table"]["rows"]:
-        if kind == "dimension":
-            count = _COUNT.search(value)
-            if count is None:
-                raise ValueError(f"dimension {name} has no nValues")
-            dims[name] = int(count[1])
-        elif kind == "variable" and type_ in _TYPES:
-            variables[name] = _TYPES[type_], tuple(part.strip() for part in value.split(","))
-        elif kind == "attribute":
-            stated: Any = value
-            if type_ in _TYPES:
-                numbers = np.array([float(part) for part in value.split(",")]).astype(_TYPES[type_])
-                stated = numbers[0] if numbers.size == 1 else numbers
-            attributes.setdefault(name, {})[attribute] = stated
-    return dims, variables, attributes
-
-
-def _opendap(request: Request, timeout: float) -> tuple[xr.Dataset, None]:
-    """Open a data set by its OPeNDAP address."""
+def _opendap(request: Request, timeout: float) -> xr.Dataset:
+    """Open a data set by its OPeNDAP address, or that of its page at an ERDDAP, undecoded."""
     import requests
     from pydap.client import open_url  # noqa: F401 - what xarray opens it with
 
-    connection, parts = requests.Session(), urlsplit(request.dataset)
+    dataset = request.dataset
+    if request.server == "erddap":
+        if (found := _GRIDDAP.fullmatch(dataset)) is None:
+            raise ForecastError(
+                f"--from erddap:{dataset}: give the address of the data set's griddap page, such as "
+                "https://server/erddap/griddap/DATASET"
+            )
+        dataset = found[1]
+    connection, parts = requests.Session(), urlsplit(dataset)
 
     def carry(environ: dict[str, Any], start: Callable) -> list[bytes]:
         """Carry a request to the server, as a WSGI application.
@@ -227,7 +162,7 @@ def _opendap(request: Request, timeout: float) -> tuple[xr.Dataset, None]:
         return [answer.content]
 
     options = {"application": carry, "decode_cf": False, "create_default_indexes": False, "cache": False}
-    return xr.open_dataset(request.dataset, engine="pydap", **options), None
+    return xr.open_dataset(dataset, engine="pydap", **options)
 
 
 @contextmanager
@@ -270,11 +205,3 @@ def _status(error: Any) -> str:
     return _STATUS.get(status, "the server answers with status {status}{text}: try again later").format(
         status=status, text=text
     )
-
-
-#: What opens a data set of each kind of server, undecoded; and what reads it, where it does not itself.
-_OPENERS: dict[str, Callable[[Request, float], tuple[xr.Dataset, Read | None]]] = {
-    "copernicus": _copernicus,
-    "erddap": _erddap,
-    "thredds": _opendap,
-}

@@ -1,4 +1,4 @@
-"""Servers of ocean data on loopback: an OPeNDAP one (DAP 2.0) and one that answers as ERDDAP.
+"""A server of ocean data on loopback by OPeNDAP (DAP 2.0), which answers at other addresses as ERDDAP does.
 
 Written from the protocols' descriptions, with nothing of the clients that are tested.
 """
@@ -12,11 +12,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import unquote
 
 import numpy as np
-import xarray as xr
 
 _TYPES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "int16": "Int16"}
 _TYPES |= {"int8": "Byte", "uint8": "Byte"}
-_JAVA = {"float64": "double", "float32": "float", "int32": "int", "int16": "short", "int8": "byte"}
 _PART = re.compile(r"\[(\d+)(?::(\d+))?(?::(\d+))?\]")
 
 
@@ -84,9 +82,13 @@ class _Handler(BaseHTTPRequestHandler):
         self.answer(200, body, kind, cut=ill == "cut")
 
     def find(self, path, query):
-        if path.startswith("/dodsC/"):
-            name, _, what = path.removeprefix("/dodsC/").rpartition(".")
+        if path.startswith(("/dodsC/", "/erddap/griddap/")):
+            name, _, what = path.rpartition("/")[2].rpartition(".")
             data = self.server.datasets[name]
+            if path.startswith("/erddap/"):
+                # Its data sets are variables that share all axes, and such a part comes as a grid with these.
+                data = data[[one for one in data.data_vars if set(data[one].dims) == set(data.dims)]]
+                query = re.sub(r"\b(\w+)\.\1\b", r"\1", query)
             if what == "das":
                 return das(data).encode(), "text/plain"
             if what in ("dds", "dods"):
@@ -97,13 +99,6 @@ class _Handler(BaseHTTPRequestHandler):
                 body = b"".join(values_of(data, name, index) for name, index in parts)
                 return head + b"\nData:\n" + body, "application/octet-stream"
             raise KeyError(what)
-        if path.startswith("/erddap/info/"):
-            name = path.removeprefix("/erddap/info/").removesuffix("/index.json")
-            return json.dumps(erddap_info(self.server.datasets[name])).encode(), "application/json"
-        if path.startswith("/erddap/griddap/"):
-            name = path.removeprefix("/erddap/griddap/").removesuffix(".nc")
-            data = self.server.datasets[name]
-            return erddap_netcdf(data, query), "application/x-netcdf"
         raise KeyError(path)
 
     def answer(self, status, body, kind, cut=False):
@@ -206,48 +201,3 @@ def xdr(values):
 
 def _wide(dtype):
     return {"f8": ">f8", "f4": ">f4"}.get(dtype.str[1:], ">i4")
-
-
-def erddap_info(data):
-    rows = []
-
-    def tell(kind, variable, attribute="", type_="", value=""):
-        rows.append([kind, variable, attribute, type_, value])
-
-    for name, value in data.attrs.items():
-        tell("attribute", "NC_GLOBAL", name, *_java(value))
-    # Its data sets are variables that share all axes.
-    shared = [name for name in data.data_vars if set(data[name].dims) == set(data.dims)]
-    for name in [*data.dims, *shared]:
-        values = data[name]
-        if name in data.dims:
-            size = f"nValues={values.size}, evenlySpaced=true"
-            tell("dimension", name, "", _JAVA[values.dtype.name], size)
-        else:
-            tell("variable", name, "", _JAVA[values.dtype.name], ", ".join(map(str, values.dims)))
-        for attribute, value in values.attrs.items():
-            tell("attribute", name, attribute, *_java(value))
-    names = ["Row Type", "Variable Name", "Attribute Name", "Data Type", "Value"]
-    return {"table": {"columnNames": names, "columnTypes": ["String"] * 5, "rows": rows}}
-
-
-def _java(value):
-    if isinstance(value, str):
-        return "String", value
-    return _JAVA[np.asarray(value).dtype.name], str(value)
-
-
-def erddap_netcdf(data, query):
-    """NetCDF-3 with the variables of a query, their axes, and their attributes."""
-    parts, axes, fields = projections(data, query), {}, {}
-    for name, index in parts:
-        own = data[name]
-        values = own.values[index]
-        if name in data.dims:
-            axes[name] = (name, values, own.attrs)
-            continue
-        for dim, one in zip(own.dims, index, strict=True):
-            axes[dim] = (dim, data[dim].values[one], data[dim].attrs)
-        fields[name] = (own.dims, values, own.attrs)
-    found = xr.Dataset(fields, axes, data.attrs)
-    return bytes(found.to_netcdf(engine="scipy", format="NETCDF3_CLASSIC"))
