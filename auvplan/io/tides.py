@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.io.geo.error import Faults, read_text, reading
+from auvplan.io.geo.error import Faults
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
-from auvplan.scenario.yaml_lines import YamlError, read_yaml
+from auvplan.scenario.yaml_lines import read_yaml_file
 from auvplan.site import Site
 
 #: utide's flags for corrections that are exact at the moment that is asked for.
@@ -95,12 +95,7 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
 
 
 def _document(path: str | Path) -> dict[str, Any]:
-    with reading(path, CurrentError):
-        text = read_text(path, _MAX_BYTES)
-    try:
-        document = read_yaml(text)
-    except YamlError as error:
-        raise CurrentError(f"{path}: is no YAML: {' '.join(str(error).split())[:120]}") from None
+    document = read_yaml_file(path, CurrentError, _MAX_BYTES)
     for _, reason, (line, _) in document.faults:
         raise CurrentError(f"{path}: line {line}: {reason}")
     stated = document.data

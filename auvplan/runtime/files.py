@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, reason_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -199,6 +199,24 @@ def _digest(path: Path, size: int, changed: int) -> str:
     """Hash a file; it is asked for in every run of a study, by its size and when it was changed."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_text(path: str | Path, fault: type[AuvplanError], limit: int = 200_000_000) -> str:
+    """Return the text of a UTF-8 file, with or without a byte order mark, of `limit` bytes at most.
+
+    Args:
+        fault: raised with one line where the file is missing, larger, or not UTF-8.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read(limit + 1)
+        if len(content) > limit:
+            raise fault(f"{path}: larger than {limit} bytes")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise fault(f"{path}: not a text file, or not UTF-8 text") from None
+    except (OSError, ValueError) as error:
+        raise error if isinstance(error, fault) else fault(f"{path}: {reason_of(error)}") from None
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:

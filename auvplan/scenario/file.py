@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
+from auvplan.runtime.files import read_text
 from auvplan.scenario.fields import Finding, check_fields, first_of
 from auvplan.scenario.plausibility import implausible
 from auvplan.scenario.scenario import Scenario, warn_of_overrides
@@ -111,16 +112,8 @@ def _read(source: str | Path) -> str:
     if path.suffix not in (".yaml", ".yml") and "/" not in str(source) and shipped.is_file():
         return shipped.read_text(encoding="utf-8")
     try:
-        with path.open("rb") as file:
-            found = file.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "cannot be read"
-        line = f"{source}: {reason}; shipped scenarios: {', '.join(_shipped_names())}"
-        raise ScenarioError(line) from None
-    if len(found) > _MAX_BYTES:
-        raise ScenarioError(f"{source}: larger than {_MAX_BYTES} bytes, not a scenario")
-    try:
-        # "utf-8-sig" drops the mark that some editors put first.
-        return found.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ScenarioError(f"{source}: not a text file") from None
+        return read_text(path, ScenarioError, _MAX_BYTES)
+    except ScenarioError as error:
+        if path.is_file():
+            raise
+        raise ScenarioError(f"{error}; shipped scenarios: {', '.join(_shipped_names())}") from None

@@ -1,19 +1,18 @@
 """Vehicles that are shipped or from files, and the power models that settings describe."""
 
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import field_validator
 
-from auvplan.errors import ScenarioError, reason_of
+from auvplan.errors import ScenarioError
 from auvplan.scenario.fields import check_fields, first_of
 from auvplan.scenario.navigation import NavigationSettings
 from auvplan.scenario.places import Positive
 from auvplan.scenario.power import PowerSettings, is_file_name
 from auvplan.scenario.section import Section, optional, setting
-from auvplan.scenario.yaml_lines import YamlError, read_yaml
+from auvplan.scenario.yaml_lines import read_yaml_file
 
 # It loads JAX, which scenarios need later only.
 if TYPE_CHECKING:
@@ -64,33 +63,12 @@ def load_vehicle(name: str, folder: str | Path = ".") -> VehicleFile:
     Raises:
         ScenarioError: there is none, or it is faulty; one line that names file, field and reason.
     """
-    if is_file_name(name):
-        path = Path(folder) / Path(name).expanduser()
-        try:
-            text = path.read_bytes()[: _MAX_BYTES + 1].decode("utf-8-sig")
-        except (OSError, ValueError) as error:
-            raise ScenarioError(f"{path}: {reason_of(error)}") from None
-        if len(text) > _MAX_BYTES:
-            raise ScenarioError(f"{path}: larger than {_MAX_BYTES} bytes, not a vehicle")
-        return _read(text, str(path))
-    if name not in shipped_vehicles():
+    path = Path(folder) / Path(name).expanduser() if is_file_name(name) else Path(f"{_SHIPPED / name}.yaml")
+    if not is_file_name(name) and name not in shipped_vehicles():
         raise ScenarioError(f"{name!r} is no shipped vehicle: {', '.join(shipped_vehicles())}")
-    return _shipped(name)
-
-
-@cache
-def _shipped(name: str) -> VehicleFile:
-    return _read((_SHIPPED / f"{name}.yaml").read_text(encoding="utf-8"), name)
-
-
-def _read(text: str, source: str) -> VehicleFile:
-    try:
-        document = read_yaml(text)
-    except YamlError as error:
-        raise ScenarioError(f"{source}: is no YAML: {error}") from None
-    found, faults, _ = check_fields(document, VehicleFile)
+    found, faults, _ = check_fields(read_yaml_file(path, ScenarioError, _MAX_BYTES), VehicleFile)
     if faults or found is None:
-        raise ScenarioError(first_of(faults, source, is_file=False))
+        raise ScenarioError(first_of(faults, str(path), is_file=False))
     return found
 
 

@@ -9,9 +9,6 @@ from typing import Any
 
 from auvplan.errors import AuvplanError, reason_of
 
-#: Larger files are no charts of a mission's area, and hold no jobs.
-MAX_BYTES = 200_000_000
-
 
 class GeoError(AuvplanError):
     """A file of places that cannot be used; the message is one line that names it."""
@@ -82,19 +79,3 @@ def number_of(value: Any) -> float:
         return float("nan") if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         return float("nan")
-
-
-def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """Return the text of a UTF-8 file, with or without a byte order mark, of `limit` bytes at most.
-
-    Raises:
-        GeoError: the file is missing, larger, or not UTF-8.
-    """
-    with reading(path):
-        if Path(path).stat().st_size > limit:
-            raise GeoError(f"{path}: larger than {limit} bytes")
-        try:
-            # "utf-8-sig" drops the mark that spreadsheets put before the first heading.
-            return Path(path).read_text(encoding="utf-8-sig")
-        except UnicodeDecodeError:
-            raise GeoError(f"{path}: not UTF-8 text") from None

@@ -19,7 +19,9 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from auvplan.errors import warn
-from auvplan.io.geo.error import MAX_BYTES, Faults, GeoError, PlaceError, label, number_of, read_text
+from auvplan.io.geo.error import Faults, GeoError, PlaceError, label, number_of
+from auvplan.runtime.files import read_text
+from auvplan.scenario.yaml_lines import short
 from auvplan.site import Site, is_place
 
 #: What files of other formats begin with, in lower case.
@@ -154,7 +156,7 @@ def _parts(where: str, number: int, feature: Any, kinds: tuple[str, ...]) -> lis
         elif kind in _GEOMETRIES:
             raise GeoError(f"{where}: a {kind}, where {' or '.join(kinds)} is wanted")
         else:
-            raise GeoError(f"{where}: {_short(kind)} is no type of geometry")
+            raise GeoError(f"{where}: {short(kind)} is no type of geometry")
     return found
 
 
@@ -164,7 +166,7 @@ def _check_crs(where: str, member: Any) -> None:
     name = properties.get("name") if isinstance(properties, dict) else None
     if member is not None and not (isinstance(name, str) and _WGS84.search(name.strip())):
         raise GeoError(
-            f"{where}: crs is {_short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
+            f"{where}: crs is {short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
         )
 
 
@@ -185,9 +187,9 @@ def positions(feature: Feature, coordinates: Any = None, least: int = 1) -> np.n
     for position in coordinates:
         whole = isinstance(position, list) and len(position) >= 2
         if not (whole and all(map(_is_number, position[:3]))):
-            raise GeoError(f"{where}: {_short(position)} is no position [longitude, latitude]")
+            raise GeoError(f"{where}: {short(position)} is no position [longitude, latitude]")
         if not np.isfinite(position[:3]).all():
-            raise GeoError(f"{where}: {_short(position)} is not finite")
+            raise GeoError(f"{where}: {short(position)} is not finite")
         if not feature.local:
             check_place(where, position[0], position[1])
     return np.array(
@@ -414,11 +416,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, float) or (type(value) is int and abs(value) < 10**300)
 
 
-def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _quoted(name: str) -> str:
     return f" {name[:40]!r}" if name else ""
 
@@ -426,7 +423,7 @@ def _quoted(name: str) -> str:
 def _json(path: str | Path) -> Any:
     """Return the content of a JSON file."""
     try:
-        return json.loads(read_text(path))
+        return json.loads(read_text(path, GeoError))
     except (json.JSONDecodeError, RecursionError):
         raise GeoError(f"{path}: not valid JSON") from None
 
@@ -454,8 +451,6 @@ def _content(path: Path) -> bytes:
             names = ", ".join(entry.filename for entry in inside)
             several = f"holds {len(inside)} .kml, {names[:200]}: it must hold one"
             raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
-        if inside[0].file_size > MAX_BYTES:
-            raise GeoError(f"{path}: {inside[0].filename} is larger than {MAX_BYTES} bytes")
         return archive.read(inside[0])
 
 

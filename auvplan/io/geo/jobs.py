@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from auvplan.errors import warn
-from auvplan.io.geo.error import Faults, GeoError, label, number_of, read_text, reading
+from auvplan.io.geo.error import Faults, GeoError, label, number_of, reading
 from auvplan.io.geo.features import (
     READERS,
     Feature,
@@ -25,6 +25,7 @@ from auvplan.io.geo.features import (
 )
 from auvplan.io.geo.windows import Hours
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
+from auvplan.runtime.files import read_text
 from auvplan.runtime.formatting import counted
 from auvplan.site import Site, is_place
 
@@ -303,7 +304,7 @@ def _check_reading(path: Path, given: list[str], rows: list[_Row], site: Site | 
 
 def _rows(path: Path, faults: Faults) -> tuple[list[str], tuple[str, str], list[_Row]]:
     """The headings, and those of places; the name in messages of each sound row, and its cells by heading."""
-    text = read_text(path)
+    text = read_text(path, GeoError)
     heading = next((line for line in text.splitlines() if line.strip()), "")
     if named := _SEPARATOR.match(heading):  # as some spreadsheets want it
         text = text.replace(heading, "", 1)

@@ -12,9 +12,10 @@ from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
 from auvplan.io.currents.projection import as_crs, same_crs
-from auvplan.io.geo.error import GeoError, read_text, reading
+from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.nodes import agreed_crs
 from auvplan.ocean.picture import opened, read_pixels
+from auvplan.runtime.files import read_text
 
 if TYPE_CHECKING:
     from rasterio import Affine
@@ -156,7 +157,7 @@ def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | No
     sidecar = path.with_name(f"{path.name}.aux.xml")
     if sidecar.exists():
         try:
-            fromstring(read_text(sidecar), forbid_dtd=True)
+            fromstring(read_text(sidecar, GeoError), forbid_dtd=True)
         except (ParseError, ValueError):  # GDAL would go on without it
             raise GeoError(f"{sidecar}: is damaged") from None
         if file.driver == "GTiff":
@@ -179,7 +180,7 @@ def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | No
         raise GeoError(f"{path}: its pixels have no size: {list(transform[:6])}")
     if crs is None and (projection := _beside(path, f"{path.stem}.prj")) is not None:
         try:
-            crs = _horizontal(read_text(projection).strip())
+            crs = _horizontal(read_text(projection, GeoError).strip())
         except CRSError:
             raise GeoError(f"{projection}: holds no coordinate reference system") from None
     return transform, crs
