@@ -18,7 +18,7 @@ from auvplan.mission.jobs import Jobs, Position
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure, Zone
-from auvplan.ocean.currents import Current, evaluated
+from auvplan.ocean.currents import evaluated
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
@@ -92,42 +92,6 @@ def load_area(
     return replace(area, notes=tuple(dict.fromkeys(noted)))
 
 
-def load_jobs(
-    scenario: Scenario,
-    site: Site | None,
-    folder: str | Path,
-    until: float | None = None,
-    current: Current | None = None,
-    given: Any = None,
-) -> Jobs | None:
-    """Read the scenario's file of jobs, if there is one.
-
-    Args:
-        scenario, folder, until: as for `load_area`.
-        site: where and when local coordinates begin.
-        current: as it is forecast, for windows of slack water; None where it is not.
-        given: features that are read in place of the file.
-
-    Raises:
-        GeoError: one line that names file, row or feature and reason.
-    """
-    if scenario.mission.jobs is None:
-        return None
-
-    def speed(place: Position, times: np.ndarray) -> np.ndarray:
-        assert current is not None
-        return np.hypot(*evaluated(current, *place, times)[:2])
-
-    with error_context("mission", "jobs"):
-        return geo.read_jobs(
-            in_folder(folder, scenario.mission.jobs) if given is None else given,
-            site,
-            default_depth=scenario.box[0][2],
-            until=scenario.mission.time_available if until is None else until,
-            speed=None if current is None else speed,
-        )
-
-
 def load_closures(
     scenario: Scenario, site: Site | None, folder: str | Path, until: float | None = None
 ) -> tuple[Closure, ...]:
@@ -158,20 +122,6 @@ def gathered_warnings(show: bool = True) -> Iterator[list[str]]:
 def _warn_again(caught: list[warnings.WarningMessage]) -> None:
     for one in caught:
         warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
-
-
-def _once(read: Callable[[], _Read], *key: Any) -> _Read:
-    """Return what a reader gives, which is kept by its key, and warn again of what it warned of."""
-    if key not in _kept:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ScenarioWarning)
-            found = read()
-        while len(_kept) >= _KEPT:
-            del _kept[next(iter(_kept))]
-        _kept[key] = found, caught
-    found, caught = _kept[key] = _kept.pop(key)  # the last to be forgotten
-    _warn_again(caught)
-    return found
 
 
 class UnreadError(AuvplanError):
@@ -259,21 +209,29 @@ class AreaFiles:
         """Return all of it; raises and warns as `load_area`."""
         for part in self.PARTS:
             getattr(self, part)
-        land = self.land
+        area = self.readable_area
+        if self.scenario.chart.no_go is None:
+            return area
+        return replace(area, chart=self._closed_on(self.land.chart))
+
+    @property
+    def readable_area(self) -> OperatingArea:
+        """What can be read, in one; closed areas are no coast on its chart."""
+        land = self.readable("land") or geo.Land()
         return OperatingArea(
-            self.chart if self.scenario.chart.no_go is None else self._closed_on(land.chart),
-            self.seabed[0],
+            self.readable("chart"),
+            (self.readable("seabed") or (None,))[0],
             self.site,
-            self.forecast,
-            self.true_current,
-            self.jobs,
-            (*land.hazards, *self.obstacles),
-            self.closures,
+            self.readable("forecast"),
+            self.readable("true_current"),
+            self.readable("jobs"),
+            (*land.hazards, *(self.readable("obstacles") or ())),
+            self.readable("closures") or (),
             self.notes,
             land.coast,
-            (*land.closed, *(zone for zone in self.no_go if not zone.hours)),
-            tuple(member.field for member in self.members),
-            self.no_surfacing,
+            (*land.closed, *(zone for zone in self.readable("no_go") or () if not zone.hours)),
+            tuple(member.field for member in self.readable("members") or ()),
+            self.readable("no_surfacing") or (),
         )
 
     def readable(self, part: str) -> Any:
@@ -289,15 +247,26 @@ class AreaFiles:
         found = [self.readable(part) for part in ("current", "truth", "jobs", "land")]
         notes = [note for part in found if part is not None for note in part.notes]
         _, of_seabed = self.readable("seabed") or (None, ())
-        return tuple(dict.fromkeys((*_lacking(self.scenario), *notes, *of_seabed)))
+        return tuple(dict.fromkeys((*self._lacking(), *notes, *of_seabed)))
+
+    def _lacking(self) -> Iterator[str]:
+        """Yield what is not known of a place on Earth and missions are planned without."""
+        chart, seabed = self.scenario.chart, self.scenario.bathymetry
+        if self.scenario.site is None:
+            return
+        if chart.source == "none":
+            yield "no coast is known: chart.source is 'none', which is open water"
+        elif chart.accuracy > 0.0:
+            yield f"the coast is good to {chart.accuracy:,.0f} m at best: no chart for navigation"
+        if seabed.source == "none":
+            yield "no sea bed is known, bathymetry.source is 'none': nothing keeps the vehicle off the bottom"
 
     @property
     def site(self) -> Site | None:
         """Where and when: without a departure the epoch is the first time of the current's files."""
         current = self.readable("current")
-        return (
-            self._stated if current is None else self._stated and replace(self._stated, epoch=current.epoch)
-        )
+        stated = self._stated
+        return stated if stated is None or current is None else replace(stated, epoch=current.epoch)
 
     @property
     def forecast(self) -> GriddedCurrent | HarmonicCurrent | None:
@@ -412,12 +381,22 @@ class AreaFiles:
     @_Part
     def jobs(self) -> Jobs | None:
         """Jobs of a file."""
+        if self.scenario.mission.jobs is None:
+            return None
         forecast = self.readable("forecast")
-        own = self.given.get("mission.jobs")
-        jobs = load_jobs(self.scenario, self.site, self.home, self.until, forecast, own)
-        if jobs is not None:
-            with error_context("mission", "jobs"):
-                check_jobs(jobs, self.site, self.scenario)
+
+        def speed(place: Position, times: np.ndarray) -> np.ndarray:
+            return np.hypot(*evaluated(forecast, *place, times)[:2])
+
+        with error_context("mission", "jobs"):
+            jobs = geo.read_jobs(
+                self._source("mission.jobs"),
+                self.site,
+                default_depth=self._box[0][2],
+                until=self.until,
+                speed=None if forecast is None else speed,
+            )
+            check_jobs(jobs, self.site, self.scenario)
         return jobs
 
     @_Part
@@ -488,10 +467,23 @@ class AreaFiles:
         return self._stated
 
     def _once(self, read: Callable[[], _Read], files: Sequence[Any], *key: Any) -> _Read:
-        """`_once` as long as files stay as they are; where objects are given, nothing is kept."""
+        """Return what a reader gives, and warn again of what it warned of.
+
+        It is kept by its key as long as files stay as they are; where objects are given, nothing is.
+        """
         if self.given or not all(isinstance(file, str | Path | None) for file in files):
             return read()
-        return _once(read, *key, *(changed_at(Path(file)) for file in files if file is not None))
+        key += tuple(changed_at(Path(file)) for file in files if file is not None)
+        if key not in _kept:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", ScenarioWarning)
+                found = read()
+            while len(_kept) >= _KEPT:
+                del _kept[next(iter(_kept))]
+            _kept[key] = found, caught
+        found, caught = _kept[key] = _kept.pop(key)  # the last to be forgotten
+        _warn_again(caught)
+        return found
 
     def _source(self, field: str) -> Any:
         """Return the path of the file that a field names, or what is given in its place; else None."""
@@ -547,7 +539,7 @@ class AreaFiles:
         """
         settings, box = self.scenario.chart, self._box
         always, size = [zone for zone in self.no_go if not zone.hours], settings.pixel_size
-        extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
+        extent = self._extent(size)._replace(beyond=beyond(box, size))
 
         def burnt() -> Chart:
             with error_context("chart", "no_go"):
@@ -577,18 +569,6 @@ class AreaFiles:
             return 0.0, ()
         low = f"{-lowest:.2f} m below their datum"
         return lowest, (f"the sea bed counts from the lowest water of the current's files, {low}",)
-
-
-def _lacking(scenario: Scenario) -> Iterator[str]:
-    """Yield what is not known of a place on Earth and missions are planned without."""
-    if scenario.site is None:
-        return
-    if scenario.chart.source == "none":
-        yield "no coast is known: chart.source is 'none', which is open water"
-    elif scenario.chart.accuracy > 0.0:
-        yield f"the coast is good to {scenario.chart.accuracy:,.0f} m at best: no chart for navigation"
-    if scenario.bathymetry.source == "none":
-        yield "no sea bed is known, bathymetry.source is 'none': nothing keeps the vehicle off the bottom"
 
 
 def _site(scenario: Scenario) -> Site | None:

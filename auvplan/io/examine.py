@@ -104,7 +104,9 @@ def examine_scenario(source: str | Path) -> Examination:
         found += [one for one in wrong if one.field.partition(".")[0] not in sections]
         if sound is None:
             return Examination(str(source), tuple(in_order(found)))
-        area, closed = _readable(files)
+        area = files.readable_area
+        land, no_go = files.readable("land"), files.readable("no_go")
+        closed = (*(land.closed if land else ()), *(no_go or ()))
         found += _misplaced(files, area, document)
         if short := unreachable(sound):
             found.append(finding_at(("mission", "time_available"), short, document))
@@ -195,24 +197,6 @@ def _attempt(files: "AreaFiles", document: Document) -> list[Finding]:
 def _errors(error: AuvplanError, section: str, document: Document) -> list[Finding]:
     path = tuple(error.field.split(".")) if error.field else (section,)
     return [finding_at(path, reason, document) for reason in error.lines]
-
-
-def _readable(files: "AreaFiles") -> "tuple[OperatingArea, tuple[Zone, ...]]":
-    """Return what could be read, in one, and the closed areas."""
-    from auvplan.io.geo import Land
-    from auvplan.scenario.area import OperatingArea
-
-    seabed, _ = files.readable("seabed") or (None, ())
-    land = files.readable("land") or Land()
-    area = OperatingArea(
-        chart=files.readable("chart"),
-        seabed=seabed,
-        site=files.site,
-        forecast=files.readable("forecast"),
-        jobs=files.readable("jobs"),
-        obstacles=(*land.hazards, *(files.readable("obstacles") or ())),
-    )
-    return area, (*land.closed, *(files.readable("no_go") or ()))
 
 
 def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) -> Iterator[Finding]:
