@@ -56,10 +56,8 @@ class LocalGrid:
         """North and east of points around the rectangle asked for, m."""
         (south, west), (north, east) = self.lower, self.upper
         n, e, along = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE), np.ones(OUTLINE)
-        return (
-            np.concatenate([n, n, south * along, north * along]),
-            np.concatenate([west * along, east * along, e, e]),
-        )
+        rows, columns = [n, n, south * along, north * along], [west * along, east * along, e, e]
+        return np.concatenate(rows), np.concatenate(columns)
 
     def degrees(self, site: Site, offset: float = 0.5) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """[nx, ny] longitude and latitude, degrees, of pixels' centres; [nx + 1, ny + 1] of corners.
@@ -100,35 +98,30 @@ class Extent(NamedTuple):
     beyond: float = 0.0
 
     def grid(self, pixel_size: float | None = 10.0) -> LocalGrid:
-        """Return its pixels, of another size where it has none."""
+        """Return its pixels, of another size where it has none, rounded up to whole ones.
+
+        Without any size there are 64 of them along the longer side.
+
+        Raises:
+            GeoError: the corners are no corners, or the pixels no size or too many.
+        """
+        low, high = (tuple(float(c) for c in np.ravel(corner)[:2]) for corner in (self.lower, self.upper))
+        if len(low) != 2 or len(high) != 2 or not np.isfinite((*low, *high)).all():
+            raise GeoError(
+                f"lower and upper must be finite (north, east), m, got {self.lower} and {self.upper}"
+            )
+        if low[0] >= high[0] or low[1] >= high[1]:
+            raise GeoError(f"lower must lie south-west of upper, got {low} and {high}")
         size = pixel_size if self.pixel_size is None else self.pixel_size
-        return local_grid(self.lower, self.upper, size)
-
-
-def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:
-    """Return the pixels from one corner (north, east) to the other, m, rounded up to whole ones.
-
-    Without a size there are 64 of them along the longer side.
-
-    Raises:
-        GeoError: the corners are no corners, or the pixels no size or too many.
-    """
-    low, high = (tuple(float(c) for c in np.ravel(corner)[:2]) for corner in (lower, upper))
-    if len(low) != 2 or len(high) != 2 or not np.isfinite((*low, *high)).all():
-        raise GeoError(f"lower and upper must be finite (north, east), m, got {lower} and {upper}")
-    if low[0] >= high[0] or low[1] >= high[1]:
-        raise GeoError(f"lower must lie south-west of upper, got {low} and {high}")
-    if pixel_size is None:
-        pixel_size = max(b - a for a, b in zip(low, high, strict=True)) / 64
-    if not (np.isfinite(pixel_size) and pixel_size > 0.0):
-        raise GeoError(f"pixel_size must be positive, got {pixel_size}")
-    # Less a rounding error, or 100 m of 0.1 m pixels would be 1001 of them.
-    north, east = (int(np.ceil((b - a) / pixel_size - 1e-6)) for a, b in zip(low, high, strict=True))
-    north, east = max(north, 1), max(east, 1)
-    if north * east > MAX_PIXELS:
-        makes = f"{pixel_size:g} m makes {north} x {east} pixels, more than {MAX_PIXELS}"
-        raise GeoError(makes, field="pixel_size")
-    return LocalGrid(low, high, float(pixel_size), (north, east))  # type: ignore[arg-type]
+        size = max(np.subtract(high, low)) / 64 if size is None else size
+        if not (np.isfinite(size) and size > 0.0):
+            raise GeoError(f"pixel_size must be positive, got {size}")
+        # Less a rounding error, or 100 m of 0.1 m pixels would be 1001 of them.
+        north, east = np.maximum(np.ceil(np.subtract(high, low) / size - 1e-6), 1).astype(int).tolist()
+        if north * east > MAX_PIXELS:
+            makes = f"{size:g} m makes {north} x {east} pixels, more than {MAX_PIXELS}"
+            raise GeoError(makes, field="pixel_size")
+        return LocalGrid(low, high, float(size), (north, east))  # type: ignore[arg-type]
 
 
 def to_local(shape: Any, site: Site) -> Any:
@@ -185,11 +178,10 @@ def touched(shape: Any, grid: LocalGrid) -> NDArray[np.bool_]:
     """
     nothing, part, whole = 0, 1, 2
     shapely.prepare(shape)
-    state = np.full((1, 1), part, np.uint8)
+    state, gap = np.full((1, 1), part, np.uint8), _OPEN * grid.pixel_size
     for level in range(int(np.ceil(np.log2(max(grid.shape)))), -1, -1):
         size = grid.pixel_size * 2**level
         i, j = np.nonzero(state == part)
-        gap = _OPEN * grid.pixel_size
         south, west = grid.lower[0] + i * size, grid.lower[1] + j * size
         squares = shapely.box(south + gap, west + gap, south + size - gap, west + size - gap)
         reached = np.where(shapely.intersects(shape, squares), part, nothing)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box
 
 from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
-from auvplan.io.geo.grid import Extent, local_grid, touched
+from auvplan.io.geo.grid import Extent, touched
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.site import Site
@@ -87,7 +87,7 @@ def test_pixels_that_a_polygon_reaches_into(corners, size):
     """Against every pixel by itself."""
     polygon = shapely.convex_hull(shapely.multipoints(corners))
     assume(polygon.area > 0.0)
-    grid = local_grid((0.0, 0.0), (100.0, 130.0), size)
+    grid = Extent((0.0, 0.0), (100.0, 130.0), size).grid()
     south, west = np.meshgrid(*(np.arange(n) * size for n in grid.shape), indexing="ij")
     squares = shapely.box(south, west, south + size, west + size)
     shared_area = shapely.area(shapely.intersection(squares, polygon))

@@ -13,7 +13,7 @@ from PIL import Image
 from pyproj import CRS, Transformer
 
 from auvplan.io.geo import GeoError, chart_from_raster, pixel_size, read_raster
-from auvplan.io.geo.grid import Extent, local_grid
+from auvplan.io.geo.grid import Extent
 from auvplan.io.geo.nodes import placed
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -133,7 +133,7 @@ def test_nodes_are_pixel_centres(tmp_path, system, skew):
     place = rasterio.Affine(step, skew * step, x, -skew * step, -step, y)
     path = write_geotiff(tmp_path / "a.tif", VALUES, transform=place, epsg=system)
     site = Site(149.0, -20.0)
-    array, nodes = placed("a", read_raster(path), site, local_grid((-300.0, 0.0), (0.0, 300.0), 50.0))
+    array, nodes = placed("a", read_raster(path), site, Extent((-300.0, 0.0), (0.0, 300.0), 50.0).grid())
     assert array.shape == nodes.shape == (7, 5)
     row, column = np.array([2.0, 4.25]), np.array([3.0, 0.5])
     places = forward.transform(*(place @ (column + 0.5, row + 0.5)), direction="INVERSE")
