@@ -33,9 +33,8 @@ from auvplan.check.legs import (
     time_faults,
 )
 from auvplan.check.saved import Leg, Saved, read_legs, require
-from auvplan.check.tasks import task_faults
+from auvplan.check.tasks import task_faults, window_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, SampledTrack, events
-from auvplan.check.windows import window_faults
 from auvplan.errors import AuvplanError
 from auvplan.runtime.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
 

@@ -31,7 +31,7 @@ from auvplan.runtime import prng
 from auvplan.runtime.compiled import compilations, compile_seconds
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder
-from auvplan.scenario.navigation import NavigationSettings
+from auvplan.scenario.power import NavigationSettings
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import PlanningSettings
 from auvplan.scenario.vehicles import navigation_settings

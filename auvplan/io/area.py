@@ -162,7 +162,7 @@ class AreaFiles:
         "land": ("chart", "image", "file"),
         "current": ("current", "files"),
         "truth": ("current", "truth"),
-        "members": ("current", "members"),
+        "members": ("current", "members.files"),
         "no_go": ("chart", "no_go"),
         "chart": ("chart",),
         "seabed": ("bathymetry", "file"),

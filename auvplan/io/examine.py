@@ -13,7 +13,7 @@ from auvplan.ocean.closures import Zone
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
-from auvplan.scenario.provenance import FILE_FIELDS, file_names, vehicle_file
+from auvplan.scenario.provenance import file_names
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.vehicles import navigation_settings, power_model
 from auvplan.scenario.yaml_lines import Document, read_yaml
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Fields that no file of their section depends on.
 _APART = {("mission", "start"), ("mission", "goal")}
+#: Fields that may name files by a pattern.
+_PATTERNS = "current.files", "current.truth", "current.members.files"
 
 
 @dataclass(frozen=True)
@@ -90,13 +92,13 @@ def examine_scenario(source: str | Path) -> Examination:
         return Examination(str(source), tuple(in_order(found)))
     from auvplan.io.area import AreaFiles, gathered_warnings
 
-    if ("chart", "uncertain") in missing:
+    if "chart.uncertain" in missing:
         plain = scenario.chart.model_copy(update={"uncertain": None})
         scenario = scenario.model_copy(update={"chart": plain})
     unread = {
         part
         for part, (section, *names) in AreaFiles.PARTS.items()
-        if section in sections or any((section, name) in missing for name in names)
+        if section in sections or any(f"{section}.{name}" in missing for name in names)
     }
     files = AreaFiles(scenario, folder, unread=unread)
     with gathered_warnings(show=False) as lines:
@@ -114,7 +116,7 @@ def examine_scenario(source: str | Path) -> Examination:
             ("power", lambda: power_model(sound.vehicle.power, folder, sound.vehicle.speed)),
             ("navigation", lambda: navigation_settings(sound.vehicle.navigation, folder)),
         ):
-            if ("vehicle", part) not in missing:
+            if f"vehicle.{part}" not in missing:
                 try:
                     read()
                 except AuvplanError as error:
@@ -155,27 +157,22 @@ def _names(path: Path) -> list[str]:
     """Return the files that a scenario names; none where its text is at fault."""
     try:
         return [name for _, name in file_names(read_yaml(path.read_text(encoding="utf-8")).data)]
-    except (OSError, ValueError, AttributeError, TypeError):
+    except (OSError, ValueError):
         return []
 
 
-def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Finding]:
-    """Files that are named and not there, by section and field."""
-    found = {}
-    data = document.data if isinstance(document.data, dict) else {}
-    for section, names in FILE_FIELDS.items():
-        part = data.get(section)
-        for name in names:
-            given = part.get(name) if isinstance(part, dict) else None
-            given = vehicle_file(given) if section == "vehicle" else given
-            several = given if isinstance(given, list) else [given]
-            paths = [str(folder / Path(entry).expanduser()) for entry in several if isinstance(entry, str)]
-            patterns = section == "current" and name != "constituents"
-            gone = [path for path in paths if not (Path(path).exists() or (patterns and glob(path)))]
-            if gone:
-                what = "no such file" if patterns else "No such file or directory"
-                more = f" (nor {len(gone) - 1} more)" if len(gone) > 1 else ""
-                found[section, name] = finding_at((section, name), f"{gone[0]}: {what}{more}", document)
+def _missing(document: Document, folder: Path) -> dict[str, Finding]:
+    """Files that are named and not there, by field."""
+    found: dict[str, Finding] = {}
+    gone: dict[str, list[str]] = {}
+    for field, name in file_names(document.data if isinstance(document.data, dict) else {}):
+        path, patterns = str(folder / Path(name).expanduser()), field in _PATTERNS
+        if not (Path(path).exists() or (patterns and glob(path))):
+            gone.setdefault(field, []).append(path)
+    for field, paths in gone.items():
+        what = "no such file" if field in _PATTERNS else "No such file or directory"
+        more = f" (nor {len(paths) - 1} more)" if len(paths) > 1 else ""
+        found[field] = finding_at(tuple(field.split(".")), f"{paths[0]}: {what}{more}", document)
     return found
 
 

@@ -1,4 +1,4 @@
-"""A vehicle's power and battery as settings."""
+"""A vehicle's power and battery, and how well it knows where it is, as settings."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +14,7 @@ Numbers = Annotated[tuple[NotNegative, ...], Field(min_length=2)]
 
 if TYPE_CHECKING:
     from auvplan.energy.power import PowerLaw, PowerTable
+    from auvplan.navigation import Navigation
 
 
 class PropulsionSettings(Section):
@@ -86,6 +87,38 @@ class PowerSettings(Section):
         if self.vehicle is None and battery is not None and battery.capacity is None:
             raise RuleError("needs its capacity, Wh", field="battery")
         return self
+
+
+class NavigationSettings(Section):
+    """Dead reckoning and fixes; the name of a shipped vehicle alone, or a file's path, is its `vehicle`."""
+
+    vehicle: str | None = optional(
+        "a shipped vehicle, as `auvplan vehicle list` names it, or path of a YAML file with navigation; "
+        "what stands beside it here counts more"
+    )
+    drift: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional(
+        "error of dead reckoning as a share of the way through the water, 1 sigma along each axis; default 0"
+    )
+    current_error: NotNegative | None = optional(
+        "m/s, error of the current that it is taken to drift with, 1 sigma along each axis; counts out of "
+        "bottom lock; default 0"
+    )
+    fix: NotNegative | None = optional("m, error of a fix at the surface, 1 sigma along each axis; default 0")
+    bottom_lock: Positive | None = optional(
+        "m, altitude up to which it measures its speed over ground; needs a sea bed; never if absent"
+    )
+    fix_time: NotNegative | None = optional("s at the surface that a fix takes; default 60")
+    surfacing_price: NotNegative | None = optional("s that the risk of a surfacing is worth; default 0")
+    most: Positive | None = optional(
+        "m, standard deviation of the position on arrival at each waypoint, at most; not limited if absent"
+    )
+
+    def made(self, confidence: float) -> "Navigation":
+        """Return the model, with margins wider by a number of standard deviations."""
+        from auvplan.navigation import Navigation  # it loads JAX
+
+        own = self.stated("vehicle", "fix_time", "surfacing_price", "most")
+        return Navigation(**own, confidence=confidence)
 
 
 def is_file_name(name: str) -> bool:

@@ -94,24 +94,18 @@ def changed_source(known: list[dict[str, Any]], settings: dict[str, Any], folder
 def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
     """Return field and text of all files, patterns and folders that the settings of a scenario name."""
     found: list[tuple[str, str]] = []
-    given: Any
     for section, fields in FILE_FIELDS.items():
         for field in fields:
-            given = settings.get(section)
-            for name in field.split("."):
-                given = (given or {}).get(name)
-            if section == "vehicle":
-                given = vehicle_file(given)
-            found += [
-                (f"{section}.{field}", one) for one in ([given] if isinstance(given, str) else given or ())
-            ]
+            given: Any = settings
+            for name in (section, *field.split(".")):
+                given = given.get(name) if isinstance(given, dict) else None
+            if section == "vehicle" and isinstance(given, dict):
+                given = given.get("vehicle")
+            every = given if isinstance(given, list | tuple) else [given]
+            for one in every:
+                if isinstance(one, str) and (section != "vehicle" or is_file_name(one)):
+                    found.append((f"{section}.{field}", one))
     return found
-
-
-def vehicle_file(given: Any) -> str | None:
-    """Return the path of the file that a vehicle's power or navigation is read from; None for others."""
-    name = given.get("vehicle") if isinstance(given, dict) else given
-    return name if isinstance(name, str) and is_file_name(name) else None
 
 
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:

@@ -20,6 +20,11 @@ class Section(BaseModel):
 
     model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", frozen=True)
 
+    def stated(self, *apart: str) -> dict[str, Any]:
+        """Return the fields that are given, but for some."""
+        fields = {name: getattr(self, name) for name in type(self).model_fields if name not in apart}
+        return {name: value for name, value in fields.items() if value is not None}
+
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth(cls, given: Any, info: ValidationInfo) -> Any:

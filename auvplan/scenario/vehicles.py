@@ -8,9 +8,8 @@ from pydantic import field_validator
 
 from auvplan.errors import ScenarioError
 from auvplan.scenario.fields import check_fields, first_of
-from auvplan.scenario.navigation import NavigationSettings
 from auvplan.scenario.places import Positive
-from auvplan.scenario.power import PowerSettings, is_file_name
+from auvplan.scenario.power import NavigationSettings, PowerSettings, is_file_name
 from auvplan.scenario.section import Section, optional, setting
 from auvplan.scenario.yaml_lines import read_yaml_file
 
@@ -107,8 +106,8 @@ def power_model(
         raise ScenarioError("needs its capacity, Wh", field="vehicle.power.battery")
     return PowerModel(
         propulsion,
-        **_given(whole, "vehicle", "propulsion", "battery"),
-        battery=None if battery is None else Battery(**_given(battery)),
+        **whole.stated("vehicle", "propulsion", "battery"),
+        battery=None if battery is None else Battery(**battery.stated()),
     )
 
 
@@ -129,22 +128,16 @@ def navigation_settings(
     if known is None:
         reason = f"names {settings.vehicle}, which states none: give drift, current_error and fix"
         raise ScenarioError(reason, field="vehicle.navigation")
-    return known.model_copy(update=settings.given())
-
-
-def _given(section: Section, *apart: str) -> dict[str, Any]:
-    """Return the fields of a section that are given."""
-    stated = {name: getattr(section, name) for name in type(section).model_fields if name not in apart}
-    return {name: value for name, value in stated.items() if value is not None}
+    return known.model_copy(update=settings.stated("vehicle"))
 
 
 def _over(base: PowerSettings, own: PowerSettings) -> PowerSettings:
     """Return settings whose fields count more than those of a vehicle's file."""
-    changes = _given(own, "vehicle", "battery")
+    changes = own.stated("vehicle", "battery")
     # A pump stands in place of propulsion, and propulsion of a pump, unless both are given together.
     changes = {"pump": None, **changes} if own.propulsion else changes
     changes = {"propulsion": None, **changes} if own.pump else changes
     battery = own.battery
     if battery is not None and base.battery is not None:
-        battery = base.battery.model_copy(update=_given(battery))
+        battery = base.battery.model_copy(update=battery.stated())
     return base.model_copy(update=changes | {"battery": battery or base.battery})

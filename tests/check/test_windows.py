@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from auvplan.check.saved import Leg, Saved
-from auvplan.check.windows import window_faults
+from auvplan.check.tasks import window_faults
 
 NAMES = ["start", "gauge", "wreck", "goal", "survey[1]", "survey[2]"]
 
