@@ -84,8 +84,6 @@ def read_yaml(text: str) -> Document:
         message = str(error.problem or "cannot be parsed")
         message = f"{error.context}, {message}" if message.startswith("but ") and error.context else message
         raise YamlError(" ".join(message.split())[:200], place) from None
-    except RecursionError:
-        raise YamlError("nested too deeply") from None
     finally:
         if loader is not None:
             loader.dispose()

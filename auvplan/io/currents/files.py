@@ -21,8 +21,6 @@ from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 from auvplan.runtime.files import require_whole
 
-#: Coordinates with more values are refused before they are read.
-_MAX_COORDINATE = 50_000_000
 #: Up to this many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
@@ -101,8 +99,6 @@ class File:
         Raises:
             CurrentError: the values cannot be read or are no numbers.
         """
-        if name not in self.variables:
-            raise self.fail(f"has no {name}")
         variable = self.variables[name]
         chosen = {dim: pick for dim, pick in (picks or {}).items() if dim in variable.dims}
         after: dict[str, NDArray[np.int64]] = {}
@@ -131,11 +127,8 @@ class File:
         """Return all values of a coordinate, where some may be `missing`, as models leave them on land.
 
         Raises:
-            CurrentError: they are too many, cannot be read, or are not finite.
+            CurrentError: they cannot be read, or are not finite.
         """
-        size = self.variables[name].size
-        if size > _MAX_COORDINATE:
-            raise self.fail(f"coordinate {name} has {size} values, more than {_MAX_COORDINATE} are not read")
         values = self.read(name)
         if not (np.isfinite(values).any() if missing else np.isfinite(values).all()):
             raise self.fail(f"coordinate {name} has values that are not finite")
@@ -283,9 +276,9 @@ def open_lazily(path: str, fault: type[AuvplanError]) -> xr.Dataset:
     Args:
         fault: raised with one line where it is none that can be read.
     """
-    engine = _engine(path, fault)
-    options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
     try:
+        engine = _engine(path, fault)
+        options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if engine == "h5netcdf":
@@ -312,11 +305,8 @@ def _engine(path: str, fault: type[AuvplanError]) -> str:
         if find_spec("zarr") is None:
             raise fault(f"{path}: Zarr needs a further package: pip install 'auvplan[readers]'")
         return "zarr"
-    try:
-        with place.open("rb") as file:
-            head = file.read(8)
-    except OSError as error:
-        raise fault(f"{path}: {reason_of(error)}") from None
+    with place.open("rb") as file:
+        head = file.read(8)
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
         return "h5netcdf"
     if head[:4] in (b"CDF\x01", b"CDF\x02"):

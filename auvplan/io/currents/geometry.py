@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import Delaunay, KDTree, QhullError
+from scipy.spatial import KDTree
 
 from auvplan.site import Site
 
@@ -368,14 +368,6 @@ def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
         place, triangle = tree.query(np.asarray(shapely.points(places[left]), object).reshape(-1), **how)
         found[left[place]] = whole[triangle]
     return found
-
-
-def triangulate(points: Array) -> Index:
-    """Delaunay's triangles [N, 3] of points [P, 2]; none where the points lie on a line."""
-    try:
-        return np.asarray(Delaunay(points).simplices, np.int64)
-    except (QhullError, ValueError):
-        return np.zeros((0, 3), np.int64)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, Delaunay
 
 from auvplan.io.currents.files import File
 from auvplan.io.currents.geometry import (
@@ -23,7 +23,6 @@ from auvplan.io.currents.geometry import (
     metres,
     nearest,
     offset,
-    triangulate,
     within,
 )
 from auvplan.io.currents.names import require_field
@@ -109,16 +108,13 @@ class Triangles:
         """[N, 3] points: the grid's triangles, or Delaunay's in metres about the middle of all points."""
         if self.cells is not None and not self.in_cells:
             return self.cells.triangles[self.cells.whole]
-        return triangulate(self._about_middle(self.longitude, self.latitude))
+        return Delaunay(self._about_middle(self.longitude, self.latitude)).simplices.astype(np.int64)
 
     @cached_property
     def _hull(self) -> Array:
         """[H, 3] half-planes, whose first two columns point outwards, that hold all points and nodes."""
         nodes = self if self.cells is None else self.cells
-        try:
-            return ConvexHull(self._about_middle(nodes.longitude, nodes.latitude)).equations
-        except (QhullError, ValueError):
-            return np.zeros((0, 3))
+        return ConvexHull(self._about_middle(nodes.longitude, nodes.latitude)).equations
 
     @property
     def overlaps(self) -> bool:
@@ -129,10 +125,7 @@ class Triangles:
         places = self._about_middle(cells.longitude, cells.latitude)
         corners = cells.triangles[cells.whole]
         (ax, ay), (bx, by) = ((places[corners[:, k]] - places[corners[:, 0]]).T for k in (1, 2))
-        try:
-            hull = ConvexHull(places[np.unique(corners)]).volume
-        except (QhullError, ValueError):
-            return False
+        hull = ConvexHull(places[np.unique(corners)]).volume
         return bool(np.abs(ax * by - ay * bx).sum() / 2.0 > _MORE * hull)
 
     def _about_middle(self, longitude: Array, latitude: Array) -> Array:
@@ -160,10 +153,8 @@ class Triangles:
             beyond[held >= 0] = 0.0
             dry = held < 0
         weight[dry] = 0.0
-        if len(self._hull):
-            outward = self._about_middle(longitude, latitude) @ self._hull[:, :2].T + self._hull[:, 2]
-            inside = (outward <= 0.01).all(axis=1)
-            beyond[dry & inside] = 0.0
+        outward = self._about_middle(longitude, latitude) @ self._hull[:, :2].T + self._hull[:, 2]
+        beyond[dry & (outward <= 0.01).all(axis=1)] = 0.0
         return Weights(index, weight, beyond)
 
     def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
@@ -232,8 +223,6 @@ def find_triangles(
         return Triangles(longitude, latitude, cells, True), cells.cell_dim, cells.crs
     dim = str(file.variables[places[0]].dims[0])
     longitude, latitude, crs = in_degrees(file, places)
-    if longitude.shape != latitude.shape or len(longitude) < 3:
-        raise file.fail(f"{places[0]} and {places[1]} are no three places or more")
     if cells is not None and dim in (cells.dim, cells.cell_dim):
         return Triangles(longitude, latitude, cells, dim != cells.dim), dim, crs
     require_field(file)
@@ -255,8 +244,6 @@ def _cells(file: File) -> Cells | None:
         return None
     name, places = found
     variable = file.variables[name]
-    if variable.ndim != 2:
-        raise file.fail(f"connectivity {name} has {variable.ndim} dimensions, not 2")
     rows, columns = variable.shape
     by_corner = rows < columns or (rows == columns and name == "nv")
     dims = [str(dim) for dim in variable.dims]

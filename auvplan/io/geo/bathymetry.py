@@ -113,8 +113,6 @@ def read_bathymetry(
             row, column = view.find(north, east)
             depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
     if unknown := int(np.isnan(depth).sum()):
-        if unknown == depth.size:
-            raise GeoError(f"{what} has no values in the area")
         notes.append(f"{unknown} of {depth.size} pixels have no depth: NaN")
     if not (depth > 0.0).any():
         notes.append("no pixel lies below the sea surface")
@@ -134,8 +132,6 @@ def _opened(
         return
     with Path(source).open("rb") as file:
         start = file.read(4)
-    if not start:
-        raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
     if start[:3] == b"CDF" or (start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"):
         with open_lazily(path, GeoError) as dataset:
             yield _chosen(path, dataset, variable, notes)
@@ -226,8 +222,6 @@ def _window(path: str, view: View, grid: LocalGrid) -> tuple[int, int, int, int]
         row, column = view.find(north, east)
         if not np.isnan(row).all():
             spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))
-    if not spans:
-        raise GeoError(f"{path}: the area lies wholly beyond the data")
     low, high = np.min(spans, axis=0), np.max(spans, axis=0)
     first, left = int(np.floor(low[0])), int(np.floor(low[2]))
     last, right = int(np.ceil(high[1])), int(np.ceil(high[3]))

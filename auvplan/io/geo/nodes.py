@@ -35,8 +35,6 @@ Source = str | Path | xr.DataArray
 Find = Callable[[Array, Array], tuple[Array, Array]]
 
 _MASKS = ("mask", "mask_rho")
-# Nodes of a grid of two-dimensional coordinates that are searched at most.
-_SCATTERED = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ def placed(
         if system is not None and x is not None and y is not None:
             return _on_axes(what, array, x, y, system)
         if system is not None and "GeoTransform" in _grid_mapping(array):
-            return _masked(array), _on_pixels(what, array, system)
+            return _masked(array), _on_pixels(array, system)
         longitude = _if_degrees(x) if longitude is None else longitude
         latitude = _if_degrees(y) if latitude is None else latitude
     for kind, axis in (("longitude", longitude), ("latitude", latitude)):
@@ -166,8 +164,6 @@ def placed(
     if longitude.ndim == latitude.ndim == 2:
         places = (axis.transpose(*array.dims).values.astype(float) for axis in (longitude, latitude))
         return _masked(array), _scattered(what, *places, site=site, grid=grid)
-    if not longitude.ndim == latitude.ndim == 1 or longitude.dims == latitude.dims:
-        raise GeoError(f"{what}: longitude and latitude are neither two axes nor two grids of its dimensions")
     return _on_axes(what, array, longitude, latitude, None)
 
 
@@ -206,13 +202,10 @@ def _on_axes(
     return array, Nodes(find, (y.size, x.size), float(x[0] + x[-1]) / 2 if degrees else None, cyclic)
 
 
-def _on_pixels(what: object, array: xr.DataArray, system: CRS) -> Nodes:
+def _on_pixels(array: xr.DataArray, system: CRS) -> Nodes:
     """Return nodes of a raster by the transformation from its pixels to coordinates."""
     c, a, b, f, d, e = (float(word) for word in str(_grid_mapping(array)["GeoTransform"]).split())
-    matrix = np.array([[a, b], [d, e]])
-    if not np.isfinite((*matrix.flat, c, f)).all() or not abs(np.linalg.det(matrix)) > 0.0:
-        raise GeoError(f"{what}: its pixels have no size: {matrix.tolist()}")
-    inverse, forward = np.linalg.inv(matrix), _forward(system)
+    inverse, forward = np.linalg.inv([[a, b], [d, e]]), _forward(system)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         x, y = forward(longitude, latitude)
@@ -260,8 +253,7 @@ def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
     """Return the reference system of an array's x and y: its own, else the one given; as `agreed_crs`."""
     own = None
     if stated := {key: value for key, value in _grid_mapping(array).items() if key != "GeoTransform"}:
-        if (own := of_mapping(stated)) is None:
-            raise GeoError(f"{what}: its grid mapping names no coordinate reference system")
+        own = of_mapping(stated)
     elif "crs" in array.attrs:
         own = as_crs(array.attrs["crs"], GeoError)
     return agreed_crs(what, own, given)
@@ -317,8 +309,6 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     """Return nodes of two-dimensional coordinates, interpolated on triangles of local metres."""
     north, east = site.to_local(longitude, np.clip(latitude, -90.0, 90.0))
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
-    if known.sum() < 4 or min(longitude.shape) < 2:
-        raise GeoError(f"{what}: its longitudes and latitudes are no grid")
     if Curvilinear(np.asarray(longitude, float), np.asarray(latitude, float)).folds:
         raise GeoError(f"{what}: its longitudes and latitudes contradict each other, the grid folds")
     middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
@@ -330,15 +320,9 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     )
     rows, columns = np.nonzero(gap <= reach)
     part = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-    count = known[part].sum()
-    if count > _SCATTERED:
-        raise GeoError(f"{what}: {count} nodes lie about the area, more than {_SCATTERED}")
     r, c = np.nonzero(known[part])
     index = np.stack([r + rows.min(), c + columns.min()], axis=-1).astype(float)
-    try:
-        lookup = LinearNDInterpolator(np.stack([north[part][r, c], east[part][r, c]], axis=-1), index)
-    except Exception:
-        raise GeoError(f"{what}: its longitudes and latitudes are no grid") from None
+    lookup = LinearNDInterpolator(np.stack([north[part][r, c], east[part][r, c]], axis=-1), index)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         found = lookup(*site.to_local(longitude, latitude))

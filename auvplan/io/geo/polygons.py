@@ -64,9 +64,9 @@ def read_polygons(source: Features, area: Any = None) -> list[Feature]:
     else:
         stated = read_features(source, ("Polygon", "MultiPolygon"))
         filled = [one for one in stated if one.coordinates != []]
-        if not filled:
-            raise GeoError(f"{label(source)}: every polygon is empty")
         features = each(filled, lambda one: [replace(one, shape=_shape(one))])
+    if not features:
+        raise GeoError(f"{label(source)}: every polygon is empty")
 
     def sound(feature: Feature) -> list[Feature]:
         if shapely.is_valid(feature.shape):
@@ -174,8 +174,6 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
     """
     path = Path(path)
     list_layers = gdal(path).list_layers
-    if not path.exists():
-        raise GeoError(f"{path}: no such file")
     source = _source(path)
     try:
         with warnings.catch_warnings():
@@ -211,8 +209,6 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
             _refuse_leap(feature.where, shapely.get_coordinates(ring))
         stated = {name.strip().lower(): value for name, value in feature.properties.items()}
         found.append(replace(feature, kind=shape.geom_type, properties=stated, shape=shape))
-    if not found:
-        raise GeoError(f"{path}: every polygon is empty")
     return found
 
 
