@@ -236,6 +236,23 @@ def test_groups_and_archives_are_refused_with_what_would_do(tmp_path):
     refused(tmp_path / "a.zarr.zip", "a ZIP archive, not a NetCDF file: unpack it first")
 
 
+def dated(values, **about):
+    return regular().assign(time=("time", np.array(values), about))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (dated([58.0, 59.0, 60.0], units="days since 2020-01-01", calendar="360_day"), "day is out of range"),
+        (dated([20209901.0, 20209902.0, 20209903.0], units="day as %Y%m%d.%f"), "unconverted data"),
+        (regular().isel(time=slice(0)), "cannot be understood"),
+        (ugrid("node").isel(n_corner=0), "cannot be understood"),
+    ],
+)
+def test_what_a_library_refuses_is_one_line(data, words):
+    refusal(CurrentError, f"dataset: .*{words}", open_ocean, data)
+
+
 def test_series_that_do_not_fit():
     data = regular(hours=[0.0, 2.0, 4.0])
 

@@ -114,6 +114,7 @@ def test_files_that_are_none(tmp_path):
     refused(r"nowhere\.nc: No such file", tmp_path / "nowhere.nc")
     for content, words in (
         (b"letter", "not a picture or grid that can be read"),
+        (b"", "not a picture or grid that can be read"),
         (b"\x89HDF\r\n\x1a\n", "f.nc: "),
         (b"CDF\x01", "f.nc: "),
     ):
