@@ -138,14 +138,11 @@ class _Part(Generic[_Read]):
     def __get__(self, files: "AreaFiles", owner: Any = None) -> _Read:
         if self.name not in files.outcomes:
             try:
-                if self.name in files.unread:
-                    raise UnreadError(self.name)
-                files.outcomes[self.name] = self.read(files), None
+                files.outcomes[self.name] = self.read(files)
             except AuvplanError as error:
-                files.outcomes[self.name] = None, error
-        found, error = files.outcomes[self.name]
-        if error is not None:
-            raise error
+                files.outcomes[self.name] = error
+        if isinstance(found := files.outcomes[self.name], AuvplanError):
+            raise found
         return found
 
 
@@ -193,14 +190,14 @@ class AreaFiles:
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
         self.until, self.since = scenario.mission.time_available if until is None else until, since
-        self.unread, self.given = unread, dict(given or {})
+        self.given = dict(given or {})
         for field in self.given:
             if field not in GIVEN:
                 raise ValueError(f"given: {field!r} cannot be given: {', '.join(GIVEN)} can be")
             section, name = field.split(".")
             if getattr(getattr(scenario, section), name) is None:
                 raise ValueError(f'given: the scenario has no {field}: name it, such as "in memory"')
-        self.outcomes: dict[str, tuple[Any, AuvplanError | None]] = {}
+        self.outcomes: dict[str, Any] = {part: UnreadError(part) for part in unread}
         self._stated = _site(scenario) if site is None else site
         self._place = self._stated and replace(self._stated, epoch=None)  # charts do not depend on the epoch
         self._box = scenario.box

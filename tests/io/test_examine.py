@@ -203,7 +203,7 @@ REPORTED = [
     ("current.constituents", "M2x: is none that is known"),
     ("current.constituents", "O1: u must be 2 numbers"),
     ("obstacles.file", "feature 1: radius must be greater than 0"),
-    ("obstacles.file", "feature 1: coarse is unknown"),
+    ("obstacles.file", "feature 1: unknown key 'coarse', did you mean 'course'"),
     ("mission.jobs", "unknown name 'depht', did you mean 'depth'"),
     ("mission.jobs", "two columns map to lat"),
     ("mission.jobs", "row 3: depth must be a finite number, got 'x'"),

@@ -1,11 +1,10 @@
 """Polygons in longitude and latitude: of GeoJSON, GeoPackage, Shapefile, FlatGeobuf and what GDAL reads."""
 
 import warnings
-import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 import shapely
@@ -174,8 +173,8 @@ def read_vector_polygons(path: str | Path) -> list[Feature]:
     """
     path = Path(path)
     list_layers = gdal(path).list_layers
-    source = _source(path)
     try:
+        source = _source(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what GDAL finds odd and can read
             kinds = {str(name): str(kind) for name, kind in list_layers(source)}
@@ -218,16 +217,12 @@ def _source(path: Path) -> str:
     What is not of the format that its name states is refused: GDAL takes it for others, some of which name
     files and servers that it then reads.
     """
-    starts: list[tuple[str, bytes]] = []
-    try:
-        with path.open("rb") as file:
-            starts.append((path.name, file.read(16)))
-        if zipped := starts[0][1].startswith(b"PK"):
-            with ZipFile(path) as archive:
-                files = [entry for entry in archive.infolist() if not entry.is_dir()]
-                starts = [(entry.filename, archive.open(entry).read(16)) for entry in files]
-    except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
-        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
+    with path.open("rb") as file:
+        starts = [(path.name, file.read(16))]
+    if zipped := starts[0][1].startswith(b"PK"):
+        with ZipFile(path) as archive:
+            files = [entry for entry in archive.infolist() if not entry.is_dir()]
+            starts = [(entry.filename, archive.open(entry).read(16)) for entry in files]
     known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
     main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
     for name, _ in starts:

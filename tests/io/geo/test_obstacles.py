@@ -32,7 +32,7 @@ def test_an_obstacle_stands_or_moves_where_the_file_has_it(tmp_path):
         ({}, "radius is missing"),
         ({"radius": -1}, "radius must be greater than 0"),
         ({"radius": "wide"}, "radius must be a valid number"),
-        ({"radius": 10, "depth": 5}, "depth is unknown; an obstacle has radius"),
+        ({"radius": 10, "depth": 5}, r"unknown key 'depth', did you mean 'depth_min'\?"),
         ({"radius": 10, "depthmax": 9}, r"did you mean 'depth_max'\?"),
         ({"radius": 10, "speed": 1}, "speed needs a course"),
         ({"radius": 10, "course": 400, "speed": 1}, "course must be less than or equal to 360"),
