@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
@@ -57,10 +57,7 @@ def history_variables(histories: Sequence[dict[str, Any]]) -> Variables:
         "plan_iterations": variable("plan", counts, "iterations kept, the first population included", "1")
     }
     for name, (words, units) in HISTORIES.items():
-        rows = np.full((len(histories), counts.max()), np.nan, np.float32)
-        for row, history in zip(rows, histories, strict=True):
-            values = np.asarray(history.get(name, ()), float)
-            row[: len(values)] = values
+        rows = padded([history.get(name, ()) for history in histories], np.nan, np.float32, counts.max())
         found[f"plan_history_{name}"] = variable(("plan", "iteration"), rows, f"{words} by iteration", units)
     return found
 
@@ -71,6 +68,16 @@ def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
         return {}
     count = int(dataset["plan_iterations"].values[plan])
     return {name: dataset[f"plan_history_{name}"].values[plan, :count] for name in HISTORIES}
+
+
+def padded(rows: Sequence[Any], fill: float, dtype: Any = float, length: int | None = None) -> NDArray[Any]:
+    """Return rows of different lengths as one array, filled up to the longest, or to a length."""
+    trail = np.shape(max(rows, key=len))[1:]
+    most = max(len(row) for row in rows) if length is None else length
+    found = np.full((len(rows), most, *trail), fill, dtype)
+    for here, row in zip(found, rows, strict=True):
+        here[: len(row)] = row
+    return found
 
 
 def variable(

@@ -13,12 +13,13 @@ from auvplan.errors import AuvplanError, reason_of
 from auvplan.io.area import AreaFiles, load_closures
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
-from auvplan.io.schema import graph_of, legs_of, power_of, read_stated, routes_of
-from auvplan.ocean.closures import Closure
-from auvplan.records import MissionRun
+from auvplan.io.schema import ROUTE, graph_of, legs_of, read_stated, rows_of
+from auvplan.records import MissionRun, RouteRecord
 from auvplan.runtime.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.scenario.file import validate_scenario
+from auvplan.scenario.power import PowerSettings
 from auvplan.scenario.provenance import changed_source
+from auvplan.scenario.vehicles import power_model
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 
@@ -48,14 +49,9 @@ def restore_run(folder: str | Path) -> MissionRun:
         raise ResultError(f"{Path(folder) / MISSION}: incomplete ({reason_of(error)})") from None
 
 
-def _sources(attributes: dict[str, Any]) -> list[dict[str, Any]] | None:
-    """Return digests of the files that a saved run was made from; None of an older one."""
-    return json.loads(attributes.get("sources", "null"))
-
-
 def _require_unchanged(attributes: dict[str, Any], folder: Path) -> None:
     """Refuse a run whose currents or closed areas would be read from other files than it was made from."""
-    settings, sources = json.loads(attributes["scenario"]), _sources(attributes)
+    settings, sources = json.loads(attributes["scenario"]), json.loads(attributes.get("sources", "null"))
     current, home = settings["current"], str(attributes["scenario_folder"])
     read = {
         "current": {name: current.get(name) for name in ("files", "constituents", "truth")},
@@ -69,13 +65,20 @@ def _require_unchanged(attributes: dict[str, Any], folder: Path) -> None:
 def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
     attributes = dataset.attrs
     settings, home = json.loads(attributes["scenario"]), str(attributes["scenario_folder"])
-    prefix = "vehicle_"
+    power, prefix = json.loads(attributes.get("power_model", "null")), "vehicle_"
     stated = {k.removeprefix(prefix): float(v) for k, v in attributes.items() if k.startswith(prefix)}
     # A limit in the vertical that is not stated is one that the vehicle does not have.
     limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | stated
     model = None
     if settings["current"]["source"] in ("file", "harmonic") and "plan_leg" in dataset:
         model = AreaFiles(validate_scenario(settings, "saved scenario"), home).true_current
+    site, closures = site_of(dataset), ()
+    if settings["chart"].get("no_go"):  # areas that were closed at some hours are read again
+        departed = float(attributes.get("departed", 0.0))
+        at = site and replace(site, epoch=site.epoch and site.epoch - timedelta(seconds=departed))
+        until = departed + float(attributes["t_available"])
+        found = load_closures(validate_scenario(settings, "saved scenario"), at, home, until)
+        closures = tuple(closure.after(departed) for closure in found)
     known, chart = read_stated(attributes), chart_of(dataset)
     waiting = settings["mission"].get("wait") != "none"
     # Two of them are younger than the others: files without them are of simulated missions.
@@ -83,34 +86,21 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
     own = {name: kind(attributes[name]) for name, kind in OF_RUN.items() if name not in young}
     return MissionRun(
         settings,
-        vehicle=Vehicle(**limits, power=power_of(attributes)),
+        vehicle=Vehicle(**limits, power=power_model(power and PowerSettings.model_validate(power))),
         graph=graph_of(dataset, stated["speed"], waiting),
         chart=chart,
-        routes=routes_of(dataset),
+        routes=[RouteRecord(**row) for row in rows_of(ROUTE, dataset)] if "route_nodes" in dataset else [],
         legs=legs_of(dataset, model),
         estimate_seconds=float(summary["cpu"].get("travel_times_s", 0.0)),
         compile_seconds=float(summary["cpu"].get("compile_s", 0.0)),
         folder=home,
-        site=site_of(dataset),
+        site=site,
         seabed=seabed_of(dataset),
-        closures=_closures(settings, dataset, home),
+        closures=closures,
         followable=dataset["task_followable"].values if "task_followable" in dataset else None,
         coast=chart_of(dataset, "coast", "coast") or (None if known["zones"] else chart),
-        sources=_sources(attributes),
+        sources=json.loads(attributes.get("sources", "null")),
         saved_bound=float(summary.get("priority_bound", 0.0)),
         **own,
         **known,
     )
-
-
-def _closures(settings: dict, dataset: xr.Dataset, home: str) -> tuple[Closure, ...]:
-    """Return the areas that were closed at some hours, read again from where they were."""
-    if not settings["chart"].get("no_go"):
-        return ()
-    scenario = validate_scenario(settings, "saved scenario")
-    departed = float(dataset.attrs.get("departed", 0.0))
-    site = site_of(dataset)
-    if site is not None and site.epoch is not None:
-        site = replace(site, epoch=site.epoch - timedelta(seconds=departed))
-    over = departed + float(dataset.attrs["t_available"])
-    return tuple(closure.after(departed) for closure in load_closures(scenario, site, home, over))

@@ -12,14 +12,15 @@ import xarray as xr
 
 from auvplan.io.fields import chart_variables, coast_variables, seabed_variables, variable, vortex_variables
 from auvplan.io.schema import (
+    ROUTE,
     TIME_UNITS,
     energy_variables,
     graph_variables,
     leg_variables,
     plain_power,
     plan_variables,
-    route_variables,
     stated,
+    table,
 )
 from auvplan.records import MissionRun
 from auvplan.runtime.files import MISSION, SUMMARY, output_folder, read_mission, write_dataset, write_json
@@ -65,9 +66,8 @@ def load_run(folder: str | Path) -> xr.Dataset:
 
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
-    variables = (
-        leg_variables(run.legs) | energy_variables(run) | graph_variables(run) | route_variables(run.routes)
-    )
+    variables = leg_variables(run.legs) | energy_variables(run) | graph_variables(run)
+    variables |= table(ROUTE, run.routes) if run.routes else {}
     variables |= plan_variables(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)

@@ -18,6 +18,7 @@ from auvplan.io.fields import (
     history_variables,
     motion_of,
     motion_variables,
+    padded,
     variable,
     vortices_of,
 )
@@ -29,9 +30,7 @@ from auvplan.ocean.closures import Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.path.motion import Motion
-from auvplan.records import LegRecord, MissionRun, PlanRecord, Promise, RouteRecord, TurnBack
-from auvplan.scenario.power import PowerSettings
-from auvplan.scenario.vehicles import power_model
+from auvplan.records import LegRecord, MissionRun, PlanRecord, Promise, TurnBack
 
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
@@ -214,16 +213,6 @@ def flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int
     }
 
 
-def padded(rows: Sequence[Any], fill: float, dtype: Any = float, length: int | None = None) -> NDArray[Any]:
-    """Return rows of different lengths as one array, filled up to the longest, or to a length."""
-    trail = np.shape(max(rows, key=len))[1:]
-    most = max(len(row) for row in rows) if length is None else length
-    found = np.full((len(rows), most, *trail), fill, dtype)
-    for here, row in zip(found, rows, strict=True):
-        here[: len(row)] = row
-    return found
-
-
 # --- legs --------------------------------------------------------------------------------------------
 
 
@@ -382,13 +371,6 @@ def plain_power(power: PowerModel) -> dict[str, Any]:
     return numbers(power, "propulsion", "battery") | own
 
 
-def power_of(attributes: dict[str, Any]) -> PowerModel | None:
-    """Return the power model that a saved run was worked out with, or None."""
-    if "power_model" not in attributes:
-        return None
-    return power_model(PowerSettings.model_validate(json.loads(attributes["power_model"])))
-
-
 # --- plans -------------------------------------------------------------------------------------------
 
 
@@ -421,19 +403,6 @@ def _plans_of(dataset: xr.Dataset, model: Current | None) -> list[list[PlanRecor
         plan = PlanRecord(**figures, history=history_of(dataset, row), current=current, motion=own)
         found[int(legs[row])].append(plan)
     return found
-
-
-# --- routes ------------------------------------------------------------------------------------------
-
-
-def route_variables(routes: Sequence[RouteRecord]) -> Variables:
-    """Return the first route and every re-plan."""
-    return table(ROUTE, routes) if routes else {}
-
-
-def routes_of(dataset: xr.Dataset) -> list[RouteRecord]:
-    """Return the routes that `route_variables` wrote."""
-    return [RouteRecord(**row) for row in rows_of(ROUTE, dataset)] if "route_nodes" in dataset else []
 
 
 # --- the graph of tasks ------------------------------------------------------------------------------

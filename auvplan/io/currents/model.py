@@ -15,11 +15,11 @@ from auvplan.io.currents.levels import Levels, at_depth, find_levels
 from auvplan.io.currents.names import (
     MASK_NAMES,
     MASKS,
+    UPWARD,
     Names,
     find_current,
     find_floor,
     find_places,
-    find_upward,
     is_level,
     require_field,
 )
@@ -143,9 +143,8 @@ class Component:
     fixed: dict[str, Pick]  # the index of other dimensions
     levels: Levels
     decoded: Callable[[Array], Array]  # values as m/s, NaN beyond the stated range
-    edge: (
-        int | None
-    )  # along which dimension of the points it lies between them, on edges of cells; None: on them
+    #: Along which dimension of the points it lies between them, on edges of cells; None: on them.
+    edge: int | None
 
 
 @dataclass(frozen=True)
@@ -285,11 +284,8 @@ class Part:
 
     def _velocity(self, component: Component) -> Array:
         """[T, K, P] m/s of a component at the points, its levels from the surface down."""
-        values = (
-            self._read(component, self.window.picks)
-            if component.edge is None
-            else self._between_edges(component)
-        )
+        on_edges = component.edge is not None
+        values = self._between_edges(component) if on_edges else self._read(component, self.window.picks)
         return values[:, component.levels.order].reshape(*values.shape[:2], -1)
 
     def _read(self, component: Component, picks: Mapping[str, Pick]) -> Array:
@@ -360,8 +356,10 @@ def find_model(files: Sequence[File]) -> Model:
     north = _component(source, names.north, both[1], edges[1], east.levels)
     deep = None if east.levels.dim is None else source.mask(east.levels.dim)
     angle = _angle(source, names)
-    up, rising = find_upward(series), None
-    if up is not None:
+    named = [name for name in series.variables if series.standard_name(name) == "upward_sea_water_velocity"]
+    plain = [name for name in UPWARD if name in series.variables and not series.standard_name(name)]
+    rising = None
+    for up in [*named, *plain][:1]:
         dims = series.dims(up)
         if set(source.dims) <= set(dims) and len(dims) <= len(source.dims) + 1:
             rising = _component(source, up, {}, None)

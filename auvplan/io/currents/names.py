@@ -30,7 +30,8 @@ _PAIRS = (
 )  # fmt: skip
 #: SCHISM's velocity, both components in one variable along a last dimension.
 _BOTH = "hvel"
-_UPWARD = ("w", "wo", "ww", "vertical_velocity", "verticalVelocity")
+#: Names of the vertical velocity, positive up.
+UPWARD = ("w", "wo", "ww", "vertical_velocity", "verticalVelocity")
 _PLACES = {
     "longitude": ("longitude", "lon", "nav_lon", "lon_rho", "Longitude", "lonc", "LON", "LONGITUDE",
                   "SCHISM_hgrid_node_x"),
@@ -171,13 +172,6 @@ def _best(file: File, names: Sequence[str]) -> str:
         return -file.variables[name].ndim, known.index(name) if name in known else len(known)
 
     return min(names, key=rank)
-
-
-def find_upward(file: File) -> str | None:
-    """Return the vertical velocity, positive up, or None."""
-    named = [name for name in file.variables if file.standard_name(name) == "upward_sea_water_velocity"]
-    plain = [name for name in _UPWARD if name in file.variables and not file.standard_name(name)]
-    return (named + plain + [None])[0]
 
 
 def require_field(file: File) -> None:

@@ -1,6 +1,5 @@
 """Reading ocean currents onto a grid of local metres, for planning."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from auvplan.errors import ScenarioWarning
+from auvplan.errors import warn
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, open_ocean, understood
@@ -283,8 +282,7 @@ def _frames(box: _Box, start: float, times: tuple[float, float] | None) -> slice
         if not box.clamp:
             raise
         if first > source.times[-1] or last < source.times[0]:
-            line = f"{error}: none of it is covered, the nearest time holds throughout (current.outside)"
-            warnings.warn(line, ScenarioWarning, stacklevel=2)
+            warn(f"{error}: none of it is covered, the nearest time holds throughout (current.outside)")
         box.notes.append("beyond the data's times its nearest value holds")
     return source.frames(first, last)
 
@@ -390,10 +388,10 @@ def _check_times(ocean: OceanData, frames: slice) -> None:
     if wide:
         k = max(wide, key=lambda k: steps[k])
         more = f", and in {len(wide) - 1} more gaps" if len(wide) > 1 else ""
-        _warn(
-            ocean.label,
-            f"has no current between {stamp(ocean.times[k])} and {stamp(ocean.times[k + 1])}{more}, "
-            f"{steps[k] / 3600.0:.3g} h where its usual step is {usual / 3600.0:.3g} h: it is interpolated",
+        warn(
+            f"{ocean.label}: has no current between {stamp(ocean.times[k])} and {stamp(ocean.times[k + 1])}"
+            f"{more}, {steps[k] / 3600.0:.3g} h where its usual step is {usual / 3600.0:.3g} h: it is "
+            "interpolated"
         )
 
 
@@ -428,9 +426,9 @@ def _check_values(ocean: OceanData, grid: _Grid, frames: slice, depths: Array, u
         k = i * nodes.shape[1] + j
         share = _percent(nodes, water)
         place = f"longitude {grid.longitude[k]:.4f}, latitude {grid.latitude[k]:.4f}"
-        _warn(
-            ocean.label,
-            f"{share} of the area's water {what}, such as {place}{more}: the nearest water's is taken there",
+        warn(
+            f"{ocean.label}: {share} of the area's water {what}, such as {place}{more}: the nearest water's "
+            "is taken there"
         )
 
     if ocean.levels is None:  # the tide lifts and lowers the bed among the depths
@@ -445,16 +443,12 @@ def _check_values(ocean: OceanData, grid: _Grid, frames: slice, depths: Array, u
         warn_of(under, f"has no current at {depths[level]:g} m depth though there is one below it")
     fastest = float(np.sqrt(np.nanmax(np.square(u) + np.square(v))))
     if fastest > _FAST:
-        _warn(ocean.label, f"the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
+        warn(f"{ocean.label}: the current reaches {fastest:.1f} m/s, more than the sea's: are its units m/s?")
     elif fastest < _STILL:
-        _warn(ocean.label, "the current is 0 everywhere in the area at all times")
+        warn(f"{ocean.label}: the current is 0 everywhere in the area at all times")
 
 
 def _percent(nodes: NDArray[np.bool_], of: NDArray[np.bool_] | None = None) -> str:
     """Return the share of nodes that are true, of all or of those that others are true for, in per cent."""
     share = nodes.sum() / max(nodes.size if of is None else int(of.sum()), 1)
     return f"{share:.0%}" if share >= 0.005 else "less than 1%"
-
-
-def _warn(label: str, line: str) -> None:
-    warnings.warn(f"{label}: {line}", ScenarioWarning, stacklevel=3)

@@ -11,7 +11,7 @@ import xarray as xr
 from auvplan.io.currents.files import Array, File, Series, close_all, same_values
 from auvplan.io.currents.names import Names, PartnerMissing, find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
-from auvplan.io.currents.triangles import has_cells
+from auvplan.io.currents.triangles import connectivity
 from auvplan.ocean.gridded import CurrentError
 
 #: Coordinates that state where a component lies; they must agree among files that are put together.
@@ -27,7 +27,7 @@ def _whole(file: File) -> bool:
     try:
         names = find_current(file)
         staggered = file.variables[names.east].dims[-2:] != file.variables[names.north].dims[-2:]
-        if staggered or not has_cells(file):
+        if staggered or connectivity(file) is None:
             find_places(file, names.east, staggered)
     except CurrentError:
         return False

@@ -232,14 +232,8 @@ def find_triangles(
     return Triangles(longitude, latitude), dim, crs
 
 
-def has_cells(file: File) -> bool:
-    """Return whether a file has the cells of a mesh, of which nothing is read; errors as `_cells`."""
-    return (_topology(file) or _by_name(file)) is not None
-
-
 def _cells(file: File) -> Cells | None:
-    """Return the cells of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names."""
-    found = _topology(file) or _by_name(file)
+    found = connectivity(file)
     if found is None:
         return None
     name, places = found
@@ -271,8 +265,14 @@ def _meshes(file: File) -> list[str]:
     return [name for name in stated if file.text(name, "topology_dimension") != "1"]
 
 
-def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
-    """Return the connectivity, and x and y of the nodes, that a mesh topology names; None without one."""
+def connectivity(file: File) -> tuple[str, tuple[str, str]] | None:
+    """Return the connectivity, and x and y of the nodes; None without one.
+
+    As UGRID's mesh topology names them, or by the names of FVCOM, SCHISM and SELFE.
+
+    Raises:
+        CurrentError: the mesh topology names what is not there.
+    """
     for mesh in _meshes(file):
         roles = [name for name in file.variables if file.text(name, "cf_role") == "face_node_connectivity"]
         own = [name for name in roles if file.text(name, "mesh") in ("", mesh)]
@@ -288,10 +288,6 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
         if len(nodes) == 2:
             northern = [_is_latitude(file, node) for node in nodes]
             return name, (nodes[1], nodes[0]) if northern[0] and not northern[1] else (nodes[0], nodes[1])
-    return None
-
-
-def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
     for name in _CONNECTIVITY:
         if name not in file.variables or file.variables[name].ndim != 2:
             continue
