@@ -55,12 +55,24 @@ class SampledTrack:
 
 
 @dataclass(frozen=True)
-class Coast:
-    """Land pixels of a chart; pixel (i, j) begins at corner + (i, j) * size."""
+class _Raster:
+    """Values at pixels, indexed [north, east]; pixel (i, j) begins at corner + (i, j) * size."""
 
-    land: Mask  # [nx, ny] bool, indexed [north, east]
+    values: NDArray  # [nx, ny]
     corner: Array  # [2] m
     size: float  # m
+
+    def outside(self, positions: Array) -> Mask:
+        """Return whether positions [n, 3] lie beyond the raster, [n]."""
+        place = positions[:, :2] - self.corner
+        far = self.size * np.asarray(self.values.shape)
+        return np.any((place < -_EDGE) | (place > far + _EDGE), axis=1)
+
+
+@dataclass(frozen=True)
+class Coast(_Raster):
+    """Land pixels of a chart, which are True."""
+
     reach: float = np.inf  # m, greatest distance: farther away land is not looked for
 
     @classmethod
@@ -81,27 +93,23 @@ class Coast:
     @cached_property
     def _edge(self) -> shapely.STRtree:
         """Land pixels that touch other pixels, as squares (north, east) m."""
-        framed = np.pad(self.land, 1)
+        framed = np.pad(self.values, 1)
         inland = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
-        low = self.corner + self.size * np.argwhere(self.land & ~inland)
+        low = self.corner + self.size * np.argwhere(self.values & ~inland)
         return shapely.STRtree(shapely.box(*low.T, *(low + self.size).T))
-
-    def outside(self, positions: Array) -> Mask:
-        """Return whether positions [n, 3] lie beyond the chart, [n]."""
-        return _beyond(positions, self.corner, self.size, self.land.shape)
 
     def on_land(self, positions: Array) -> Mask:
         """Return whether the pixels under positions [n, 3] are land, [n]."""
         pixel = np.floor((positions[:, :2] - self.corner) / self.size).astype(int)
-        i, j = np.clip(pixel, 0, np.asarray(self.land.shape) - 1).T
-        return self.land[i, j] & ~self.outside(positions)
+        i, j = np.clip(pixel, 0, np.asarray(self.values.shape) - 1).T
+        return self.values[i, j] & ~self.outside(positions)
 
     def distances(self, positions: Array) -> Array:
         """Return the least distance [n] m to land on the straight line from each of n positions to the next.
 
         The last is at its place. 0 on land, `reach` at most.
         """
-        if not self.land.any():
+        if not self.values.any():
             return np.full(len(positions), self.reach)
         ends = np.concatenate([positions[1:, :2], positions[-1:, :2]])
         lines = shapely.linestrings(np.stack([positions[:, :2], ends], axis=1))
@@ -111,12 +119,9 @@ class Coast:
 
 
 @dataclass(frozen=True)
-class Bed:
-    """Depth of the sea bed at pixels' centres; pixel (i, j) begins at corner + (i, j) * size."""
+class Bed(_Raster):
+    """Depth of the sea bed at pixels' centres, m."""
 
-    depth: Array  # [nx, ny] m, indexed [north, east]
-    corner: Array  # [2] m
-    size: float  # m
     clearance: float  # m, least altitude that was asked for
 
     @classmethod
@@ -128,18 +133,14 @@ class Bed:
         dry = np.where(np.isfinite(depth), depth, 0.0)  # as shallow as can be where it is not known
         return cls(dry, corner, size, clearance)
 
-    def outside(self, positions: Array) -> Mask:
-        """Return whether positions [n, 3] lie beyond the raster, [n]."""
-        return _beyond(positions, self.corner, self.size, self.depth.shape)
-
     def altitude(self, positions: Array) -> Array:
         """Altitude of positions [n, 3] above the bed, [n] m, negative below it; bilinear between centres."""
-        last = np.asarray(self.depth.shape) - 1
+        last = np.asarray(self.values.shape) - 1
         place = np.clip((positions[:, :2] - self.corner) / self.size - 0.5, 0.0, last)
         (i, j), (a, b) = np.floor(place).astype(int).T, (place % 1.0).T
         up, right = np.minimum(i + 1, last[0]), np.minimum(j + 1, last[1])
-        south = self.depth[i, j] * (1.0 - b) + self.depth[i, right] * b
-        north = self.depth[up, j] * (1.0 - b) + self.depth[up, right] * b
+        south = self.values[i, j] * (1.0 - b) + self.values[i, right] * b
+        north = self.values[up, j] * (1.0 - b) + self.values[up, right] * b
         return south * (1.0 - a) + north * a - positions[:, 2]
 
 
@@ -147,12 +148,6 @@ def events(inside: Mask) -> Iterator[tuple[int, int]]:
     """First and last index of every unbroken run of True in [n]."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     return zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)
-
-
-def _beyond(positions: Array, corner: Array, size: float, shape: tuple[int, ...]) -> Mask:
-    """Return whether positions [n, 3] lie beyond a raster, [n]."""
-    place = positions[:, :2] - corner
-    return np.any((place < -_EDGE) | (place > size * np.asarray(shape) + _EDGE), axis=1)
 
 
 def _between(values: Array, below: NDArray[np.int_], above: NDArray[np.int_], share: Array) -> Array:

@@ -112,7 +112,12 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
         try:
             return model.model_validate(plain), in_order(faults), taken
         except ValidationError as error:
-            found = _faults_of(error, plain, model)
+            merged: dict[Path, _Fault] = {}  # alternatives of one value are one fault
+            for one in error.errors(include_url=False):
+                fault = _read_error(one, plain, model)
+                known = merged.setdefault(fault.path, fault)
+                known.reasons += [reason for reason in fault.reasons if reason not in known.reasons]
+            found = list(merged.values())
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
             return None, in_order([*faults, finding_at((), line, document)]), taken
@@ -124,16 +129,6 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
         gone = [_take_out(plain, fault, taken) for fault in found]
         if not any(gone):
             return None, in_order(faults), taken
-
-
-def _faults_of(error: ValidationError, plain: dict[str, Any], model: type[BaseModel]) -> list[_Fault]:
-    """Return what pydantic has found; alternatives of one value are one fault."""
-    merged: dict[Path, _Fault] = {}
-    for found in error.errors(include_url=False):
-        fault = _read_error(found, plain, model)
-        known = merged.setdefault(fault.path, fault)
-        known.reasons += [reason for reason in fault.reasons if reason not in known.reasons]
-    return list(merged.values())
 
 
 def _read_error(found: Any, plain: dict[str, Any], model: type[BaseModel]) -> _Fault:

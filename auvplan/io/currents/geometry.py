@@ -260,11 +260,25 @@ def nearest(longitude: Array, latitude: Array, middle: Array) -> int:
 def within(
     points: tuple[Array, Array], triangles: Index, middle: Array, longitude: Array, latitude: Array
 ) -> Weights:
-    """Linear in triangles [N, 3] of points in degrees, in metres about a place."""
+    """Linear in triangles [N, 3] of points in degrees, in metres about a place; the nearest point in none."""
     used, local = np.unique(triangles, return_inverse=True)
-    corners = metres(middle, *(axis.ravel()[used] for axis in points))
-    found = barycentric(corners, local.reshape(-1, 3), metres(middle, longitude, latitude))
-    return Weights(used[found.index], found.weight, found.beyond)
+    nodes = metres(middle, *(axis.ravel()[used] for axis in points))
+    local, places = local.reshape(-1, 3), metres(middle, longitude, latitude)
+    found = find_triangle(nodes, local, places)
+    inside = found >= 0
+    corners = local[np.where(inside, found, 0)]
+    a, b, c = (nodes[corners[:, k]] for k in range(3))
+    area = _cross(b - a, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share_b, share_c = _cross(places - a, c - a) / area, _cross(b - a, places - a) / area
+    weight = np.clip(np.stack([1.0 - share_b - share_c, share_b, share_c], axis=1), 0.0, 1.0)
+    beyond = np.zeros_like(places)
+    if not inside.all():
+        nearest = KDTree(nodes).query(places[~inside])[1]
+        corners[~inside] = nearest[:, None]
+        weight[~inside] = (1.0, 0.0, 0.0)
+        beyond[~inside] = places[~inside] - nodes[nearest]
+    return weights_of(used[corners], weight, beyond)
 
 
 def _wrapped(degrees: Array) -> Array:
@@ -330,27 +344,6 @@ def along(axis: Array, value: Array) -> tuple[Index, Array, Array]:
     cell = np.clip(np.searchsorted(axis, held, side="right") - 1, 0, len(axis) - 2)
     share = (held - axis[cell]) / (axis[cell + 1] - axis[cell])
     return cell, share, value - held
-
-
-def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
-    """Weights of places [M, 2] m in triangles [N, 3] of points [P, 2] m; the nearest point in none."""
-    found = find_triangle(points, triangles, places)
-    inside = found >= 0
-    corners = triangles[np.where(inside, found, 0)]
-    a, b, c = (points[corners[:, k]] for k in range(3))
-    area = _cross(b - a, c - a)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share_b, share_c = _cross(places - a, c - a) / area, _cross(b - a, places - a) / area
-    weight = np.clip(np.stack([1.0 - share_b - share_c, share_b, share_c], axis=1), 0.0, 1.0)
-    beyond = np.zeros_like(places)
-    if not inside.all():
-        used = np.unique(triangles)
-        nearest = used[KDTree(points[used]).query(places[~inside])[1]]
-        corners, weight = corners.copy(), weight.copy()
-        corners[~inside] = nearest[:, None]
-        weight[~inside] = (1.0, 0.0, 0.0)
-        beyond[~inside] = places[~inside] - points[nearest]
-    return weights_of(corners, weight, beyond)
 
 
 def find_triangle(points: Array, triangles: Index, places: Array) -> Index:

@@ -107,7 +107,12 @@ def read_bathymetry(
             if not np.isfinite(values).any():
                 raise GeoError(f"{what} has no values in the area")
             sense = _sense(what, array, values, positive, notes)
-        values = _without_sentinels(values * _factor(what, array, notes), notes)
+        unit = str(array.attrs.get("units", "")).strip()
+        if not unit:
+            notes.append("units are not given: metres")
+        if (metres := length_factor(unit.rstrip(".")) if unit else 1.0) is None:
+            raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
+        values = _without_sentinels(values * metres, notes)
         depth = np.empty(grid.shape, np.float32)
         for rows, north, east in grid.blocks():
             row, column = view.find(north, east)
@@ -232,17 +237,6 @@ def _window(path: str, view: View, grid: LocalGrid) -> tuple[int, int, int, int]
     if (last - first + 1) * (right - left + 1) > MAX_PIXELS:
         raise GeoError(f"{path}: the area holds more than {MAX_PIXELS} values")
     return first, last, left, right
-
-
-def _factor(what: str, array: xr.DataArray, notes: list[str]) -> float:
-    """Return metres in the source's unit."""
-    unit = str(array.attrs.get("units", "")).strip()
-    if not unit:
-        notes.append("units are not given: metres")
-    factor = length_factor(unit.rstrip(".")) if unit else 1.0
-    if factor is None:
-        raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
-    return factor
 
 
 def _without_sentinels(values: Array, notes: list[str]) -> Array:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 from xml.etree.ElementTree import Element, ParseError
 from zipfile import ZipFile
 
@@ -64,17 +64,8 @@ class Feature:
     shape: Any = None  # shapely geometry, where the format has one
 
 
-class GeoInterface(Protocol):
-    """What gives its features as GeoJSON, such as a GeoDataFrame."""
-
-    @property
-    def __geo_interface__(self) -> Mapping[str, Any]:
-        """Return GeoJSON as a mapping."""
-        ...
-
-
-#: A file, or GeoJSON in memory.
-Features = str | Path | Mapping[str, Any] | GeoInterface
+#: A file, or GeoJSON in memory: a mapping, or what has it as its `__geo_interface__`, such as a GeoDataFrame.
+Features = str | Path | Mapping[str, Any] | Any
 
 
 def read_features(source: Features, kinds: tuple[str, ...]) -> list[Feature]:
@@ -431,7 +422,8 @@ def _json(path: str | Path) -> Any:
 def _xml(path: Path, kind: str) -> Element:
     """Return the root of an XML file, or of the one `.kml` in a zip archive, whose plain name is `kind`."""
     try:
-        root = fromstring(_content(path), forbid_dtd=True)
+        content = _zipped(path) if path.suffix.lower() == ".kmz" else path.read_bytes()
+        root = fromstring(content, forbid_dtd=True)
     except DefusedXmlException:
         raise GeoError(f"{path}: has a document type or entities, which are not read") from None
     except ParseError as error:
@@ -442,9 +434,7 @@ def _xml(path: Path, kind: str) -> Element:
     return root
 
 
-def _content(path: Path) -> bytes:
-    if path.suffix.lower() != ".kmz":
-        return path.read_bytes()
+def _zipped(path: Path) -> bytes:
     with ZipFile(path) as archive:
         inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
         if len(inside) != 1:

@@ -146,7 +146,12 @@ def placed(
         for kind in DEGREES
     )
     if longitude is None or latitude is None:
-        x, y, system = _axis(array, "x"), _axis(array, "y"), crs_of(what, array, crs)
+        x, y, own = _axis(array, "x"), _axis(array, "y"), None
+        if stated := {key: value for key, value in _grid_mapping(array).items() if key != "GeoTransform"}:
+            own = of_mapping(stated)
+        elif "crs" in array.attrs:
+            own = as_crs(array.attrs["crs"], GeoError)
+        system = agreed_crs(what, own, crs)
         if system is not None and x is not None and y is not None:
             return _on_axes(what, array, x, y, system)
         if system is not None and "GeoTransform" in _grid_mapping(array):
@@ -247,16 +252,6 @@ def agreed_crs(what: object, own: CRS | None, given: Any) -> CRS | None:
     if system is not None and not (system.is_geographic or system.is_projected):
         raise GeoError(f"{what}: {system.name} is neither geographic nor projected")
     return system
-
-
-def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
-    """Return the reference system of an array's x and y: its own, else the one given; as `agreed_crs`."""
-    own = None
-    if stated := {key: value for key, value in _grid_mapping(array).items() if key != "GeoTransform"}:
-        own = of_mapping(stated)
-    elif "crs" in array.attrs:
-        own = as_crs(array.attrs["crs"], GeoError)
-    return agreed_crs(what, own, given)
 
 
 def _grid_mapping(array: xr.DataArray) -> dict[str, Any]:

@@ -58,8 +58,9 @@ def read_polygons(source: Features, area: Any = None) -> list[Feature]:
     Warns:
         ScenarioWarning: a ring that was parted or repaired.
     """
-    if isinstance(source, str | Path) and _is_vector_file(Path(source)):
-        features = read_vector_polygons(source)
+    file = Path(source) if isinstance(source, str | Path) else None
+    if file and (file.suffix.lower() in _SUFFIXES or _start(file).startswith(_STARTS)):
+        features = read_vector_polygons(file)
     else:
         stated = read_features(source, ("Polygon", "MultiPolygon"))
         filled = [one for one in stated if one.coordinates != []]
@@ -154,12 +155,9 @@ def _refuse_leap(where: str, places: np.ndarray) -> None:
         raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
 
 
-def _is_vector_file(path: Path) -> bool:
-    """Return whether a file is of a vector format other than GeoJSON, by its name or first bytes."""
-    if path.suffix.lower() in _SUFFIXES:
-        return True
+def _start(path: Path) -> bytes:
     with path.open("rb") as file:
-        return file.read(16).startswith(_STARTS)
+        return file.read(16)
 
 
 def read_vector_polygons(path: str | Path) -> list[Feature]:
@@ -217,8 +215,7 @@ def _source(path: Path) -> str:
     What is not of the format that its name states is refused: GDAL takes it for others, some of which name
     files and servers that it then reads.
     """
-    with path.open("rb") as file:
-        starts = [(path.name, file.read(16))]
+    starts = [(path.name, _start(path))]
     if zipped := starts[0][1].startswith(b"PK"):
         with ZipFile(path) as archive:
             files = [entry for entry in archive.infolist() if not entry.is_dir()]

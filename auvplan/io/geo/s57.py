@@ -135,8 +135,13 @@ class _Found:
                 self._collect_hazard(one, local)
             if one.kind in _DEPTHS and "DRVAL1" in one.properties:
                 self.depths.setdefault(least, []).append(area)
-            if not area.is_empty:
-                self._collect_restriction(one, area)
+            stated = one.properties.get("RESTRN", ())
+            stated = stated.split(",") if isinstance(stated, str) else stated
+            values = {str(value).strip() for value in stated}
+            if values & {_PROHIBITED, _AVOIDED} and not area.is_empty:
+                self.closed.append(Zone(_name(one, one.kind), area, one.where))
+            elif _HINDERED in values and not area.is_empty:
+                self.hindered += 1
         gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
         self.depths.setdefault(0.0, []).extend([gap, *unknown])
         within = gap.intersection(self.grid.box)
@@ -158,15 +163,6 @@ class _Found:
                 self.hazards.append(KnownObstacle(name, (part.x, part.y), self.radius, top))
             else:
                 self.shut.append(_grown(part, self.radius, self.radius))
-
-    def _collect_restriction(self, one: Feature, area: Any) -> None:
-        """Add an area that is closed, or count one that may be entered under conditions."""
-        stated = one.properties.get("RESTRN", ())
-        values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
-        if values & {_PROHIBITED, _AVOIDED}:
-            self.closed.append(Zone(_name(one, one.kind), area, one.where))
-        elif _HINDERED in values:
-            self.hindered += 1
 
     def notes(self, name: str, hazards: Sequence[KnownObstacle]) -> Iterator[str]:
         """Yield what there is to be noted, with the hazards that stand in water."""
