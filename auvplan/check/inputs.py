@@ -113,17 +113,8 @@ def read_obstacles(run: Saved) -> list[Cylinder]:
         if run.section("obstacles").get("file"):
             run.notes.append("known obstacles were not saved and not looked at")
         return []
-    return [
-        Cylinder(
-            str(one["name"]),
-            tuple(one["position"]),
-            float(one["radius"]),
-            float(one["depth_min"]),
-            np.inf if one["depth_max"] is None else float(one["depth_max"]),
-            tuple(one["velocity"]),
-        )
-        for one in stated
-    ]
+    deep = (np.inf if one["depth_max"] is None else one["depth_max"] for one in stated)
+    return [Cylinder(**(one | {"depth_max": depth})) for one, depth in zip(stated, deep, strict=True)]
 
 
 def read_closed_areas(run: Saved) -> list[ClosedArea]:

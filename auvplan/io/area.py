@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.provenance import changed_at
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
-
-if TYPE_CHECKING:
-    from auvplan.io.currents import CurrentFile
 
 #: Fields of a scenario that name files in place of which objects can be given.
 GIVEN = (
@@ -340,14 +337,14 @@ class AreaFiles:
             return geo.closures_of(self.no_go, self.site, extent, margin=margin, until=self.until)
 
     @_Part
-    def current(self) -> "CurrentFile | None":
+    def current(self) -> "currents.CurrentFile | None":
         """The forecast of an ocean model."""
         if self.scenario.current.source != "file" or self.scenario.current.files is None:
             return None
         return self._current_of("files", self._on_earth)
 
     @_Part
-    def truth(self) -> "CurrentFile | None":
+    def truth(self) -> "currents.CurrentFile | None":
         """The true current by an ocean model."""
         if self.scenario.current.truth is None:
             return self.current
@@ -355,7 +352,7 @@ class AreaFiles:
         return self._current_of("truth", self.site)
 
     @_Part
-    def members(self) -> "tuple[CurrentFile, ...]":
+    def members(self) -> "tuple[currents.CurrentFile, ...]":
         """Other forecasts of the current."""
         settings = self.scenario.current.members
         if settings is None or settings.files is None:
@@ -495,7 +492,7 @@ class AreaFiles:
         picture = settings.image and in_folder(self.home, settings.image)
         return self._source("chart.file") or picture, self._source("chart.uncertain")
 
-    def _current_of(self, field: str, site: Site, sources: Sequence[Any] = ()) -> "CurrentFile":
+    def _current_of(self, field: str, site: Site, sources: Sequence[Any] = ()) -> "currents.CurrentFile":
         """Read the files of a current that a field names, or such sources, on the box, clear of the coast."""
         settings, box, chart = self.scenario.current, self._box, self.scenario.chart
         land = "mesh"
@@ -514,7 +511,7 @@ class AreaFiles:
         how["times"] = site.epoch and (self.since, self.until)
         key = "current", tuple(paths), site, tuple(how.values()), chart
 
-        def read() -> "CurrentFile":
+        def read() -> "currents.CurrentFile":
             return currents.read_current(source, site, land=land, **how)
 
         with error_context("current", field):

@@ -59,11 +59,6 @@ class Window:
     used: Index  # [P] its points, in the order of the dimensions
     index: Index  # the points that were asked for, numbered as in the window
 
-    @property
-    def points(self) -> int:
-        """How many points it has."""
-        return len(self.used)
-
 
 class _Grid:
     """Points in rows and columns."""

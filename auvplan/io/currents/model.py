@@ -122,11 +122,6 @@ class Source:
                 return name
         return None
 
-    @cached_property
-    def mask_name(self) -> str | None:
-        """The mask of land at the points, or None."""
-        return self.mask()
-
     def wet(self, name: str, values: Array) -> NDArray[np.bool_]:
         """Return where values of a mask say water; shares of cells, as MITgcm gives them, count from 0 on."""
         if self.series.standard_name(name) == "land_binary_mask":
@@ -155,7 +150,8 @@ class Model:
     east: Component  # or along axes turned by `angle`
     north: Component
     up: Component | None
-    deep: str | None  # mask of land by levels
+    land: str | None  # mask of land
+    deep: str | None  # the same by levels
     flats: tuple[str, bool] | None  # mask of flats that fall dry, and whether 1 is dry
     angle: "Callable[[Part], Array] | None"  # [P] rad from east to the first component, counter-clockwise
 
@@ -224,7 +220,7 @@ class Part:
     @cached_property
     def water(self) -> NDArray[np.bool_] | None:
         """[P], where there is water; None without a mask of land."""
-        name = self.model.source.mask_name
+        name = self.model.land
         return None if name is None else self.model.source.wet(name, self.values(name)[0])
 
     @cached_property
@@ -246,7 +242,7 @@ class Part:
         """[T or 1, P] m, the surface above the datum; 0 where it is not given."""
         name, series = self.model.source.rise_name, self.model.source.series
         if name is None:
-            return np.zeros((1, self.window.points))
+            return np.zeros((1, len(self.window.used)))
         rise = np.nan_to_num(self.values(name) * series.metres(name))
         if (far := float(np.abs(rise).max(initial=0.0))) > _HIGHEST:
             raise series.fail(f"{name} reaches {far:g} m, where there is no sea: check _FillValue and units")
@@ -348,7 +344,7 @@ def find_model(files: Sequence[File]) -> Model:
         notes.append(
             f"{grid.torn} sides or triangles of the grid are far longer than usual: there are no cells there"
         )
-    if source.mask_name is None:
+    if (land := source.mask()) is None:
         notes += [f"{name} says land everywhere: left out" for name in [*source.masks()][:1]]
     both: list[dict[str, Pick]] = [{} if names.both is None else {names.both: k} for k in range(2)]
     edges = (1, 0) if source.staggered else (None, None)
@@ -371,7 +367,7 @@ def find_model(files: Sequence[File]) -> Model:
         series.metres(name)
     if flats is not None:
         source.along(flats[0])
-    return Model(source, east, north, rising, deep, flats, angle)
+    return Model(source, east, north, rising, land, deep, flats, angle)
 
 
 def _component(

@@ -216,7 +216,7 @@ class OceanData:
             new = used[wet[used] < 0]
             if len(new):
                 window = self.geometry.window(new[:, None])
-                water = np.ones(window.points, bool)
+                water = np.ones(len(window.used), bool)
                 for k in range(frames.start, frames.stop):
                     water &= np.isfinite(self.part(slice(k, k + 1), window).block.east[0, 0])
                 wet[new] = water[window.index[:, 0]]

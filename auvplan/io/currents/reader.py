@@ -346,16 +346,15 @@ def _gridded(
     source = box.source
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
-    each = window.points * source.model.east.levels.count
+    each = len(window.used) * source.model.east.levels.count
     values = count * each * (2 if source.model.up is None else 3)
     grid = count * len(wanted) * len(weights.index) * 3
-    if max(values, grid) > MAX_VALUES:
-        raise source.fail(
-            f"{count} times and {window.points} points are {max(values, grid)} values, more than {MAX_VALUES}"
-        )
+    if (most := max(values, grid)) > MAX_VALUES:
+        points = len(window.used)
+        raise source.fail(f"{count} times and {points} points are {most} values, more than {MAX_VALUES}")
     places, corners = weights.index.shape
     rows = np.repeat(np.arange(places), corners)
-    matrix = csr_array((weights.weight.ravel(), (rows, window.index.ravel())), (places, window.points))
+    matrix = csr_array((weights.weight.ravel(), (rows, window.index.ravel())), (places, len(window.used)))
     step = max(1, _CHUNK // each)
     east, north, up = (np.empty((count, len(wanted), places)) for _ in range(3))
     for first in range(0, count, step):
