@@ -16,7 +16,7 @@ from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
-from auvplan.io.forecasts.servers import Remote, as_file, open_remote
+from auvplan.io.forecasts.servers import answering, as_file, open_remote
 from auvplan.runtime.files import OutputError, write_dataset
 from auvplan.scenario.provenance import ORIGIN
 
@@ -80,12 +80,12 @@ def fetch_current(
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
     progress(0.0, f"asking {request.dataset}")
-    remote = open_remote(request, timeout)
-    ocean = OceanData.of((remote.file,))
+    file, remote = open_remote(request, timeout)
+    ocean = OceanData.of((file,))
     notes = list(ocean.notes)
     picks = _picks(ocean, request, notes)
-    names = _names(remote.file, ocean, picks, request)
-    data = _fetched(remote, names, picks, request, progress)
+    names = _names(file, ocean, picks, request)
+    data = _fetched(remote, names, picks, request, timeout, progress)
     columns = picks[ocean.model.source.dims[-1]]
     if ocean.kind == "regular" and (np.diff(columns) < 0).any():
         # Over the wrap-around of a grid round the globe, longitudes go on.
@@ -98,22 +98,27 @@ def fetch_current(
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
-    origin = {"server": server, "dataset": dataset, "run": _reference_time(remote.file)}
+    origin = {"server": server, "dataset": dataset, "run": _reference_time(file)}
     origin |= {"request": request.text, "request_sha256": request.sha256}
     data.attrs |= {f"{ORIGIN}{name}": value for name, value in origin.items() if value}
     return Fetched(write_dataset(data, target), tuple(notes))
 
 
 def _fetched(
-    remote: Remote, names: Sequence[str], picks: Mapping[str, Indices], request: Request, progress: Progress
+    remote: xr.Dataset,
+    names: Sequence[str],
+    picks: Mapping[str, Indices],
+    request: Request,
+    timeout: float,
+    progress: Progress,
 ) -> xr.Dataset:
     """Return the values of variables at indices as the server stores them."""
     wanted = {
-        name: {str(dim): picks.get(str(dim), np.arange(size)) for dim, size in remote.raw[name].sizes.items()}
+        name: {str(dim): picks.get(str(dim), np.arange(size)) for dim, size in remote[name].sizes.items()}
         for name in names
     }
     shapes = {name: [len(each) for each in own.values()] for name, own in wanted.items()}
-    sizes = {name: math.prod(shape) * remote.raw[name].dtype.itemsize for name, shape in shapes.items()}
+    sizes = {name: math.prod(shape) * remote[name].dtype.itemsize for name, shape in shapes.items()}
     total, done, variables = sum(sizes.values()), 0, {}
     if total > _MOST:
         raise request.fail(
@@ -121,7 +126,7 @@ def _fetched(
             "smaller box, less time or fewer depths"
         )
     for name, own in wanted.items():
-        raw, runs, left = remote.raw[name], [], sizes[name]
+        raw, runs, left = remote.variables[name], [], sizes[name]
         found = np.empty(shapes[name], raw.dtype.newbyteorder("="))
         for each in own.values():
             # A request is of a range of each dimension, and of the first ones' no more than is well answered.
@@ -134,7 +139,9 @@ def _fetched(
         for place in product(*runs):
             progress(done / max(total, 1), f"fetching {name}")
             chosen = {dim: each[part] for (dim, each), part in zip(own.items(), place, strict=True)}
-            values = remote.read(name, {d: slice(int(run[0]), int(run[-1]) + 1) for d, run in chosen.items()})
+            with answering(request, timeout):
+                ranges = {dim: slice(int(run[0]), int(run[-1]) + 1) for dim, run in chosen.items()}
+                values = np.asarray(raw.isel(ranges).values)
             if values.shape != found[place].shape:
                 raise request.fail(
                     f"the server broke off its answer at {name}: try again, or a smaller request"
@@ -142,7 +149,7 @@ def _fetched(
             found[place] = values
             done += values.nbytes
         variables[name] = xr.Variable(raw.dims, found, _plain(raw.attrs))
-    return xr.Dataset(variables, attrs=_plain(remote.file.attributes))
+    return xr.Dataset(variables, attrs=_plain(remote.attrs))
 
 
 def _picks(ocean: OceanData, request: Request, notes: list[str]) -> dict[str, Indices]:

@@ -4,14 +4,12 @@ import logging
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit, urlunsplit
 
-import numpy as np
 import xarray as xr
 
 from auvplan.errors import AuvplanError, reason_of
@@ -59,35 +57,23 @@ _STATUS = {
 _PLAIN = ":,.&=<>!~/"
 
 
-@dataclass(frozen=True)
-class Remote:
-    """A data set on a server, of which nothing but head and axes is known yet."""
-
-    file: File  # its head, decoded but for times, as the readers of currents look at it
-    raw: Mapping[str, xr.Variable]  # its variables as the server stores them; their values are not to be read
-    #: Values of a variable in a range of indices of each of its dimensions, as the server stores them.
-    read: Callable[[str, Mapping[str, slice]], np.ndarray]
-
-
-def open_remote(request: Request, timeout: float) -> Remote:
+def open_remote(request: Request, timeout: float) -> tuple[File, xr.Dataset]:
     """Open the data set of a request; nothing but its head and axes is fetched.
 
     Args:
         timeout: s that the server may be silent; the client of Copernicus asks some times.
 
+    Returns:
+        Its head, decoded but for times, as the readers of currents look at it; and the data set as the server
+        stores it, to be read within `answering`.
+
     Raises:
         ForecastError: one line; packages or valid credentials are missing, there is no such data set, the
             server refuses or cannot be reached.
     """
-    with _answering(request, timeout):
+    with answering(request, timeout):
         dataset = (_copernicus if request.server == "copernicus" else _opendap)(request, timeout)
-        raw = {str(name): variable for name, variable in dataset.variables.items()}
-
-        def read(name: str, picks: Mapping[str, slice]) -> np.ndarray:
-            with _answering(request, timeout):
-                return np.asarray(raw[name].isel(picks).values)
-
-        return Remote(as_file(request.dataset, dataset), raw, read)
+        return as_file(request.dataset, dataset), dataset
 
 
 def as_file(label: str, dataset: xr.Dataset) -> File:
@@ -166,7 +152,7 @@ def _opendap(request: Request, timeout: float) -> xr.Dataset:
 
 
 @contextmanager
-def _answering(request: Request, timeout: float) -> Iterator[None]:
+def answering(request: Request, timeout: float) -> Iterator[None]:
     """Turn what goes wrong on the way to a server into one line that says what would do; hide logs."""
     log = logging.getLogger("copernicusmarine")
     level = log.level
