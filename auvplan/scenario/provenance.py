@@ -57,19 +57,20 @@ class SourceFile:
 
 def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFile, ...]:
     """Return the files that plain settings of a scenario name; those that are gone are left out."""
-    return tuple(
-        SourceFile(
-            name, path.name, folder_size(path), "" if path.is_dir() else digest(path), _origin(name, path)
-        )
-        for name, path in _named(settings, Path(folder))
-    )
+    found = []
+    for row in source_digests(settings, folder):
+        field, path = row["field"], Path(row["path"])
+        sha256 = "" if path.is_dir() else row["sha256"]
+        found.append(SourceFile(field, path.name, row["size"], sha256, _origin(field, path)))
+    return tuple(found)
 
 
 def source_digests(settings: dict[str, Any], folder: str | Path) -> list[dict[str, Any]]:
     """Return field, path, size in bytes and SHA-256 of the files that settings name, as a run saves them."""
     return [
-        {"field": name, "path": str(path), "size": folder_size(path), "sha256": digest(path)}
-        for name, path in _named(settings, Path(folder))
+        {"field": field, "path": str(path), "size": folder_size(path), "sha256": digest(path)}
+        for field, pattern in file_names(settings)
+        for path in files_at(Path(folder) / Path(pattern).expanduser())
     ]
 
 
@@ -106,12 +107,6 @@ def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
                 if isinstance(one, str) and (section != "vehicle" or is_file_name(one)):
                     found.append((f"{section}.{field}", one))
     return found
-
-
-def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
-    for field, pattern in file_names(settings):
-        for path in files_at(folder / Path(pattern).expanduser()):
-            yield field, path
 
 
 def files_at(path: Path) -> Iterator[Path]:

@@ -135,7 +135,7 @@ class Hours:
                     "window: begin asks only that it begins in one"
                 )
             spans = [(opens, closes - duration) for opens, closes in spans if closes - opens >= duration]
-        if spans and not self._reached(spans):
+        if spans and not any(closes >= 0.0 and opens <= self.until for opens, closes in spans):
             if all(closes < 0.0 for _, closes in spans):
                 dated = f", {self.site.epoch:%Y-%m-%d %H:%M} UTC" if self.site and self.site.epoch else ""
                 raise self._fault(f"all its windows are over at the departure{dated}")
@@ -148,13 +148,10 @@ class Hours:
     def _word(self, name: str) -> str:
         return str(self.stated.get(name) or "").strip().lower()
 
-    def _reached(self, spans: Spans) -> Spans:
-        """Return the intervals that the mission reaches into."""
-        return [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= self.until]
-
     def _reached_or_all(self, spans: Spans) -> Spans:
-        """Return the same, but all where it reaches none: no interval would mean any time."""
-        return self._reached(spans) or spans
+        """Return the intervals that the mission reaches into, or all: no interval would mean any time."""
+        reached = [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= self.until]
+        return reached or spans
 
     def _epoch(self) -> datetime:
         if self.site is None or self.site.epoch is None:
