@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from auvplan.errors import RuleError
 from auvplan.scenario.places import NotNegative, Positive
@@ -26,15 +26,13 @@ class PropulsionSettings(Section):
     factor: NotNegative | None = optional("W (s/m)^exponent, of the law")
     exponent: Annotated[float, Field(ge=1.0, le=6.0)] = setting(3.0, "of the law")
 
-    @model_validator(mode="after")
-    def _table_or_law(self) -> "PropulsionSettings":
+    def _check(self) -> None:
         table, law = (self.speeds, self.watts), (self.constant, self.factor)
         if (table == (None, None)) == (law == (None, None)) or None in (
             table if law == (None, None) else law
         ):
             raise ValueError("must have either speeds and watts or constant and factor")
         self.made()
-        return self
 
     def made(self) -> "PowerTable | PowerLaw":
         """Return the propulsion power."""
@@ -79,14 +77,12 @@ class PowerSettings(Section):
     task_start: NotNegative | None = optional("J, each time that a task is done; default 0")
     battery: BatterySettings | None = optional("energy is not limited if absent")
 
-    @model_validator(mode="after")
-    def _has_propulsion(self) -> "PowerSettings":
+    def _check(self) -> None:
         if self.vehicle is None and self.propulsion is None and not self.pump:
             raise ValueError("needs propulsion, or the vehicle that it is of")
         battery = self.battery
         if self.vehicle is None and battery is not None and battery.capacity is None:
             raise RuleError("needs its capacity, Wh", field="battery")
-        return self
 
 
 class NavigationSettings(Section):

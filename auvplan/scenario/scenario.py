@@ -135,8 +135,7 @@ class Scenario(Section):
         scenario._by_degrees = by_degrees(given)
         return scenario
 
-    @model_validator(mode="after")
-    def _consistent(self) -> "Scenario":
+    def _check(self) -> None:
         def refuse(wrong: bool, field: str, reason: str, *concerns: str) -> None:
             if wrong:
                 raise RuleError(reason, field=field, concerns=concerns)
@@ -195,7 +194,6 @@ class Scenario(Section):
         for name, point in (("start", self.mission.start), ("goal", self.mission.goal)):
             inside = point is None or all(a <= p <= b for a, p, b in zip(low, point, high, strict=True))
             refuse(not inside, f"mission.{name}", f"{point} {outside}", *_BOX_FIELDS)
-        return self
 
     @property
     def tasks_under_way(self) -> bool:

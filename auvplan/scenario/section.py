@@ -1,8 +1,8 @@
 """What all sections of a scenario are made of."""
 
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 
 def setting(default: Any, description: str) -> Any:
@@ -24,6 +24,14 @@ class Section(BaseModel):
         """Return the fields that are given, but for some."""
         fields = {name: getattr(self, name) for name in type(self).model_fields if name not in apart}
         return {name: value for name, value in fields.items() if value is not None}
+
+    def _check(self) -> None:
+        """Refuse values that do not go together, by a `ValueError`; a `RuleError` names the fields."""
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        self._check()
+        return self
 
     @field_validator("*", mode="before")
     @classmethod

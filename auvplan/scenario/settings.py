@@ -2,7 +2,7 @@
 
 import math
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar
 from zoneinfo import available_timezones
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -52,8 +52,7 @@ class SourcedSection(Section):
 
     source: Any
 
-    @model_validator(mode="after")
-    def _fields_of_the_source(self) -> Self:
+    def _check(self) -> None:
         for field, sources in self.required.items():
             if (self.source in sources) != (getattr(self, field) is not None):
                 reason = f"must be given with source {' or '.join(map(repr, sources))}, and only then"
@@ -63,7 +62,6 @@ class SourcedSection(Section):
             if given and self.source not in sources:
                 reason = f"goes with source {' or '.join(map(repr, sources))} alone"
                 raise RuleError(reason, field=field, concerns=("source",))
-        return self
 
 
 class SiteSettings(Section):
@@ -113,12 +111,10 @@ class Area(Section):
     lower: Point = setting((0.0, 0.0, 0.0), "south-western corner at the least depth")
     upper: Point = setting((10_000.0, 10_000.0, 1000.0), "north-eastern corner at the greatest depth")
 
-    @model_validator(mode="after")
-    def _ordered(self) -> "Area":
+    def _check(self) -> None:
         low, high = self.lower, self.upper
         if low[0] >= high[0] or low[1] >= high[1] or low[2] > high[2]:
             raise RuleError("must be below upper (depths may be equal)", field="lower", concerns=("upper",))
-        return self
 
 
 Colours = str | tuple[str, ...]
@@ -144,10 +140,8 @@ class ColourSettings(Section):
             raise ValueError("a colour is a CSS name such as lightblue, or '#rrggbb' in quotes")
         return tuple(as_hex(colour) for colour in colours)
 
-    @model_validator(mode="after")
-    def _apart(self) -> "ColourSettings":
+    def _check(self) -> None:
         _ = self.given
-        return self
 
     @property
     def given(self) -> ChartColours:
@@ -210,11 +204,10 @@ class ChartSettings(SourcedSection):
         "first row (north), first column (east), rows, columns to cut out, pixels"
     )
 
-    @model_validator(mode="after")
-    def _closed_areas_given(self) -> "ChartSettings":
+    def _check(self) -> None:
+        super()._check()
         if self.no_go_windows is not None and self.no_go is None:
             raise RuleError("goes with no_go alone", field="no_go_windows", concerns=("no_go",))
-        return self
 
 
 class BathymetrySettings(SourcedSection):
@@ -273,12 +266,10 @@ class SawToothSettings(Section):
     dives: Annotated[int, Field(ge=0)] = setting(0, "between two surfacings on a leg; 0: none")
     surface_time: NotNegative = setting(0.0, "s at the surface each time")
 
-    @model_validator(mode="after")
-    def _dives(self) -> "SawToothSettings":
+    def _check(self) -> None:
         if self.surface_time and not self.dives:
             raise RuleError("goes with dives alone", field="surface_time", concerns=("dives",))
         self.made()
-        return self
 
     def made(self) -> "SawTooth":
         """Return the shape of the paths."""
@@ -332,8 +323,7 @@ class VehicleSettings(Section):
         """Speed through the water along the horizontal, surfacings included, m/s."""
         return self.saw_tooth.made().way_speed(self.speed) if self.saw_tooth else self.speed
 
-    @model_validator(mode="after")
-    def _speeds_are_chosen_by_power(self) -> "VehicleSettings":
+    def _check(self) -> None:
         if self.speed_range is not None:
             least, greatest = self.speed_range
             if self.power is None:
@@ -343,7 +333,6 @@ class VehicleSettings(Section):
             if not least <= self.speed <= greatest:
                 reason = f"must have vehicle.speed, {self.speed:g} m/s, between its two"
                 raise RuleError(reason, field="speed_range", concerns=("speed",))
-        return self
 
     @field_validator("power", mode="before", json_schema_input_type=str | PowerSettings | None)
     @classmethod
@@ -427,8 +416,8 @@ class CurrentSettings(SourcedSection):
             return {"forecast_error": 0.0} | given
         return given
 
-    @model_validator(mode="after")
-    def _files_named(self) -> "CurrentSettings":
+    def _check(self) -> None:
+        super()._check()
         for name in ("files", "truth"):
             if getattr(self, name) == ():
                 raise RuleError("names no file", field=name)
@@ -437,7 +426,6 @@ class CurrentSettings(SourcedSection):
                 raise RuleError("names no file", field="members.files")
             if self.source != "file":
                 raise RuleError("goes with source 'file' alone", field="members.files", concerns=("source",))
-        return self
 
 
 class ObstacleSettings(Section):
@@ -543,11 +531,9 @@ class MissionSettings(Section):
     start: Point | None = optional("m north, east, depth; drawn if absent")
     goal: Point | None = optional("m north, east, depth; drawn if absent")
 
-    @model_validator(mode="after")
-    def _ends_given(self) -> "MissionSettings":
+    def _check(self) -> None:
         if self.jobs is not None and (self.start is None or self.goal is None):
             raise RuleError("must be given with jobs, as must goal", field="start", concerns=("goal", "jobs"))
-        return self
 
 
 #: What the presets "default" and "paper" set where the scenario is silent, by field of `PlanningSettings`.
@@ -720,12 +706,10 @@ class PlanningSettings(Section):
         "than planning it",
     )
 
-    @model_validator(mode="after")
-    def _tasks_take_their_time(self) -> "PlanningSettings":
+    def _check(self) -> None:
         if self.preset != "paper" and self.task_time not in (None, "whole"):
             reason = f"'{self.task_time}' goes with preset 'paper' alone"
             raise RuleError(reason, field="task_time", concerns=("preset",))
-        return self
 
     @property
     def promises(self) -> bool:

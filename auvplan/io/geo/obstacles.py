@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from auvplan.errors import RuleError
 from auvplan.io.geo.error import GeoError, label, reading
@@ -26,15 +26,13 @@ class _Properties(Section):
     course: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
     speed: NotNegative = 0.0
 
-    @model_validator(mode="after")
-    def _consistent(self) -> "_Properties":
+    def _check(self) -> None:
         if self.depth_max is not None and self.depth_max < self.depth_min:
             reason = f"{self.depth_max:g} m lies above depth_min {self.depth_min:g} m"
             raise RuleError(reason, field="depth_max", concerns=("depth_min",))
         if self.speed > 0.0 and self.course is None:
             reason = "needs a course, degrees clockwise from north"
             raise RuleError(reason, field="speed", concerns=("course",))
-        return self
 
 
 def read_obstacles(source: Features, site: Site) -> tuple[KnownObstacle, ...]:
