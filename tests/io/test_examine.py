@@ -149,6 +149,15 @@ def test_missing_files_and_faulty_rows_are_told_beside_bad_fields(tmp_path):
     assert [re.search(r"row (\d)", row)[1] for row in rows] == ["2", "4", "5"]
 
 
+def test_forecasts_that_are_missing_are_reported_at_their_field(tmp_path):
+    members = "  truth: other.nc\n  members:\n    files: [old.nc, older.nc]\n"
+    (tmp_path / "my.yaml").write_text(FILES.replace("  truth: other.nc\n", members))
+    found = [fault for fault in examine_scenario(tmp_path / "my.yaml").faults if "members" in fault.field]
+    (fault,) = found
+    assert (fault.field, fault.place) == ("current.members.files", (15, 12))
+    assert re.search(r"old\.nc: no such file \(nor 1 more\)", fault.reason)
+
+
 def test_what_follows_from_a_fault_is_not_stated(tmp_path):
     text = FILES.replace(
         "source: polygons\n  file: coast.geojson\n  no_go: closed.geojson", "source: current"

@@ -256,9 +256,9 @@ def within(
     points: tuple[Array, Array], triangles: Index, middle: Array, longitude: Array, latitude: Array
 ) -> Weights:
     """Linear in triangles [N, 3] of points in degrees, in metres about a place; the nearest point in none."""
-    used, local = np.unique(triangles, return_inverse=True)
-    nodes = metres(middle, *(axis.ravel()[used] for axis in points))
-    local, places = local.reshape(-1, 3), metres(middle, longitude, latitude)
+    used, inverse = np.unique(triangles, return_inverse=True)
+    nodes, local = metres(middle, *(axis.ravel()[used] for axis in points)), inverse.reshape(-1, 3)
+    places = metres(middle, longitude, latitude)
     found = find_triangle(nodes, local, places)
     inside = found >= 0
     corners = local[np.where(inside, found, 0)]
