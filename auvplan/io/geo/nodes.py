@@ -158,14 +158,12 @@ def placed(
             return _masked(array), _on_pixels(array, system)
         longitude = _if_degrees(x) if longitude is None else longitude
         latitude = _if_degrees(y) if latitude is None else latitude
-    for kind, axis in (("longitude", longitude), ("latitude", latitude)):
-        if axis is None:
-            raise GeoError(
-                f"{what} has no {kind} on its dimensions {listed(array.dims)}, nor x and y with a reference "
-                "system: use gdalwarp -t_srs EPSG:4326"
-            )
-    assert longitude is not None
-    assert latitude is not None
+    if longitude is None or latitude is None:
+        kind = "longitude" if longitude is None else "latitude"
+        raise GeoError(
+            f"{what} has no {kind} on its dimensions {listed(array.dims)}, nor x and y with a reference "
+            "system: use gdalwarp -t_srs EPSG:4326"
+        )
     if longitude.ndim == latitude.ndim == 2:
         places = (axis.transpose(*array.dims).values.astype(float) for axis in (longitude, latitude))
         return _masked(array), _scattered(what, *places, site=site, grid=grid)

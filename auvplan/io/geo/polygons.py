@@ -138,10 +138,9 @@ def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
     ends = [shapely.get_coordinates(ring) for ring in rings]
     pairs = np.concatenate([np.stack([at[:-1], at[1:]], axis=1) for at in ends])
     edges = np.asarray(shapely.linestrings(pairs), object)
-    tree, met, start, count = shapely.STRtree(edges), 0, 0, 2
-    while start < len(edges):
-        some = edges[start : start + count]
-        start, count = start + count, min(2 * count, _TOGETHER)
+    tree, met = shapely.STRtree(edges), 0
+    for start in range(0, len(edges), _TOGETHER):
+        some = edges[start : start + _TOGETHER]
         met += len(tree.query(some, "crosses")[0]) + len(tree.query(some, "overlaps")[0])
         if met > 2 * _CROSSINGS:  # each is found from both sides
             return False
