@@ -269,7 +269,7 @@ def within(
     weight = np.clip(np.stack([1.0 - share_b - share_c, share_b, share_c], axis=1), 0.0, 1.0)
     beyond = np.zeros_like(places)
     if not inside.all():
-        nearest = KDTree(nodes).query(places[~inside])[1]
+        nearest = np.asarray(KDTree(nodes).query(places[~inside])[1])
         corners[~inside] = nearest[:, None]
         weight[~inside] = (1.0, 0.0, 0.0)
         beyond[~inside] = places[~inside] - nodes[nearest]
