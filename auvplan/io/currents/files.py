@@ -21,6 +21,8 @@ from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 from auvplan.runtime.files import require_whole
 
+#: Coordinates with more values are refused before they are read.
+_MAX_COORDINATE = 50_000_000
 #: Up to this many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
@@ -127,8 +129,10 @@ class File:
         """Return all values of a coordinate, where some may be `missing`, as models leave them on land.
 
         Raises:
-            CurrentError: they cannot be read, or are not finite.
+            CurrentError: they are too many, cannot be read, or are not finite.
         """
+        if (size := self.variables[name].size) > _MAX_COORDINATE:
+            raise self.fail(f"coordinate {name} has {size} values, more than {_MAX_COORDINATE} are not read")
         values = self.read(name)
         if not (np.isfinite(values).any() if missing else np.isfinite(values).all()):
             raise self.fail(f"coordinate {name} has values that are not finite")
