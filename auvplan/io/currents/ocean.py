@@ -1,7 +1,7 @@
 """Ocean current files as opened, with an exact sampler on the host, and what they hold in a few lines."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -59,7 +59,7 @@ _ABOUT = {
 
 
 @dataclass(frozen=True)
-class OceanData:
+class OceanData(AbstractContextManager):
     """Currents of the sea as a model has them; nothing but the axes is read until it is asked for.
 
     Make one with `open_ocean`; it is also a context manager that closes the files.
@@ -259,9 +259,6 @@ class OceanData:
     def close(self) -> None:
         """Let go of the files."""
         self.model.source.series.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

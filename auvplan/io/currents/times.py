@@ -91,8 +91,6 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
         units = f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
     if seconds is None:
         values = np.atleast_1d(file.read(name))
-        if not np.isfinite(values).all():
-            raise file.fail(f"{name} has missing dates")
         # 1e30 and the like would overflow before it is refused.
         if (far := np.abs(values).max()) > 1e17:
             raise file.fail(f"{name} has dates that are none: {far:g} {units}")
@@ -104,6 +102,8 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
                 notes.append(
                     f"{name} is in single precision, in steps of {ulp:.0f} s: its moments are no better known"
                 )
+    if not np.isfinite(seconds).all():
+        raise file.fail(f"{name} has missing dates")
     if calendar not in (*_WITHOUT_CFTIME, "julian"):
         notes.append(f"{name}: dates of the calendar {calendar} are taken as UTC dates by their fields")
     if (np.diff(seconds) < 0).any():
@@ -223,7 +223,4 @@ def _modified_julian(file: File, dims: tuple) -> Array | None:
     units = [file.text(name, "units").lower() for name in ("Itime", "Itime2")]
     if not (units[0].startswith("days since 1858-11-17") and units[1].startswith("msec")):
         return None
-    seconds = (file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0
-    if not np.isfinite(seconds).all():
-        raise file.fail("Itime has missing dates")
-    return np.atleast_1d(seconds)
+    return np.atleast_1d((file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0)
