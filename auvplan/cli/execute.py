@@ -6,9 +6,8 @@ import sys
 from contextlib import suppress
 from dataclasses import fields, replace
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -23,13 +22,6 @@ if TYPE_CHECKING:
 
 #: s between now and the scenario's departure that are worth a warning: its forecast is of another time.
 _APART = 600.0
-
-
-class LinkLoss(StrEnum):
-    """What a vehicle does without a link."""
-
-    CONTINUE = "continue"
-    SURFACE = "surface"
 
 
 def execute(
@@ -51,7 +43,7 @@ def execute(
         ),
     ] = None,
     link_loss: Annotated[
-        LinkLoss | None,
+        Literal["continue", "surface"] | None,
         typer.Option(
             help="What ArduSub is set to do when it hears nobody: continue or surface. If absent, as it is."
         ),
@@ -80,7 +72,7 @@ def execute(
     from auvplan.link.opening import SIMULATOR, check_address
 
     limits = _limits(limit or [])
-    loss = link_loss.value if link_loss else ""
+    loss = link_loss or ""
     check_address(link, loss)
     if speed and link == SIMULATOR:
         raise AuvplanError("--speed: is for vehicles: the simulator's holds its speed through the water")
@@ -109,7 +101,7 @@ def execute(
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
             heard.append(vehicle)
         else:
-            over_ground = None if speed is None else speed is shared.SpeedHeld.GROUND
+            over_ground = None if speed is None else speed == "ground"
             vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
     if not quiet:
         shared.say_notes(area.notes)

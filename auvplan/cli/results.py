@@ -130,7 +130,7 @@ def export(
             help="Speeds in .plan and IMC files: ground, what each line is planned to make over it, "
             "or water, that of the plan through the water, for a vehicle without a bottom lock."
         ),
-    ] = SpeedHeld.GROUND,
+    ] = "ground",
     quiet: QuietOption = False,
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
@@ -144,8 +144,8 @@ def export(
             f"{folder}: is a simulated mission, whose paths avoid obstacles that the simulator drew: "
             "`auvplan plan` makes the plan for a vehicle, --as-simulated exports this one all the same"
         )
-    over_ground = speed is SpeedHeld.GROUND
-    itinerary = replace(itinerary_of(run, slow=slow), fence_points=fence_points, over_ground=over_ground)
+    itinerary = itinerary_of(run, slow=slow)
+    itinerary = replace(itinerary, fence_points=fence_points, over_ground=speed == "ground")
     if chosen:
         notes = export_notes(itinerary, chosen)
         files = export(itinerary, out or folder, chosen)

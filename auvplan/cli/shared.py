@@ -5,10 +5,9 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from threading import Event, Thread
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -62,13 +61,8 @@ ForceOption = Annotated[bool, typer.Option("--force", help="Replace the study in
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
 ]
-
-
-class SpeedHeld(StrEnum):
-    """What a vehicle's speed is measured against."""
-
-    GROUND = "ground"
-    WATER = "water"
+#: What a vehicle's speed is measured against.
+SpeedHeld = Literal["ground", "water"]
 
 
 def load(
