@@ -105,6 +105,19 @@ class Stop:
         task = "done" if self.task and self.task == self.name else self.task
         return ", ".join(filter(None, [task, "surfaces for a fix" if self.fix else ""]))
 
+    def moment(self, seconds: float) -> str:
+        """Return a time not to be passed, s since the departure, as the arrival is given."""
+        later = timedelta(seconds=seconds - self.arrival)
+        return hours(seconds) if self.utc is None else f"{self.utc + later:%H:%M:%S}"
+
+    @property
+    def ways(self) -> str:
+        """Where the vehicle goes when it leaves later, in words."""
+        return "; ".join(
+            f"to {to}, {takes:.0f} s" + ("" if until is None else f", until {self.moment(until)}")
+            for to, until, takes in self.otherwise
+        )
+
 
 @dataclass(frozen=True)
 class LeftOut:
@@ -171,79 +184,49 @@ class MissionSheet:
 
     def table(self, brief: bool = False) -> tuple[list[str], list[list[str]]]:
         """Headings and cells of the stops, as people read them; in `brief`, what fits a terminal."""
-        dated = any(stop.utc for stop in self.stops)
-        if brief:
-            return self._brief(dated)
-        local = ZoneInfo(self.zone) if self.zone else None
-        headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
-        headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
-        headings += [
-            "leave by",
-            "otherwise",
-            "depth, m",
-            "transit, m",
-            "may begin",
-            "wait, s",
-            "hold, s",
-            "leg, s",
-            "leg, m",
-        ]
-        headings += ["through water, m/s", "speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
-        headings += ["fix, s", "position, m", "risk"]
         rows = []
         for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True)):
-            moments = [] if stop.utc is None else [stop.utc, *([stop.utc.astimezone(local)] if local else [])]
+            clocks = [] if stop.utc is None else [("UTC", f"{_second(stop.utc):%H:%M:%S}")]
+            latest = "" if stop.latest is None else stop.moment(stop.latest)
+            coast = clearance(stop.coast, self.accuracy, self.reach)
+            if brief:
+                hold = "wait + hold" if any(other.wait for other in self.stops) else "hold"
+                rows.append([
+                    ("", str(number)), ("waypoint", stop.name), ("task", stop.done),
+                    *(clocks or [("after", hours(stop.arrival))]), ("leave by", latest),
+                    ("depth", f"{stop.depth:.0f} m"),
+                    (hold, " + ".join(f"{_whole(part)} s" for part in (stop.wait, stop.hold) if part)),
+                    ("coast, m", coast), ("closed, m", clearance(stop.closed)),
+                    ("bed, m", clearance(stop.bed)),
+                ])  # fmt: skip
+                continue
+            if stop.utc is not None and self.zone:
+                local = _second(stop.utc.astimezone(ZoneInfo(self.zone)))
+                clocks.append((self.zone.split("/")[-1], f"{local:%H:%M:%S}"))
+            place = "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}"
             speeds = f"{stop.ground_speed:.1f} ({stop.slowest:.1f})"
             rows.append([
-                str(number), stop.name,
-                "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
-                stop.done, figure(stop.priority) if stop.priority else "", hours(stop.arrival),
-                *(f"{_second(moment):%H:%M:%S}" for moment in moments), self._latest(stop),
-                self._otherwise(stop),
-                f"{stop.depth:.0f}", transit, stop.window,
-                *(f"{_whole(seconds)}" if seconds else "" for seconds in (stop.wait, stop.hold)),
-                *((f"{_whole(stop.travel):,}", f"{stop.length:,.0f}") if number else ("", "")),
-                "" if stop.speed is None else f"{stop.speed:.2f}", speeds if number else "",
-                clearance(stop.coast, self.accuracy, self.reach),
-                *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
-                f"{_whole(stop.fix)}" if stop.fix else "",
-                "" if stop.position_std is None else f"{stop.position_std:.0f}",
-                "" if stop.risk is None else share(stop.risk),
+                ("", str(number)), ("waypoint", stop.name), ("latitude, longitude", place),
+                ("task", stop.done), ("priority", figure(stop.priority) if stop.priority else ""),
+                ("after", hours(stop.arrival)), *clocks, ("leave by", latest), ("otherwise", stop.ways),
+                ("depth, m", f"{stop.depth:.0f}"), ("transit, m", transit), ("may begin", stop.window),
+                ("wait, s", f"{_whole(stop.wait)}" if stop.wait else ""),
+                ("hold, s", f"{_whole(stop.hold)}" if stop.hold else ""),
+                ("leg, s", f"{_whole(stop.travel):,}" if number else ""),
+                ("leg, m", f"{stop.length:,.0f}" if number else ""),
+                ("through water, m/s", "" if stop.speed is None else f"{stop.speed:.2f}"),
+                ("speed, m/s", speeds if number else ""), ("coast, m", coast),
+                ("closed, m", clearance(stop.closed)), ("bed, m", clearance(stop.bed)),
+                ("obstacle, m", clearance(stop.obstacle)),
+                ("fix, s", f"{_whole(stop.fix)}" if stop.fix else ""),
+                ("position, m", "" if stop.position_std is None else f"{stop.position_std:.0f}"),
+                ("risk", "" if stop.risk is None else share(stop.risk)),
             ])  # fmt: skip
-        return _filled(headings, rows)
-
-    def _latest(self, stop: Stop) -> str:
-        """Return until when a stop has to be left, as the arrival there is given."""
-        return "" if stop.latest is None else self._moment(stop, stop.latest)
-
-    def _otherwise(self, stop: Stop) -> str:
-        """Return where the vehicle goes from a stop that is left later."""
-        return "; ".join(
-            f"to {to}, {takes:.0f} s" + ("" if until is None else f", until {self._moment(stop, until)}")
-            for to, until, takes in stop.otherwise
-        )
-
-    def _moment(self, stop: Stop, seconds: float) -> str:
-        """Return a time not to be passed, s since the departure, as the arrival at a stop is given."""
-        later = timedelta(seconds=seconds - stop.arrival)
-        return hours(seconds) if stop.utc is None else f"{stop.utc + later:%H:%M:%S}"
-
-    def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
-        hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
-        headings = ["", "waypoint", "task", "UTC" if dated else "after", "leave by", "depth", hold]
-        headings += ["coast, m", "closed, m", "bed, m"]
-        rows = [
-            [
-                str(number), stop.name, stop.done,
-                hours(stop.arrival) if stop.utc is None else f"{_second(stop.utc):%H:%M:%S}",
-                self._latest(stop), f"{stop.depth:.0f} m",
-                " + ".join(f"{_whole(part)} s" for part in (stop.wait, stop.hold) if part),
-                clearance(stop.coast, self.accuracy, self.reach),
-                *(clearance(value) for value in (stop.closed, stop.bed)),
-            ]
-            for number, stop in enumerate(self.stops)
-        ]  # fmt: skip
-        return _filled(headings, rows)
+        filled = {name for row in rows for name, cell in row if cell}
+        kept = [
+            [column for column in row if column[0] in filled or column[0] not in _OPTIONAL] for row in rows
+        ]
+        return [name for name, _ in kept[0]], [[cell for _, cell in row] for row in kept]
 
 
 def _whole(seconds: float) -> int:
@@ -263,17 +246,14 @@ _OPTIONAL = (
 )
 
 
-def _filled(headings: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
-    """Return a table without the optional columns that are empty."""
-    kept = [k for k, name in enumerate(headings) if name not in _OPTIONAL or any(row[k] for row in rows)]
-    return [headings[k] for k in kept], [[row[k] for k in kept] for row in rows]
-
-
 def sheet_of(run: MissionRun) -> MissionSheet:
     """Return the sheet of a plan or of a mission as it was executed."""
-    first = _stop(run, None, 0.0)
-    stops = [replace(first, name=waypoint_name(run, run.start))]
-    stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
+    start = LegRecord(
+        run.start, run.start, 0.0, 0.0, 0.0, times=np.zeros(1),
+        positions=np.asarray(run.graph.positions, float)[[run.start]], obstacle_positions=np.zeros((1, 0, 3)),
+    )  # fmt: skip
+    stops = [replace(_stop(run, start), window=_windows(run, run.start), transit=None, speed=None)]
+    stops += [_stop(run, leg) for leg in run.done]
     for number, leg in enumerate(run.done):
         waits = leg.t_hold - (leg.t_fix or 0.0)
         stops[number] = replace(stops[number], wait=stops[number].wait + waits, fix=leg.t_fix)
@@ -420,43 +400,38 @@ def share(risk: float) -> str:
     return "< 0.01 %" if risk < _NO_RISK else f"{100.0 * risk:.2g} %"
 
 
-def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
-    """Return the end of a leg, or the start."""
-    node = run.start if leg is None else leg.goal
-    places = np.asarray(run.graph.positions, float)[[node]] if leg is None else leg.positions
+def _stop(run: MissionRun, leg: LegRecord) -> Stop:
+    """Return the end of a leg."""
+    node, places, times = leg.goal, leg.positions, leg.times
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    times = np.zeros(1) if leg is None else leg.times
     gone = (np.diff(times) > 0.0) & ((steps > 0.0) | (not run.dives))
     speeds = steps[gone] / np.diff(times)[gone]
-    margins = Margins.along(run, times, places) if leg is None else Margins.of(run, leg)
     place = None
     if run.site is not None:  # to a tenth of a metre
         longitude, latitude = run.site.to_geographic(*np.asarray(run.graph.positions[node], float)[:2])
         place = round(float(longitude), 6), round(float(latitude), 6)
-    task = "" if leg is None or not leg.priority else _task_name(run, leg)
-    if leg is not None and leg.missed:
-        task = "out of its window"
+    task, arrival = _task_name(run, leg) if leg.priority else "", float(times[-1])
     return Stop(
         waypoint_name(run, node),
-        task,
-        0.0 if leg is None else float(leg.priority),
+        "out of its window" if leg.missed else task,
+        float(leg.priority),
         arrival,
         None if run.site is None else run.site.utc(arrival),
         float(run.graph.positions[node][2]),
-        0.0 if leg is None else float(leg.t_wait),
-        0.0 if leg is None else float(leg.t_task),
-        _windows(run, node, None if leg is None else leg.start),
+        float(leg.t_wait),
+        float(leg.t_task),
+        _windows(run, node, leg.start),
         float(steps.sum()),
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
-        **margins.least(),
+        **Margins.of(run, leg).least(),
         place=place,
         otherwise=(),
         travel=float(times[-1] - times[0]),
-        transit=None if leg is None else leg_depths(times, places),
-        speed=float(np.asarray(run.vehicle_on(leg).speed)) if leg is not None and run.speeds else None,
-        position_std=None if leg is None else leg.position_std,
-        risk=None if leg is None else leg.risk,
+        transit=leg_depths(times, places),
+        speed=float(np.asarray(run.vehicle_on(leg).speed)) if run.speeds else None,
+        position_std=leg.position_std,
+        risk=leg.risk,
     )
 
 
