@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from auvplan.check.track import Coast, SampledTrack
 from auvplan.records import LegRecord, MissionRun
@@ -35,33 +35,11 @@ class Margins:
     @classmethod
     def of(cls, run: MissionRun, leg: LegRecord) -> "Margins":
         """Return those of a leg, whose records are its own; its ends count for as long as it stays there."""
-        places = np.reshape(leg.positions, (-1, 3))
-        found = cls.along(run, leg.times, places, *true_obstacles(leg))
-        for end, begins, ends in leg.stays:
-            known = (obstacle.closest(places[end], begins, ends)[1] for obstacle in run.obstacles)
-            if (near := min(known, default=np.inf)) < FAR:
-                found.obstacle[end] = min(found.obstacle[end], near)
-            closed = _to_closed(run, np.array([begins, ends]), places[[end, end]]).min()
-            found.closed[end] = min(found.closed[end], closed)
-        return found
-
-    @classmethod
-    def along(
-        cls, run: MissionRun, times: Array, places: Array, tracks: Array | None = None, radii: ArrayLike = ()
-    ) -> "Margins":
-        """Return those of a track.
-
-        Args:
-            run: that it belongs to.
-            times: [n] s, rising.
-            places: [n, 3] m.
-            tracks: [n, M, 3] m, of obstacles that are not known; None for none.
-            radii: [M] m.
-        """
+        times, places, (tracks, radii) = leg.times, np.reshape(leg.positions, (-1, 3)), true_obstacles(leg)
         nothing = np.full(len(times), np.inf)
         if not len(times):
             return cls(nothing, nothing, nothing, nothing)
-        samples = SampledTrack.of(times, places, np.zeros((len(times), 0, 3)) if tracks is None else tracks)
+        samples = SampledTrack.of(times, places, tracks)
         record = np.clip(np.searchsorted(times, samples.times, side="right") - 1, 0, len(times) - 1)
 
         def least(values: Array) -> Array:
@@ -71,22 +49,24 @@ class Margins:
             arrivals = values[np.searchsorted(record, np.arange(1, len(times)))]
             return np.minimum(found, np.append(arrivals, np.inf))
 
-        coast = nothing
+        coast = bed = nothing
         if (chart := run.coast) is not None:
             land, corner = np.asarray(chart.passability) == 0.0, np.asarray(chart.lower, float)
             coast = Coast(land, corner, float(chart.pixel_size), run.coast_reach).distances(places)
-        bed = (
-            nothing
-            if run.seabed is None
-            else least(np.asarray(run.seabed.altitude(samples.positions), float))
-        )
+        if run.seabed is not None:
+            bed = least(np.asarray(run.seabed.altitude(samples.positions), float))
         near = [obstacle.distance(samples.positions, samples.times) for obstacle in run.obstacles]
-        near += list(
-            (np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - np.asarray(radii)).T
-        )
+        near += list((np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - radii).T)
         obstacle = least(np.min(near, axis=0)) if near else nothing
-        found = coast, _to_closed(run, times, places), bed, obstacle
-        return cls(*(np.where(values < FAR, values, np.inf) for values in found))
+        every = coast, _to_closed(run, times, places), bed, obstacle
+        found = cls(*(np.where(values < FAR, values, np.inf) for values in every))
+        for end, begins, ends in leg.stays:
+            known = (obstacle.closest(places[end], begins, ends)[1] for obstacle in run.obstacles)
+            if (nearest := min(known, default=np.inf)) < FAR:
+                found.obstacle[end] = min(found.obstacle[end], nearest)
+            closed = _to_closed(run, np.array([begins, ends]), places[[end, end]]).min()
+            found.closed[end] = min(found.closed[end], closed)
+        return found
 
     @classmethod
     def joined(cls, parts: Sequence["Margins"]) -> "Margins":
