@@ -1,6 +1,6 @@
 """Pictures of a study with a sweep: figures of the missions against the value of a setting."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -73,9 +73,9 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
     numeric = values.dtype.kind in "iuf"
     places = values.astype(float) if numeric else np.arange(len(values), dtype=float)
     figure = style.new_figure(14.5, 7.2)
-    panels: list[Axes] = list(figure.subplots(2, 4).flat)
-    for axes, measure in zip(panels, MEASURES, strict=False):
-        by_line = _by_line(dataset, measure)
+    count = counted(dataset.sizes["mission"], "mission")
+    note = f"mean of {count}\nand its 95 % interval;\nby Wilson for the share on time"
+    for axes, measure, by_line in _panels(figure, dataset, lines, note):
         found = (statistics.wilson_interval if measure.share else statistics.mean_interval)(by_line)
         for k, (mean, low, high) in enumerate(zip(*found, strict=True)):
             order = np.argsort(places)
@@ -88,9 +88,6 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
             )  # fmt: skip
         _value_axis(axes, dataset, places, values)
         axes.set_ylabel(measure.label, fontsize=9)
-    count = counted(dataset.sizes["mission"], "mission")
-    note = f"mean of {count}\nand its 95 % interval;\nby Wilson for the share on time"
-    _explain(panels[-1], lines, note)
     set_title(figure, dataset, "mean figures of the missions against " + setting_name(dataset, dim))
     return figure
 
@@ -104,9 +101,10 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
     values = dataset[dim].values
     places = np.arange(1.0, len(values))
     figure = style.new_figure(14.5, 7.2)
-    panels: list[Axes] = list(figure.subplots(2, 4).flat)
-    for axes, measure in zip(panels, MEASURES, strict=False):
-        by_line = _by_line(dataset, measure)
+    note = (
+        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval"
+    )
+    for axes, measure, by_line in _panels(figure, dataset, lines, note):
         differences = by_line[:, 1:] - by_line[:, :1]
         axes.axhline(0.0, color=style.GREY, lw=1.0, ls="--", zorder=0)
         for k, line in enumerate(differences):
@@ -122,11 +120,6 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
             )  # fmt: skip
         _value_axis(axes, dataset, places, values[1:], named=True)
         axes.set_ylabel("Δ " + measure.label.replace("[%]", "[% points]"), fontsize=9)
-    _explain(
-        panels[-1],
-        lines,
-        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval",
-    )
     reference = f"{setting_name(dataset, dim)} = {setting_value(values[0])}"
     count = counted(dataset.sizes["mission"], "mission")
     set_title(figure, dataset, f"differences from {reference}, {count} with the same seeds")
@@ -149,10 +142,25 @@ def _line_names(dataset: xr.Dataset) -> list[str]:
     return [", ".join(parts) for parts in product(*names)]
 
 
-def _by_line(dataset: xr.Dataset, measure: Measure) -> Array:
-    """Return a measure as [lines, values of the first setting, missions]."""
-    values = measure.of(dataset)
-    return np.swapaxes(values.reshape(values.shape[0], -1, values.shape[-1]), 0, 1)
+def _panels(
+    figure: Figure, dataset: xr.Dataset, lines: list[str], note: str
+) -> Iterator[tuple[Axes, Measure, Array]]:
+    """Yield axes for each measure, and it as [lines, values of the first setting, missions].
+
+    The last panel says what the lines are.
+    """
+    *panels, last = figure.subplots(2, 4).flat
+    last.set_axis_off()
+    for k, name in enumerate(lines):
+        colour, marker = _LINES[k % len(_LINES)]
+        if name:
+            last.plot([], [], color=colour, marker=marker, ms=5, lw=1.4, label=name)
+    last.text(0.0, 0.98, note, transform=last.transAxes, va="top", fontsize=9)
+    if any(lines):
+        last.legend(loc="lower left", fontsize=8, frameon=False)
+    for axes, measure in zip(panels, MEASURES, strict=True):
+        values = measure.of(dataset)
+        yield axes, measure, np.swapaxes(values.reshape(values.shape[0], -1, values.shape[-1]), 0, 1)
 
 
 def _shift(line: int, lines: int, places: Array, share: float) -> float:
@@ -188,15 +196,3 @@ def _value_axis(axes: Axes, dataset: xr.Dataset, places: Array, values: Any, nam
         axes.set_xticks(places, names)
     axes.set_xlabel(setting_name(dataset, _first_setting(dataset)), fontsize=9)
     style.grid(axes)
-
-
-def _explain(axes: Axes, lines: list[str], note: str) -> None:
-    """The last panel says what the lines are."""
-    axes.set_axis_off()
-    for k, name in enumerate(lines):
-        colour, marker = _LINES[k % len(_LINES)]
-        if name:
-            axes.plot([], [], color=colour, marker=marker, ms=5, lw=1.4, label=name)
-    axes.text(0.0, 0.98, note, transform=axes.transAxes, va="top", fontsize=9)
-    if any(lines):
-        axes.legend(loc="lower left", fontsize=8, frameon=False)
