@@ -3,8 +3,8 @@
 import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -133,10 +133,25 @@ def run_study(
 
 
 def _run_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
-    """A process a job, each on a core of its own."""
-    with _processes(jobs) as pipes:
-        while pipes:
-            for pipe in wait(list(pipes)):
+    """A process a job, each on a core of its own; none outlives the call."""
+    import jax
+
+    context = multiprocessing.get_context("spawn")
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    numbers = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
+    processes: dict[Connection, Any] = {}  # by the pipes that their reports come through
+    try:
+        for number, job in enumerate(jobs):
+            ours, theirs = context.Pipe(duplex=False)
+            core = numbers[number % len(numbers)]
+            process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
+            with cores.ignoring_interrupts():
+                process.start()
+            processes[ours] = process
+            theirs.close()
+        left = list(processes)
+        while left:
+            for pipe in wait(left):
                 assert isinstance(pipe, Connection)
                 try:
                     report = pipe.recv()
@@ -147,31 +162,8 @@ def _run_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
                     raise report
                 take(report, pipe)
                 if isinstance(report, Finished):
-                    del pipes[pipe]
-
-
-@contextmanager
-def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
-    """Started processes by the pipes that their reports come through; none outlives the block."""
-    import jax
-
-    context = multiprocessing.get_context("spawn")
-    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
-    numbers = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
-    pipes: dict[Connection, Any] = {}
-    running = []
-    try:
-        for number, job in enumerate(jobs):
-            ours, theirs = context.Pipe(duplex=False)
-            core = numbers[number % len(numbers)]
-            process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
-            with cores.ignoring_interrupts():
-                process.start()
-            running.append(process)
-            theirs.close()
-            pipes[ours] = process
-        yield pipes
+                    left.remove(pipe)
     finally:
-        for process in running:
+        for process in processes.values():
             process.terminate()
             process.join()

@@ -71,7 +71,16 @@ def run_job(job: Job, report: Callable[[Report], None]) -> None:
     from auvplan.study.table import row_of
 
     design, compile_seconds = Design.of(job.design), 0.0
-    watch = _Watch(report)
+    clocks: dict[int, float] = {}  # s, of the missions under way
+    spoke = 0.0
+
+    def watch(number: int, now: float, _: str) -> None:
+        nonlocal spoke
+        clocks[number] = now
+        if time.monotonic() - spoke > _INTERVAL:
+            spoke = time.monotonic()
+            report(UnderWay(sum(clocks.values())))
+
     for case, seeds in by_case(job.tasks).items():
         missions = execute_missions(
             design.cases[case], keys=seed_keys(seeds), seeds=seeds, folder=job.folder, progress=watch
@@ -80,27 +89,11 @@ def run_job(job: Job, report: Callable[[Report], None]) -> None:
         for number, run in missions:
             if job.saves is not None:
                 save_run(run, Path(job.saves) / f"{case:04d}-{seeds[number]:08d}")
-            watch.forget(number)
+            clocks.pop(number, None)
             spent = run.compile_seconds
             report(Done(case, seeds[number], row_of(run)))
         compile_seconds += spent
     report(Finished(compile_seconds))
-
-
-class _Watch:
-    """Follows the missions under way, and speaks of them now and then."""
-
-    def __init__(self, report: Callable[[Report], None]):
-        self._report, self._clocks, self._spoke = report, {}, 0.0
-
-    def __call__(self, number: int, now: float, _: str) -> None:
-        self._clocks[number] = now
-        if time.monotonic() - self._spoke > _INTERVAL:
-            self._spoke = time.monotonic()
-            self._report(UnderWay(sum(self._clocks.values())))
-
-    def forget(self, number: int) -> None:
-        self._clocks.pop(number, None)
 
 
 def run_whole_job(job: Job) -> Sequence[Report]:
