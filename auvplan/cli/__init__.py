@@ -63,7 +63,12 @@ for command in (
     scenario.schema,
 ):
     app.command()(stoppable(command))
-app.add_typer(vehicle.commands(stoppable), name="vehicle")
+vehicles = typer.Typer(
+    no_args_is_help=True, help="Vehicles: what they draw, and laws fitted to measured power."
+)
+for name, command in (("list", vehicle.list_), ("show", vehicle.show), ("fit", vehicle.fit)):
+    vehicles.command(name)(stoppable(command))
+app.add_typer(vehicles, name="vehicle")
 app.command("cache")(stoppable(tools.kept))
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(hidden=True, context_settings=_ANYTHING)(tools.paper)

@@ -6,16 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import (
-    QuietOption,
-    SpeedHeld,
-    list_files,
-    name_page,
-    print_error,
-    progress_bar,
-    say,
-    say_notes,
-)
+from auvplan.cli import shared
 from auvplan.errors import ScenarioError, StudyError
 from auvplan.runtime.files import MISSION, ResultError, is_study
 
@@ -35,7 +26,7 @@ def plot(
         int | None,
         typer.Option(help="Of a study: mission whose re-plans are drawn; by default a representative one."),
     ] = None,
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Draw the figures of a run, or of a study (Figs 12 to 15, and of a sweep), into its folder."""
     from auvplan import plot
@@ -59,10 +50,10 @@ def plot(
         except ValueError:
             raise ScenarioError(f"--leg {leg!r}: give the number of a done leg, from 1, or all") from None
         run = restore_run(folder)
-        with progress_bar("drawing", quiet) as progress:
+        with shared.progress_bar("drawing", quiet) as progress:
             pictures = plot.draw_run(run, folder, leg=number, progress=progress)
     if not quiet:
-        list_files("pictures", pictures)
+        shared.list_files("pictures", pictures)
 
 
 def animate(
@@ -77,29 +68,29 @@ def animate(
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", help="How long the film is, at most 120.")] = 12.0,
     fps: Annotated[int, typer.Option("--fps", help="Pictures a second, at most 30.")] = 12,
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Write a run as a film: vehicle, plans, obstacles and tasks over time."""
     from auvplan.io.restore import restore_run
     from auvplan.plot import animate_run
 
     run = restore_run(folder)
-    with progress_bar("drawing the film", quiet) as progress:
+    with shared.progress_bar("drawing the film", quiet) as progress:
         film = animate_run(run, out or folder / "mission.gif", seconds=seconds, fps=fps, progress=progress)
     if not quiet:
-        say(f"film: {film}")
+        shared.say(f"film: {film}")
 
 
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a run, a study or departures.")],
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Write a result as one page, report.html, that any browser shows without a network."""
     from auvplan.report import write_report
 
     page = write_report(folder)
     if not quiet:
-        name_page(page)
+        shared.name_page(page)
 
 
 def export(
@@ -125,13 +116,13 @@ def export(
         float, typer.Option(min=0.0, help="Share of its speed over ground below which a leg is noted.")
     ] = 0.5,
     speed: Annotated[
-        SpeedHeld,
+        shared.SpeedHeld,
         typer.Option(
             help="Speeds in .plan and IMC files: ground, what each line is planned to make over it, "
             "or water, that of the plan through the water, for a vehicle without a bottom lock."
         ),
     ] = "ground",
-    quiet: QuietOption = False,
+    quiet: shared.QuietOption = False,
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
     from auvplan.export import export, export_held, export_notes, itinerary_of
@@ -153,7 +144,7 @@ def export(
         held, left_out = export_held(itinerary, out or folder)
         notes, files = export_notes(itinerary, held), list(held.values())
         for line in left_out:
-            print_error(f"warning: {line}")
+            shared.print_error(f"warning: {line}")
     if not quiet:
-        say_notes(notes)
-        list_files("files", files)
+        shared.say_notes(notes)
+        shared.list_files("files", files)

@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -198,12 +198,9 @@ def _column(path: Path, what: str, names: list[str]) -> tuple[str, float]:
     starts, units = _COLUMNS[what]
     for name in names:
         words = re.sub(r"[^a-z]+", "_", name.lower().replace("^-1", "")).strip("_")
-        start = next(
-            (one for one in sorted(starts, key=len, reverse=True) if words.split("_")[0] == one), None
-        )
-        if start is None:
+        start, _, unit = words.partition("_")
+        if start not in starts:
             continue
-        unit = words[len(start) :].strip("_")
         if not unit:
             line = f"{path}: column {name!r} has no unit in its name: {what}_{next(iter(units))}, say"
             raise AuvplanError(line)
@@ -212,17 +209,3 @@ def _column(path: Path, what: str, names: list[str]) -> tuple[str, float]:
                 return name, units[known]
     example = f"{starts[0]}_{next(iter(units))}"
     raise AuvplanError(f"{path}: has no column of {what} such as {example}, but {', '.join(names)}"[:400])
-
-
-def commands(wrapped: Any) -> typer.Typer:
-    """Return the commands as a group.
-
-    Args:
-        wrapped: what each command is wrapped in.
-    """
-    app = typer.Typer(
-        no_args_is_help=True, help="Vehicles: what they draw, and laws fitted to measured power."
-    )
-    for name, command in (("list", list_), ("show", show), ("fit", fit)):
-        app.command(name)(wrapped(command))
-    return app
