@@ -101,8 +101,7 @@ def execute(
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
             heard.append(vehicle)
         else:
-            over_ground = None if speed is None else speed == "ground"
-            vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
+            vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, speed != "water")
     if not quiet:
         shared.say_notes(area.notes)
         epoch = None if link == SIMULATOR or scale is not None else plan.site.epoch

@@ -88,17 +88,3 @@ class Allowance:
     def ends(self, speed: float) -> float:
         """Return s that the end of a leg takes at a speed, m/s."""
         return self.stop + self.by_speed * speed
-
-
-#: By link, whether vehicles as they come hold a speed over ground, and are given that of each line, or one
-#: through the water. ArduSub does by its position (AC_WPNav), DUNE by its Doppler log while that has the
-#: bottom (Control/AUV/Speed, Navigation/AUV/Navigation); without it DUNE's is through the water.
-OVER_GROUND = {"mavlink": True, "imc": True}
-
-#: By link, of vehicles as they come (docs/execution.md): ArduSub stops at every waypoint (jerk of 1 m/s3,
-#: arrival within 2 m) and dives at 1.5 m/s; DUNE is 10.3 s longer at a task than commanded, 0.5 s of them as
-#: IMC has whole seconds, and ends the way there 5 s ahead of it (`auvplan.export.imc` has the rest).
-ALLOWANCES = {
-    "mavlink": Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4),
-    "imc": Allowance(task=6.8),
-}

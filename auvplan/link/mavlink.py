@@ -19,7 +19,7 @@ import numpy as np
 
 from auvplan.export.qgroundcontrol import item_speeds, qgc_plan
 from auvplan.link import ardusub
-from auvplan.link.limits import ALLOWANCES, OVER_GROUND, Limits
+from auvplan.link.limits import Allowance, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, State, Upload
 from auvplan.site import Site
@@ -192,7 +192,9 @@ class _Heard:
 class MavlinkVehicle(ListeningLink):
     """A vehicle behind a MAVLink connection of pymavlink."""
 
-    allowance = ALLOWANCES["mavlink"]
+    #: ArduSub stops at every waypoint (jerk of 1 m/s3, arrival within 2 m) and dives at 1.5 m/s
+    #: (docs/execution.md).
+    allowance = Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4)
 
     def __init__(
         self,
@@ -201,7 +203,7 @@ class MavlinkVehicle(ListeningLink):
         limits: Limits | None = None,
         scale: float = 1.0,
         link_loss: str = "",
-        over_ground: bool = OVER_GROUND["mavlink"],
+        over_ground: bool = True,
     ) -> None:
         """Open the connection; the vehicle is looked for by `connect`.
 

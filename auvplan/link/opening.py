@@ -5,7 +5,7 @@ import socket
 from importlib import import_module
 
 from auvplan.errors import AuvplanError
-from auvplan.link.limits import OVER_GROUND, Limits
+from auvplan.link.limits import Limits
 from auvplan.link.vehicle import LinkError, VehicleLink
 from auvplan.site import Site
 
@@ -71,7 +71,7 @@ def open_link(
     limits: Limits | None = None,
     scale: float = 1.0,
     link_loss: str = "",
-    over_ground: bool | None = None,
+    over_ground: bool = True,
 ) -> VehicleLink:
     """Open a link to a vehicle outside of this process.
 
@@ -81,22 +81,22 @@ def open_link(
         limits: of replies and tries.
         scale: s of mission time in one of wall-clock time, for vehicles that are simulated.
         link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
-        over_ground: whether the vehicle holds a speed over ground, not through the water; None: as such
-            vehicles do (`auvplan.link.limits`).
+        over_ground: whether the vehicle holds a speed over ground, not through the water. ArduSub does by its
+            position (AC_WPNav), DUNE by its Doppler log while that has the bottom (Control/AUV/Speed,
+            Navigation/AUV/Navigation); without it DUNE's is through the water.
 
     Raises:
         AuvplanError: the address is none, its library is missing, or it cannot be opened; one line.
     """
     check_address(address, link_loss)
     kind, _, rest = address.partition(":")
-    held = OVER_GROUND[kind] if over_ground is None else over_ground
     try:
         if kind == "mavlink":
             from auvplan.link.mavlink import MavlinkVehicle
 
-            return MavlinkVehicle(rest, site, limits, scale, link_loss, held)
+            return MavlinkVehicle(rest, site, limits, scale, link_loss, over_ground)
         from auvplan.link.imc import ImcVehicle
 
-        return ImcVehicle(rest, site, limits, scale, held)
+        return ImcVehicle(rest, site, limits, scale, over_ground)
     except LinkError as error:
         raise AuvplanError(f"--link {error}") from None
