@@ -460,13 +460,8 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
 
     Empty where it may at any time.
     """
-    if (table := run.graph.timetable) is None:
-        return ""
-    kinds = [(table.opens[node - 1, node], table.closes[node - 1, node])]  # which is that of any edge there
-    if start is not None:
-        kinds.insert(0, (table.enters[start, node], table.until[start, node]))
-    words = (timeline.spans_in_words(run, zip(*spans, strict=True)) for spans in kinds)
-    return next(filter(None, words), "")
+    table, begin = run.graph.timetable, node - 1 if start is None else start  # to a waypoint: from any
+    return "" if table is None else timeline.spans_in_words(run, timeline.windows_of(table, begin, node))
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
