@@ -1,6 +1,6 @@
 """Statistics over the missions of a study, with 95 % intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -101,11 +101,6 @@ def cost_per_metre(dataset: xr.Dataset) -> Array:
     return _per_metre(dataset, np.where(made_for.any(axis=-2), cost, np.nan))
 
 
-def time_per_metre(dataset: xr.Dataset) -> Array:
-    """Time executed on each leg by the leg's straight line, mean over the legs reached, s/m."""
-    return _per_metre(dataset, dataset["leg_t_path"].values)
-
-
 def _per_metre(dataset: xr.Dataset, values: Array) -> Array:
     """Values of legs [..., missions, legs] by their straight lines, mean over the legs reached."""
     distance = dataset["leg_distance"].values
@@ -166,7 +161,9 @@ FIGURES = {
     "t_expected_s": Figure(lambda dataset: leg_times(dataset)[0], "expected time of a leg, s"),
     "t_path_s": Figure(lambda dataset: leg_times(dataset)[1], "T_path of a leg, s"),
     "path_cost_per_metre_s": Figure(cost_per_metre, compared=True),
-    "executed_time_per_metre_s": Figure(time_per_metre, compared=True),
+    "executed_time_per_metre_s": Figure(
+        lambda dataset: _per_metre(dataset, dataset["leg_t_path"].values), compared=True
+    ),
     "coast_clearance_m": Figure("coast_clearance", "least distance to the coast, m"),
     "obstacle_clearance_m": Figure("obstacle_clearance", "least distance to an obstacle, m"),
     "seabed_altitude_m": Figure("seabed_altitude", "least altitude above the bed, m"),
@@ -176,6 +173,9 @@ FIGURES = {
     "path_call_cpu_s": Figure("plan_cpu", "time of a path planning call, s"),
     "mission_call_cpu_s": Figure("route_cpu", "time of a mission planning call, s"),
 }
+
+#: Names of what `mean_interval` returns.
+_INTERVAL = "mean", "low", "high"
 
 #: Words for those that tables show.
 DESCRIBED = {name: figure.words for name, figure in FIGURES.items() if figure.words}
@@ -192,12 +192,10 @@ def summarise(dataset: xr.Dataset) -> dict[str, Any]:
     for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
         case = dataset.isel(dict(zip(dims, index, strict=True)))
         setting = {str(case[dim].attrs.get("field", dim)): case[dim].item() for dim in dims}
-        differences = {}
-        for name, figure in compared.items():
-            found = zip(
-                ("mean", "low", "high"), mean_interval(figure.values(case) - first[name]), strict=True
-            )
-            differences[name] = {of: float(value) if np.isfinite(value) else None for of, value in found}
+        differences = {
+            name: _stated(_INTERVAL, mean_interval(figure.values(case) - first[name]))
+            for name, figure in compared.items()
+        }
         cases.append({"setting": setting} | _case(case) | {"differences_to_first": differences})
     return {"sweep": list(cases[0]["setting"]), "cases": cases}
 
@@ -208,7 +206,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     share, low, high = (float(value) for value in wilson_interval(100.0 * success))
     expected, executed = leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
-    median, least, most = median_interval(relative_errors(dataset))
+    errors = [100.0 * value for value in median_interval(relative_errors(dataset))]
     seeds, correlation = dataset["seed"].values, None
     if both.sum() > 2:
         correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
@@ -223,9 +221,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "expected_against_executed": {
             "legs": int(both.sum()),
             "correlation": correlation,
-            "median_relative_error_percent": 100.0 * median if np.isfinite(median) else None,
-            "low": 100.0 * least if np.isfinite(least) else None,
-            "high": 100.0 * most if np.isfinite(most) else None,
+            **_stated(("median_relative_error_percent", "low", "high"), errors),
         },
         "figures": {name: _describe(figure.values(dataset)) for name, figure in FIGURES.items()},
     }
@@ -236,12 +232,13 @@ def _describe(values: Array) -> dict[str, float | None]:
     found = values[np.isfinite(values)]
     if not len(found):
         return {}
-    mean, low, high = (float(value) for value in mean_interval(found))
+    spread = found.std(ddof=1) if len(found) > 1 else np.nan
+    names = (*_INTERVAL, "std", "least", "q05", "q25", "median", "q75", "q95", "most")
     quantiles = np.quantile(found, [0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0])
-    names = ("least", "q05", "q25", "median", "q75", "q95", "most")
-    return {
-        "mean": mean,
-        "low": low if np.isfinite(low) else None,
-        "high": high if np.isfinite(high) else None,
-        "std": float(found.std(ddof=1)) if len(found) > 1 else None,
-    } | dict(zip(names, quantiles.tolist(), strict=True))
+    return _stated(names, (*mean_interval(found), spread, *quantiles))
+
+
+def _stated(names: Iterable[str], values: Iterable[Any]) -> dict[str, float | None]:
+    """Numbers by their names; None for one that is not finite."""
+    found = zip(names, values, strict=True)
+    return {name: float(value) if np.isfinite(value) else None for name, value in found}
