@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from itertools import product
 from pathlib import PurePath
 from typing import Any
 
@@ -32,12 +31,8 @@ def study_data(
 ) -> dict[str, Any]:
     """Return what the page of a study shows, with the plan it rehearses and folders of saved missions."""
     dataset = dataset.sortby("seed")
-    dims, settings = statistics.sweep_dims(dataset), json.loads(dataset.attrs.get("scenario", "{}"))
-    sweeps = [
-        {"field": str(dataset[dim].attrs.get("field", dim)), "values": dataset[dim].values} for dim in dims
-    ]
-    indices = list(product(*(range(dataset.sizes[dim]) for dim in dims)))
-    cases = [dataset.isel(dict(zip(dims, index, strict=True))) for index in indices]
+    settings, cases = json.loads(dataset.attrs.get("scenario", "{}")), statistics.cases_of(dataset)
+    sweeps = zip(cases[0][0], statistics.sweep_dims(dataset), strict=True)
     summary = statistics.summarise(dataset)
     room = max(_DETAILED // len(cases), 1)
     name, changes = _command(settings)
@@ -51,7 +46,7 @@ def study_data(
         "kind": "rehearsal" if rehearsal else "study",
         "name": str(settings.get("name") or "study"),
         "description": str(settings.get("description") or ""),
-        "sweeps": sweeps,
+        "sweeps": [{"field": field, "values": dataset[dim].values} for field, dim in sweeps],
         "described": list(statistics.DESCRIBED.items()),
         "seeds": dataset["seed"].values,
         "runs": list(runs),
@@ -59,10 +54,8 @@ def study_data(
         "changes": changes,
         "map": ground,
         "cases": [
-            {"setting": [values["values"][k] for values, k in zip(sweeps, index, strict=True)]}
-            | {"summary": found}
-            | _case(case, room)
-            for index, case, found in zip(indices, cases, summary.get("cases", [summary]), strict=True)
+            {"setting": list(setting.values()), "summary": found} | _case(case, room)
+            for (setting, case), found in zip(cases, summary.get("cases", [summary]), strict=True)
         ],
         "rehearsal": rehearsal,
         "provenance": {

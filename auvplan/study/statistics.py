@@ -22,6 +22,14 @@ def sweep_dims(dataset: xr.Dataset) -> list[str]:
     return [name.strip() for name in str(dataset.attrs.get("sweep", "")).split(",") if name.strip()]
 
 
+def cases_of(dataset: xr.Dataset) -> list[tuple[dict[str, Any], xr.Dataset]]:
+    """Return settings by field and the missions of each case of a sweep; without one, all are one case."""
+    dims = {str(dataset[dim].attrs.get("field", dim)): dim for dim in sweep_dims(dataset)}
+    indices = product(*(range(dataset.sizes[dim]) for dim in dims.values()))
+    cases = (dataset.isel(dict(zip(dims.values(), index, strict=True))) for index in indices)
+    return [({field: case[dim].item() for field, dim in dims.items()}, case) for case in cases]
+
+
 def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
     """Travel times expected, t_ij less what the task took, and executed, T_path, of legs that were finished.
 
@@ -183,21 +191,17 @@ DESCRIBED = {name: figure.words for name, figure in FIGURES.items() if figure.wo
 
 def summarise(dataset: xr.Dataset) -> dict[str, Any]:
     """Return the figures of a study, ready for JSON; with a sweep a list of them under "cases"."""
-    dims = sweep_dims(dataset)
-    if not dims:
+    (sweep, start), *_ = cases = cases_of(dataset)
+    if not sweep:
         return _case(dataset)
     compared = {name: figure for name, figure in FIGURES.items() if figure.compared}
-    cases, case = [], dataset.isel(dict.fromkeys(dims, 0))
-    first = {name: figure.values(case) for name, figure in compared.items()}
-    for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
-        case = dataset.isel(dict(zip(dims, index, strict=True)))
-        setting = {str(case[dim].attrs.get("field", dim)): case[dim].item() for dim in dims}
-        differences = {
-            name: _stated(_INTERVAL, mean_interval(figure.values(case) - first[name]))
-            for name, figure in compared.items()
-        }
-        cases.append({"setting": setting} | _case(case) | {"differences_to_first": differences})
-    return {"sweep": list(cases[0]["setting"]), "cases": cases}
+    first = {name: figure.values(start) for name, figure in compared.items()}
+    stated = []
+    for setting, case in cases:
+        less = {name: figure.values(case) - first[name] for name, figure in compared.items()}
+        differences = {name: _stated(_INTERVAL, mean_interval(values)) for name, values in less.items()}
+        stated.append({"setting": setting} | _case(case) | {"differences_to_first": differences})
+    return {"sweep": list(sweep), "cases": stated}
 
 
 def _case(dataset: xr.Dataset) -> dict[str, Any]:
