@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Array = NDArray[np.floating]
 
@@ -96,7 +96,7 @@ def _planes(line: Array, place: Array, edge: Any) -> tuple[NDArray[np.int_], NDA
 def _most(values: Array, sizes: Sequence[int]) -> Array:
     """Return the most of a number of values along each axis, from each one on."""
     for axis, size in enumerate(sizes):
-        values = ndimage.maximum_filter1d(values, size, axis=axis, origin=-(size // 2), mode="nearest")
+        values = scipy.ndimage.maximum_filter1d(values, size, axis=axis, origin=-(size // 2), mode="nearest")
     return values
 
 

@@ -34,8 +34,8 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import evaluated, is_steady, varies_with_depth
@@ -490,11 +490,11 @@ class _Cells:
             level = self.problem.at(np.meshgrid(*axes, indexing="ij"), level=True)
             return [(place - corner) / size - 0.5 for place, corner in zip(level, origin, strict=False)]
 
-        found = ndimage.map_coordinates(values, pixels(fine), order=1, mode="nearest")
+        found = scipy.ndimage.map_coordinates(values, pixels(fine), order=1, mode="nearest")
         north, east = (np.abs(np.diff(values, axis=axis)) for axis in (0, 1))
         steep = np.hypot(np.maximum(north[:, 1:], north[:, :-1]), np.maximum(east[1:], east[:-1])) / size
         around = 2 * int(np.ceil(0.5 * diagonal / size)) + 3
-        steep = ndimage.maximum_filter(steep, around, mode="nearest")
+        steep = scipy.ndimage.maximum_filter(steep, around, mode="nearest")
         middle = [0.5 * (axis[1:] + axis[:-1]) for axis in self.axes[:2]]
         index = [
             np.clip(place.astype(int), 0, count - 1)
@@ -640,7 +640,7 @@ class _Cells:
     def reach(self) -> _Reach | None:
         """Find where and when paths of the known time can be; None where nothing joins start and goal."""
         problem, known = self.problem, self.problem.known
-        joined, _ = ndimage.label(self.spread(self.open), np.ones((3,) * self.dimensions))  # type: ignore[misc]
+        joined, _ = scipy.ndimage.label(self.spread(self.open), np.ones((3,) * self.dimensions))  # type: ignore[misc]
         ends = [self._nearest(end) for end in (problem.start, problem.goal)]
         if joined[ends[0]] == 0 or joined[ends[0]] != joined[ends[1]]:
             return None
@@ -719,7 +719,7 @@ class _Cells:
         )
         missing = found > 0.5 * _NEVER
         if missing.any():
-            index = ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
+            index = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
             found = found[tuple(index)]  # type: ignore[arg-type]
         return found
 
@@ -812,7 +812,7 @@ class _Cells:
 
     def _smoothed(self, arrivals: tuple[Array, Array]) -> tuple[Array, Array]:
         """Return times without the kinks where two ways meet: cells across them mix the slopes of both."""
-        first, last = (ndimage.gaussian_filter(times, _SMOOTH, mode="nearest") for times in arrivals)
+        first, last = (scipy.ndimage.gaussian_filter(times, _SMOOTH, mode="nearest") for times in arrivals)
         return first, last
 
 

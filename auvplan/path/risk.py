@@ -7,8 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from auvplan.navigation import Navigation
 from auvplan.ocean.environment import Environment
@@ -110,5 +110,5 @@ def contact_bound(clearance: Array, std: Array, turns: Any = (), parts: int = 3)
         near = np.minimum.accumulate(clear[first[last] : last][::-1])[::-1]
         both = np.exp(-0.5 * (near / std[begins]) ** 2) + np.exp(-0.5 * (near / std[last]) ** 2)
         least[last] = (least[begins] + both).min()
-    whole = chdtrc(2 * max(parts, 1), (clear / std[1:]).min() ** 2)
+    whole = scipy.special.chdtrc(2 * max(parts, 1), (clear / std[1:]).min() ** 2)
     return float(min(least[-1], whole, 1.0))

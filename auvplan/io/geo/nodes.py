@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
-from scipy.interpolate import LinearNDInterpolator
 
 from auvplan.io.currents.geometry import Curvilinear
 from auvplan.io.currents.names import DEGREES
@@ -315,7 +315,8 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     part = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     r, c = np.nonzero(known[part])
     index = np.stack([r + rows.min(), c + columns.min()], axis=-1).astype(float)
-    lookup = LinearNDInterpolator(np.stack([north[part][r, c], east[part][r, c]], axis=-1), index)
+    places = np.stack([north[part][r, c], east[part][r, c]], axis=-1)
+    lookup = scipy.interpolate.LinearNDInterpolator(places, index)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         found = lookup(*site.to_local(longitude, latitude))
