@@ -61,6 +61,15 @@ def test_a_bad_setting_is_refused_by_each_command(tmp_path, refused, command):
     assert "--set: vehicle.speed: " in refused(command, "--out", tmp_path, "--set", "vehicle.speed=-2")
 
 
+@pytest.mark.parametrize("command", ["plan", "mission", "montecarlo", "departures"])
+def test_a_seed_beyond_the_greatest_is_refused(tmp_path, call, command):
+    for seed in (2**32, 10**20):
+        code, _, err = call(command, "whitsunday", "--out", tmp_path / "out", "--seed", seed)
+        assert code == 2
+        assert "4294967295" in err
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_option_of_a_bad_preset_is_named():
     with pytest.raises(ScenarioError, match=r"^--preset: planning\.preset: must be"):
         load("whitsunday", "best")

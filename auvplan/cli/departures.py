@@ -62,6 +62,7 @@ def departures(
     settings, folder = shared.load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.executive.departures import plan_departures
+    from auvplan.executive.loop import seed_keys
     from auvplan.executive.planning import load_area_at
     from auvplan.scenario.provenance import source_files
 
@@ -70,13 +71,11 @@ def departures(
         shared.say_notes(area.notes)
     require_kind(out, "departures")
     output_folder(out)
-    import jax
-
     from auvplan.plot.departures import plot_departures
     from auvplan.plot.style import save
     from auvplan.report import write_departures_report
 
-    key = jax.random.key(seed)
+    key = seed_keys([seed])[0]
     with shared.progress_bar("compiling the planners", quiet, of=None) as move:
 
         def progress(done: int, total: int, doing: str) -> None:

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Pictures
+from auvplan.runtime import MAX_SEED
 from auvplan.runtime.formatting import counted
 
 console = Console()
@@ -29,7 +30,9 @@ ScenarioArgument = Annotated[
     typer.Argument(help="A scenario file (YAML), or the name of a shipped scenario.", metavar="[SCENARIO]"),
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; created if needed.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of world, sensors and planners.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of world, sensors and planners.")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object instead.")]
 PresetOption = Annotated[str | None, typer.Option("--preset", help="Planner settings: paper or default.")]

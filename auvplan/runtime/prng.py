@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auvplan.runtime import MAX_SEED
 from auvplan.runtime.compiled import compiled
 
 
@@ -28,7 +29,14 @@ def as_key(key: Any, name: str = "key", instead: str = "") -> jax.Array:
 
 
 def of_seeds(seeds: ArrayLike) -> jax.Array:
-    """[B] PRNG keys of B seeds, those of `jax.random.key`."""
+    """[B] PRNG keys of B seeds, those of `jax.random.key`.
+
+    Raises:
+        ValueError: a seed is negative or above `MAX_SEED`: its key would be that of another one.
+    """
+    for seed in np.asarray(seeds, object).ravel():
+        if not 0 <= seed <= MAX_SEED:
+            raise ValueError(f"a seed is a whole number from 0 to {MAX_SEED}, got {seed}")
     return _of_seeds(np.asarray(seeds))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from auvplan.errors import ScenarioError, StudyError
+from auvplan.runtime import MAX_SEED
 from auvplan.scenario.file import validate_scenario
 from auvplan.scenario.scenario import Scenario, change_scenario
 
@@ -75,6 +76,9 @@ class Design:
     def __post_init__(self) -> None:
         if self.count < 1:
             raise StudyError(f"a study needs at least one mission, got {self.count}")
+        if self.seeds[0] < 0 or self.seeds[-1] > MAX_SEED:
+            at = f"seeds {self.seeds[0]} to {self.seeds[-1]}"
+            raise StudyError(f"{at} of the study's missions: a seed is from 0 to {MAX_SEED}")
 
     @property
     def seeds(self) -> range:

@@ -448,6 +448,9 @@ def test_missions_have_keys_or_seeds_or_both(crew):
         ({}, ValueError, "missions need keys or seeds"),
         ({"keys": 2, "seeds": [4, 5, 6]}, ValueError, "keys and seeds must be as many, got 2 and 3"),
         ({"keys": [1.5, 2.5]}, TypeError, "keys"),
+        ({"seeds": [2**32]}, ValueError, "a seed is a whole number from 0 to 4294967295, got 4294967296$"),
+        ({"seeds": [0, 10**20]}, ValueError, "from 0 to 4294967295, got 100000000000000000000$"),
+        ({"seeds": [-1]}, ValueError, "from 0 to 4294967295, got -1$"),
         ({"seeds": [0, 1], "faults": [[]]}, ValueError, "a list for each of 2 missions, got 1"),
         (
             {"seeds": [0], "faults": [[TakenOver(10.0)]]},

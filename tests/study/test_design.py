@@ -181,3 +181,10 @@ def test_a_design_comes_back_from_json(count, seed, rates, starts, objectives):
     assert again == design
     assert again.plain() == design.plain()
     assert list(again.plain()["sweeps"]) == list(values)
+
+
+def test_a_study_has_no_seeds_beyond_those_that_make_keys_of_their_own():
+    assert Design(scenario(), 2, 2**32 - 2).seeds[-1] == 2**32 - 1
+    for count, seed in ((2, 2**32 - 1), (1, 2**32), (3, -1)):
+        with refused(StudyError, "a seed is from 0 to 4294967295"):
+            Design(scenario(), count, seed)
