@@ -27,6 +27,9 @@ from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
 
+#: Share of the time available by which a mission that uses it up may seem to exceed it.
+_ROUNDING = 1e-6
+
 
 @dataclass(repr=False)
 class PlanRecord(ReprMixin):
@@ -455,6 +458,11 @@ class MissionRun(ReprMixin):
         return self.t_available - self.t_mission
 
     @property
+    def in_time(self) -> bool:
+        """Whether it lasts no longer than the time available, up to the rounding of single precision."""
+        return self.t_residual > -_ROUNDING * self.t_available
+
+    @property
     def reserve_used(self) -> float:
         """How much of the reserve the mission took, s; all of it where time ran out."""
         reserve = self.planning.reserve
@@ -513,9 +521,9 @@ class MissionRun(ReprMixin):
 
     @property
     def success(self) -> bool:
-        """Whether the destination was reached with time left, with the battery's reserve, as promised."""
+        """Whether the destination was reached in time, with the battery's reserve, as promised."""
         kept = self.promise is None or self.promise.kept
-        return self.arrived and self.t_residual > 0.0 and not self.energy_lack and kept
+        return self.arrived and self.in_time and not self.energy_lack and kept
 
     @property
     def done(self) -> list[LegRecord]:

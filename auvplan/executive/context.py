@@ -511,9 +511,8 @@ class Mission:
         self.ended = True
         run.t_mission = self.now
         run.arrived = self.here == run.goal and not reason
-        late = run.t_mission >= run.t_available
         arrives = "destination reached" if run.simulated else "planned to reach the destination"
-        run.reason = reason or arrives + (" too late" if late else " in time")
+        run.reason = reason or arrives + (" in time" if run.in_time else " too late")
         if run.arrived and (lack := run.energy_lack):
             run.reason += f", {lack}"
 

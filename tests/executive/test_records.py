@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from auvplan.check.run import check_dataset
+from auvplan.io.results import to_dataset
 from tests.io.sample_run import make_run
 
 
@@ -24,6 +26,15 @@ def test_time_used_beyond_the_available_costs_as_time_left_does():
     run = make_run()
     run.t_available = run.t_mission - 250.0
     assert run.cost_mission(phi2=0.0) == pytest.approx(250.0)
+
+
+def test_a_mission_that_uses_the_time_up_to_rounding_is_in_time():
+    run = make_run()
+    for seconds, in_time in ((0.0, True), (4e-4, True), (0.1, False), (-0.1, True)):
+        run.t_available = run.t_mission - seconds
+        assert run.success == in_time
+        assert not check_dataset(run.summary(), to_dataset(run)).faults
+    assert run.t_mission > 400.0
 
 
 def test_tasks_not_done_do_not_count():
