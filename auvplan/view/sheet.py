@@ -28,6 +28,9 @@ from auvplan.view import timeline
 from auvplan.view.margins import Margins
 from auvplan.view.scene import waypoint_name
 
+#: Times what a route needs, a search finds it: it adds up in single precision, and tries few of all speeds.
+_MORE, _MORE_ENERGY = 1.0 + 1e-5, 1.0005
+
 #: A chance that is stated no finer.
 _NO_RISK = 1e-4
 
@@ -547,44 +550,53 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
             return why
         words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
         return f"its window is {words}: from no place of {of} on are it and the other tasks in theirs"
-    end, needs = float(with_it.ends[-1]), with_it.needs
     more = f"with it, the others in their order, {of} takes"
-    if needs < first.time_available:
-        if lack := _short_of_energy(run, with_it):
-            return f"{more} {lack}"
-        lost = earned - with_it.others
-        if lost > 1e-9:
-            return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
-        better = _refused(run, nodes) or "the search found no better route than this one"
-        return f"{more} {hours(end)}, which is in time: {better}"
+    if lacks := list(filter(None, (_short_of_time(run, with_it), _short_of_energy(run, with_it)))):
+        taken, would_do = zip(*lacks, strict=True)
+        return f"{more} {', and '.join(taken)}: {' and '.join(would_do)} would do"
+    lost = earned - with_it.others
+    if lost > 1e-9:
+        return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
+    better = _refused(run, nodes) or "the search found no better route than this one"
+    return f"{more} {hours(float(with_it.ends[-1]))}, which is in time: {better}"
+
+
+def _short_of_time(run: MissionRun, with_it: "_WithJob") -> tuple[str, str] | None:
+    """Return how much more than the time a route takes, and what would do; None where it has enough."""
+    first, end, available = run.first_route, float(with_it.ends[-1]), run.t_available
+    if first is None or with_it.needs < first.time_available:
+        return None
     # The time that a route is given is less than all of it by the reserve and an allowance.
-    needed = run.t_available + (needs - first.time_available) * run.t_available / first.time_available
-    if end >= run.t_available:
-        return f"{more} {hours(end)}, {hours(run.t_available)} are available: {needed:.0f} s would do"
-    return (
-        f"{more} {hours(end)} of {hours(run.t_available)}, too long for the reserve and the margin that are "
-        f"kept for the return: {needed:.0f} s would do"
-    )
+    needed = available + (with_it.given - first.time_available) * available / first.time_available
+    would_do = f"{math.ceil(needed)} s"
+    if end >= available:
+        return f"{hours(end)}, {hours(available)} are available", would_do
+    kept = "too long for the reserve and the margin that are kept for the return"
+    return f"{hours(end)} of {hours(available)}, {kept}", would_do
 
 
-def _short_of_energy(run: MissionRun, with_it: "_WithJob") -> str:
-    """Return how much more than the battery has a route in time takes; empty where it has enough."""
+def _short_of_energy(run: MissionRun, with_it: "_WithJob") -> tuple[str, str] | None:
+    """Return how much more than the battery has a route takes, and what would do; None where it has enough.
+
+    A route that is not in time is given the time that would do.
+    """
     first, power = run.first_route, run.vehicle.power
     if first is None or first.speeds is None or power is None or (battery := power.battery) is None:
-        return ""
+        return None
     clock = None if first.timetable is None else first.clocked.timetable
-    time_and_margin = first.time_available, first.return_margin
+    time_and_margin = max(first.time_available, with_it.given), first.return_margin
     found = first.speeds.least_energy(np.asarray(with_it.nodes), clock, *time_and_margin)
     spent, needs, given = (joules / WATT_HOUR for joules in (*found, float(first.speeds.available)))
     if needs <= given or not np.isfinite(needs):
-        return ""
+        return None
     available = float((battery.charge - battery.reserve) * battery.usable_wh)  # type: ignore[operator]
     # As with time: the energy that a route is given is less than all of it by an allowance.
     least = "at least " if len(first.speeds.options.speeds) > 1 else ""
-    would_do = f"{available + (needs - given) * available / given:.1f} Wh would do"
+    needed = available + (_MORE_ENERGY * needs - given) * available / given
+    would_do = f"{math.ceil(10.0 * needed) / 10.0:.1f} Wh"
     if spent >= available:
-        return f"{least}{spent:.1f} Wh, {available:.1f} Wh are available: {would_do}"
-    return f"{least}{spent:.1f} of {available:.1f} Wh, too much for the margin that is kept: {would_do}"
+        return f"{least}{spent:.1f} Wh, {available:.1f} Wh are available", would_do
+    return f"{least}{spent:.1f} of {available:.1f} Wh, too much for the margin that is kept", would_do
 
 
 class _WithJob(NamedTuple):
@@ -602,6 +614,11 @@ class _WithJob(NamedTuple):
     needs: float
     others: float
 
+    @property
+    def given(self) -> float:
+        """S that a search has to be given to find it."""
+        return _MORE * self.needs
+
 
 def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -> _WithJob | None:
     """Put a job into a route where that ends soonest, by the clock; None where no open leg leads there.
@@ -613,8 +630,9 @@ def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -
     """
     times = np.asarray(first.edge_times, float)
     table, duration = first.timetable, first.duration
-    if table is not None and first.speeds is not None:
-        table = first.clocked.timetable  # at the fastest
+    if first.speeds is not None:  # at the fastest
+        times = first.speeds.times_of_edges.min(axis=0)
+        table = None if table is None else first.clocked.timetable
     if table is None or duration is None:
         table, duration = Timetable(np.zeros(1), times[None]), np.zeros_like(times)
     back = (1.0 + first.return_margin) * time_to_go(times, first.goal)
@@ -634,7 +652,11 @@ def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -
             for leg, begins in zip(pairwise(whole), done.begins, strict=True)
             if leg in others
         )
-        found = _WithJob(whole, done.ends, float(np.max(done.ends + back[whole[1:]])), worth)
+        needs = float(np.max(done.ends + back[whole[1:]]))
+        if first.speeds is not None:  # which are chosen with the margin on the last leg
+            last = float(done.ends[-1] - done.departs[-1])
+            needs = max(needs, float(done.ends[-1]) + first.return_margin * last)
+        found = _WithJob(whole, done.ends, needs, worth)
     return found
 
 

@@ -239,6 +239,34 @@ def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speed
     assert whole.energy.total == pytest.approx(takes, rel=0.15 if speeds else 0.02)
 
 
+@pytest.mark.parametrize("speeds", [None, [1.0, 3.0]])
+def test_time_and_energy_that_the_sheet_says_would_do_are_enough_together(speeds):
+    near = JobPoint("near", (300.0, 40.0, 5.0), 3.0, 60.0)
+    far = JobPoint("far", (900.0, 40.0, 5.0), 1.0, 300.0)
+    area = replace(tidal_area(0.4, 0.0), jobs=Jobs((near, far)))
+
+    def planned(available, capacity):
+        battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
+        power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
+        vehicle = {"power": power, "speed_range": speeds}
+        mission = CHANNEL["mission"] | {"start": (100.0, 0.0, 5.0), "goal": (400.0, 0.0, 5.0)}
+        mission |= {"time_available": available}
+        return plan_scenario(channel(vehicle=vehicle, mission=mission), area=area)
+
+    short = planned(500.0, 20.0)
+    (left,) = sheet_of(short).left_out
+    assert left.name == "far"
+    seconds, joules = map(float, re.search(r"([\d.]+) s and ([\d.]+) Wh would do$", left.reason).groups())
+    assert seconds > 500.0
+    assert joules > 0.7 * 20.0
+    assert not sheet_of(planned(seconds, joules / 0.7)).left_out
+    # Either of them alone is too little, and what is said then is what lacks.
+    (left,) = sheet_of(planned(seconds, 20.0)).left_out
+    assert re.search(r": [\d.]+ Wh would do$", left.reason)
+    (left,) = sheet_of(planned(500.0, 100.0)).left_out
+    assert re.search(r": [\d.]+ s would do$", left.reason)
+
+
 def test_margins_of_the_sheet_are_those_of_the_path(jobs):
     sheet = sheet_of(jobs)
     for stop, leg in zip(sheet.stops[1:], jobs.done, strict=True):
