@@ -17,7 +17,7 @@ from auvplan.export.speeds import speed_note
 from auvplan.export.tables import csv_text, trajectories
 from auvplan.export.thin import Thinned, thin
 from auvplan.records import MissionRun
-from auvplan.runtime.files import OutputError, output_folder, write_atomically, write_dataset
+from auvplan.runtime.files import OutputError, output_folder, remove, write_atomically, write_dataset
 from auvplan.site import Site
 
 if TYPE_CHECKING:
@@ -105,20 +105,23 @@ def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tu
 
 
 def export_held(itinerary: Itinerary, folder: str | Path) -> tuple[dict[str, Path], list[str]]:
-    """Write an itinerary in all formats that can hold it.
+    """Write an itinerary in all formats that can hold it; an earlier file of another format goes.
 
     Returns:
         Their files by the formats' names, and a line for each other format, with its file and why.
 
     Raises:
-        OutputError: as `export`.
+        OutputError: as `export`, or an earlier file cannot be deleted.
     """
     held, left_out = {}, []
     for name, kind in FORMATS.items():
         try:
             (held[name],) = export(itinerary, folder, [name])
         except ExportError as error:
-            left_out.append(f"{kind.file} is left out: {error}")
+            older = Path(folder) / kind.file
+            gone = "; an older one is deleted" if older.is_file() else ""
+            remove(older)
+            left_out.append(f"{kind.file} is left out{gone}: {error}")
     return held, left_out
 
 

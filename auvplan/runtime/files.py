@@ -161,6 +161,18 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     return target
 
 
+def remove(path: str | Path) -> None:
+    """Delete a file of results where there is one.
+
+    Raises:
+        OutputError: one line that names the file and the reason.
+    """
+    try:
+        Path(path).unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot delete {path}: {_reason(error)}") from None
+
+
 def write_json(path: str | Path, data: Any) -> Path:
     """Write plain data as JSON, indented by two; see `write_atomically`."""
     text = json.dumps(data, indent=2) + "\n"

@@ -87,3 +87,16 @@ def test_formats_that_cannot_hold_a_plan_are_left_out_by_name(tmp_path: Path):
     ]
     held, left_out = export_held(whole, tmp_path)
     assert ([*held], left_out) == ([*FORMATS], [])
+
+
+def test_no_older_file_stays_of_a_format_that_is_left_out(tmp_path: Path):
+    whole, other = make_itinerary(), tmp_path / "other.plan"
+    other.touch()
+    first, *rest = whole.legs
+    export_held(whole, tmp_path)
+    held, left_out = export_held(replace(whole, legs=(replace(first, hold=70_000.0), *rest)), tmp_path)
+    assert sorted([*held.values(), other]) == sorted(tmp_path.iterdir())
+    lines = [line.split(":")[0] for line in left_out]
+    assert lines == [
+        f"{name} is left out; an older one is deleted" for name in ("itinerary.plan", "itinerary.imc.xml")
+    ]
