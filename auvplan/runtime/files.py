@@ -8,7 +8,7 @@ import secrets
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
@@ -157,7 +157,8 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     except OSError as error:
         raise OutputError(f"cannot write {target}: {_reason(error)}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # where there is no folder there is no such file either
+            temporary.unlink()
     return target
 
 

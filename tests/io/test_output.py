@@ -44,6 +44,8 @@ def test_a_folder_is_made_or_refused_in_one_line(tmp_path, monkeypatch):
         refusal(OutputError, r"cannot write to folder .*taken", output_folder, path)
     words, gone = r"cannot write .*none/file\.txt: No such file", tmp_path / "none" / "file.txt"
     refusal(OutputError, words, write_atomically, gone, lambda path: path.touch())
+    words, below = r"cannot write .*taken/file\.txt: Not a directory", tmp_path / "taken" / "file.txt"
+    refusal(OutputError, words, write_atomically, below, lambda path: path.write_text(""))
 
     # Root may write anywhere, so the system's refusal is played.
     def refuse(*_, **__):
