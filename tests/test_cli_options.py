@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import auvplan as ap
 from auvplan import study
 from auvplan.cli import shared
 from auvplan.cli.shared import load, progress_bar
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.study.store import PIECES
 
 
@@ -23,10 +24,36 @@ def test_settings_take_the_place_of_the_scenarios():
         "site={longitude: 1, latitude: 2}",
         "name=a=b",
     ]
-    scenario, _ = load("whitsunday", settings=texts)
+    with pytest.warns(ScenarioWarning, match="chart: is that of the Whitsunday Islands"):
+        scenario, _ = load("whitsunday", settings=texts)
     assert (scenario.vehicle.speed, scenario.mission.start) == (2.0, (3000.0, 2000.0, 5.0))
     assert (scenario.site.latitude, scenario.name) == (2.0, "a=b")
     assert load("whitsunday", settings=["mission.start="])[0].mission.start is None
+
+
+def test_implausible_is_what_the_settings_make_of_the_file(tmp_path):
+    range_, power = "speed_range: [0.8, 2.0]", "power: {propulsion: {constant: 0, factor: 10}}"
+    straight = "mission: {waypoints: 2, start: [0, 0, 5], goal: [3600, 0, 5], time_available: %d}"
+    path = tmp_path / "scenario.yaml"
+
+    def warned(available, *settings):
+        path.write_text(f"vehicle: {{speed: 1.0, {range_}, {power}}}\n{straight % available}\n")
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            scenario, _ = load(str(path), settings=["chart.source=none", *settings])
+        assert tuple(str(one.message) for one in found) == scenario.warnings
+        return scenario
+
+    (line,) = warned(1700).warnings
+    assert line.startswith(f"{path}:2: mission.time_available: 1700 s are less than the straight line")
+    assert "3,600 m at 2 m/s" in line
+    assert not warned(1700, "mission.time_available=5000").warnings
+    assert not warned(1900).warnings
+    (line,) = warned(1900, "mission.time_available=1700").warnings
+    assert line.startswith("--set: mission.time_available: 1700 s are less than")
+    (line,) = warned(1900, "vehicle.speed_range=", "vehicle.speed=1").warnings
+    assert line.startswith(f"{path}:2: mission.time_available: 1900 s are less than")
+    assert not warned(1700).with_({"mission.time_available": 5000}).warnings
 
 
 def test_settings_count_more_than_the_option_of_the_same():

@@ -87,7 +87,6 @@ def load(
         ScenarioError: one line that names the file or the option, the field and what is wrong.
     """
     from auvplan.scenario.file import read_scenario
-    from auvplan.scenario.scenario import change_scenario
 
     options = {"planning.preset": ("--preset", preset), "planning.objective": ("--objective", objective)}
     changes = {field: value for field, (_, value) in options.items() if value is not None}
@@ -100,7 +99,7 @@ def load(
     if leg:
         changes |= {"mission.waypoints": 2, "mission.jobs": None}
     folder = Path(source).parent if Path(source).is_file() else Path(".")
-    return change_scenario(read_scenario(source), changes, "command line", named), folder
+    return read_scenario(source, changes, named), folder
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -1,6 +1,8 @@
 """Scenario files: YAML, loaded safely, validated as a whole."""
 
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.runtime.files import read_text
 from auvplan.scenario.fields import Finding, check_fields, first_of
 from auvplan.scenario.plausibility import implausible
-from auvplan.scenario.scenario import Scenario, warn_of_overrides
+from auvplan.scenario.scenario import Scenario, change_scenario, put_fields, warn_of_overrides
 from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
 from auvplan.scenario.yaml_lines import Path as YamlPath
 
@@ -49,16 +51,33 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
     return scenario
 
 
-def read_scenario(source: str | Path) -> Scenario:
-    """`load_scenario` without a look at presets: for one whose settings are changed before it is used."""
+def read_scenario(
+    source: str | Path,
+    changes: Mapping[str, Any] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Scenario:
+    """`load_scenario` with other values of some fields in place of the file's.
+
+    Args:
+        source: as for `load_scenario`.
+        changes: values by "section.field"; None for no changes, and no look at presets.
+        names: of the options that these come from.
+    """
     scenario, faults, _, document = check_scenario(source)
     if faults or scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
-    doubtful = tuple(first_of([one], str(source), is_file=True) for one in implausible(scenario, document))
-    for line in doubtful:
-        warnings.warn(line, ScenarioWarning, stacklevel=1)
-    path = Path(source)
-    return scenario.in_folder(path.resolve().parent if path.is_file() else scenario.folder, doubtful)
+    path, names = Path(source), names or {}
+    scenario = scenario.in_folder(path.resolve().parent if path.is_file() else scenario.folder)
+    if changes is not None:
+        scenario = change_scenario(scenario, changes, "command line", names)
+        put_fields(document.data, changes)
+    doubtful = []
+    for one in implausible(scenario, document):
+        given = [name for name in changes or () if f"{one.field}.".startswith(f"{name}.")]
+        at = (replace(one, place=None), names.get(given[0], "command line")) if given else (one, str(source))
+        doubtful.append(first_of([at[0]], at[1], is_file=True))
+        warnings.warn(doubtful[-1], ScenarioWarning, stacklevel=1)
+    return scenario.in_folder(scenario.folder, tuple(doubtful))
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Finding], set[YamlPath], Document]:

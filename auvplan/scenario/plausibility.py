@@ -87,7 +87,8 @@ def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     """Yield a time available that no mission has."""
     mission, length = scenario.mission, _straight(scenario)
     path = ("mission", "time_available")
-    speed, time = scenario.vehicle.way_speed, mission.time_available
+    vehicle, time = scenario.vehicle, mission.time_available
+    speed = vehicle.way_speed if vehicle.speed_range is None else vehicle.speed_range[1]
     if length is not None and time < length / speed:
         line = f"{time:g} s are less than the straight line from start to goal takes in still water, "
         yield path, f"{line}{length:,.0f} m at {speed:g} m/s, {length / speed:,.0f} s{_as_hours(time)}"

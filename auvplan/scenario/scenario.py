@@ -76,7 +76,7 @@ class Scenario(Section):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Implausible settings of the scenario's file, a line each."""
+        """Implausible settings of the scenario's file that were not changed since, a line each."""
         return self._warnings
 
     @property
@@ -252,16 +252,8 @@ def change_scenario(
     if not _SITE.isdisjoint(changes):
         for (section, field), place in scenario._by_degrees.items():
             plain[section][field] = place
-    for name, value in changes.items():
-        *sections, field = name.split(".")
-        inside: Any = plain
-        for section in sections:
-            if isinstance(inside, dict) and inside.get(section) is None:
-                inside[section] = {}
-            inside = inside.get(section) if section and isinstance(inside, dict) else None
-        if not isinstance(inside, dict):
-            raise ScenarioError(f"{(sources or {}).get(name, source)}: {name}: unknown key")
-        inside[field] = value
+    if unknown := put_fields(plain, changes):
+        raise ScenarioError(f"{(sources or {}).get(unknown, source)}: {unknown}: unknown key")
     changed, faults, _ = check_fields(Document(plain), type(scenario))
     if faults or changed is None:
         # What was given, its section, or something within it, is reported before what it leads to elsewhere.
@@ -278,7 +270,23 @@ def change_scenario(
         if getattr(getattr(changed, section), field) == getattr(getattr(scenario, section), field):
             changed._by_degrees.setdefault((section, field), place)
     warn_of_overrides(changed)
-    return changed.in_folder(scenario.folder, scenario.warnings)
+    doubtful = (line for line in scenario.warnings if not any(f": {name}: " in line for name in changes))
+    return changed.in_folder(scenario.folder, tuple(doubtful))
+
+
+def put_fields(plain: dict[str, Any], changes: Mapping[str, Any]) -> str:
+    """Put values by "section.field" into plain data, in place; return the first without a section, or ""."""
+    for name, value in changes.items():
+        *sections, field = name.split(".")
+        inside: Any = plain
+        for section in sections:
+            if isinstance(inside, dict) and inside.get(section) is None:
+                inside[section] = {}
+            inside = inside.get(section) if section and isinstance(inside, dict) else None
+        if not isinstance(inside, dict):
+            return name
+        inside[field] = value
+    return ""
 
 
 def warn_of_overrides(scenario: Scenario) -> None:
