@@ -12,7 +12,7 @@ from auvplan.executive.lines import as_followed, line_times
 from auvplan.executive.path_calls import sketched
 from auvplan.executive.speeds import drawn, offer_speeds, travel_times, way_home, with_still_water
 from auvplan.executive.surfacing import charged
-from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
+from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, MissionStatus, plan_missions
 from auvplan.mission.graph import shortest_path
 from auvplan.mission.jobs import edges_off_lines
 from auvplan.mission.timetable import Array, Timetable
@@ -330,6 +330,9 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
     )
     for mission, route in zip(missions, routes, strict=True):
         mission.no_route = "" if route.feasible else route.reason
+        if route.status is MissionStatus.OUT_OF_TIME and context.scenario.current.source != "vortices":
+            # Files are read for the mission's time alone, and edges are timed at departures within it.
+            mission.no_route += ", by the currents of that time"
         if route.feasible:
             _take(mission, route, seconds / len(missions))
 

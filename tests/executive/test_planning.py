@@ -23,6 +23,7 @@ from auvplan.view.margins import Margins
 from auvplan.view.sheet import sheet_of
 from tests.executive.small import planning, scenario
 from tests.executive.tide import CHANNEL, channel, tidal_area
+from tests.io.small_site import SmallSite
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -294,6 +295,14 @@ def test_the_checker_holds_the_track_to_known_obstacles(obstacle, depart):
         faults = check_dataset(run.summary(), to_dataset(run)).faults
         assert any(f"inside {obstacle.name!r}" in fault for fault in faults) == hit
         assert hit or not faults
+
+
+def test_the_shortest_way_that_is_too_long_is_by_the_currents_of_the_time_available(tmp_path):
+    settings = ap.load_scenario(SmallSite(tmp_path / "site").folder / "scenario.yaml")
+    run = plan_scenario(settings.with_({"mission.time_available": 100.0}))
+    assert re.search(r"takes [\d.]+ s, [\d.]+ s are available\), by the currents of that time$", run.reason)
+    run = plan_scenario(channel(mission=CHANNEL["mission"] | {"time_available": 100.0}))
+    assert re.search(r"takes [\d.]+ s, [\d.]+ s are available\)$", run.reason)
 
 
 def test_two_jobs_in_one_place_are_one_visit(tmp_path):
