@@ -183,6 +183,8 @@ class MissionGraph:
             done = np.zeros(self.adjacency.shape, bool)
             done[..., node] = fields["priority"][..., node] == 0.0
             fields["timetable"] = self.timetable.without_windows(done)
+        if self.options is not None:
+            fields["options"] = self.options.without_task_at(node, np.asarray(self.adjacency))
         return replace(self, **fields)
 
     def with_edges(self, edges: Iterable[tuple[int, int]], tasks: bool = True) -> Self:

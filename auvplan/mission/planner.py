@@ -149,8 +149,8 @@ def replan_mission(
 ) -> MissionRoute:
     """Re-plan the rest of a mission from a waypoint of its route (section 3.3.2).
 
-    Edges that were passed leave the graph, and so do the tasks done; the energy of a task at a waypoint stays
-    in `SpeedOptions.fixed`, from which the caller takes it. The search starts from the population of the last
+    Edges that were passed leave the graph, and so do the tasks done, with the energy that
+    `SpeedOptions.waypoint_fixed` has for them. The search starts from the population of the last
     route, and the rest of that route is among its habitats.
 
     Args:

@@ -48,6 +48,8 @@ class SpeedOptions:
         travel_time: [..., K, N, N] s without the task, infinite where the edge cannot be taken so; by the
             clock [..., K, M, N, N], at the departures of the graph's timetable.
         fixed: [..., N, N] J, of the task and of what depends on the edge alone, as its change of depth.
+        waypoint_fixed: [..., N] J, the part of `fixed` on every edge into waypoint j that belongs to a task
+            at j itself, as `MissionGraph.waypoint_duration` does. None means zero.
 
     Raises:
         ValueError: shapes that do not go together, or values that are negative or no numbers.
@@ -57,12 +59,16 @@ class SpeedOptions:
     power: Any
     travel_time: Any
     fixed: Any
+    waypoint_fixed: Any = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.speeds, np.ndarray | list | tuple):
             return  # JAX rebuilds it from traced arrays and placeholders
-        names = "speeds", "power", "travel_time", "fixed"
-        speeds, power, times, fixed = values = [np.asarray(getattr(self, name), float) for name in names]
+        if self.waypoint_fixed is None:
+            object.__setattr__(self, "waypoint_fixed", np.zeros(np.shape(self.fixed)[:-1]))
+        names = "speeds", "power", "travel_time", "fixed", "waypoint_fixed"
+        values = [np.asarray(getattr(self, name), float) for name in names]
+        speeds, power, times, fixed, at_waypoint = values
         for name, value in zip(names, values, strict=True):
             if np.isnan(value).any() or (value < 0.0).any():
                 raise ValueError(f"{name} of speeds must be numbers that are not negative")
@@ -73,6 +79,8 @@ class SpeedOptions:
             raise ValueError(f"travel_time must be [{speeds.shape[-1]}, N, N] s, got shape {times.shape}")
         if fixed.shape[-2:] != times.shape[-2:]:
             raise ValueError(f"fixed must be {times.shape[-2:]} J, got shape {fixed.shape}")
+        if at_waypoint.shape != fixed.shape[:-1]:
+            raise ValueError(f"waypoint_fixed must be {fixed.shape[:-1]} J, got shape {at_waypoint.shape}")
 
     @property
     def clocked(self) -> bool:
@@ -88,6 +96,14 @@ class SpeedOptions:
     def energies(self) -> Array:
         """[K, N, N] J of edges with their tasks in their least times, of one graph."""
         return taken(self.power[:, None, None], self.least) + self.fixed
+
+    def without_task_at(self, node: int, adjacency: NDArray[np.bool_]) -> "SpeedOptions":
+        """Return options in which the task at a waypoint takes nothing more, see `MissionGraph`."""
+        fixed, at_waypoint = np.array(self.fixed), np.array(self.waypoint_fixed)
+        less = np.where(adjacency[..., node], at_waypoint[..., node, None], 0.0)
+        fixed[..., node] = np.maximum(fixed[..., node] - less, 0.0)
+        at_waypoint[..., node] = 0.0
+        return replace(self, fixed=fixed, waypoint_fixed=at_waypoint)
 
     def chosen(self, levels: int) -> IntArray:
         """Return places of speeds on each level, [L, N, N], from least energy to least time, of one graph."""

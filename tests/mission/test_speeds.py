@@ -14,6 +14,8 @@ from auvplan.mission import (
     Timetable,
     plan_mission,
     plan_missions,
+    replan_mission,
+    task_graph,
     time_to_go,
 )
 from auvplan.mission.exact import solve_exact
@@ -192,6 +194,30 @@ def test_that_no_speeds_keep_both_limits_is_said_where_it_is_certain() -> None:
         assert "available" in route.reason
 
 
+def test_a_task_that_was_done_takes_no_energy_in_what_is_planned_then() -> None:
+    places = np.stack([np.asarray([0.0, 300.0, 600.0, 900.0]), *np.zeros((2, 4))], axis=1)
+    edges, tasks = [(i, j) for i in range(4) for j in range(i)], [(1, 3.0, 60.0), (2, 2.0, 90.0)]
+    graph = task_graph(places, edges, [(0, 2, 1.0, 30.0)], tasks)
+    times = np.linalg.norm(places[:, None] - places[None], axis=2) / SPEEDS[:, None, None]
+    joules = {"fixed": 50.0 * graph.duration, "waypoint_fixed": 50.0 * graph.waypoint_duration}
+    graph = replace(graph, options=SpeedOptions(SPEEDS, POWER, times, **joules))
+    given = {"speed": 1.0, "key": jax.random.key(0), "config": BARE, "energy_available": 1e9}
+    route = plan_mission(graph, 0, 3, 3000.0, **given)
+    assert sorted(route.nodes.tolist()) == [0, 1, 2, 3]
+    assert route.speeds is not None
+    for reached in (1, 2):
+        here, done = int(route.nodes[reached]), route.nodes[1 : reached + 1].tolist()
+        rest = replan_mission(route, graph, here, 2000.0, **given)
+        assert rest.speeds is not None
+        wanted = 50.0 * np.array(graph.duration)
+        for node in done:
+            wanted[:, node] -= np.where(graph.adjacency[:, node], 50.0 * graph.waypoint_duration[node], 0.0)
+        open_ = rest.speeds.open
+        np.testing.assert_allclose(rest.speeds.options.fixed[open_], wanted[open_])
+        assert open_[:, done].any()
+        assert rest.speeds.energies.sum() == pytest.approx(route.speeds.energies[reached:].sum())
+
+
 def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
     graph = replace(case(0)[0], options=None)
     with pytest.raises(ValueError, match="energy_available needs a graph with options"):
@@ -205,6 +231,7 @@ def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
         ({"travel_time": np.ones((2, 3, 3))}, "travel_time must be"),
         ({"fixed": np.ones((2, 2))}, "fixed must be"),
         ({"fixed": -np.ones((3, 3))}, "fixed of speeds must be"),
+        ({"waypoint_fixed": np.ones(2)}, "waypoint_fixed must be"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(changes: dict, message: str) -> None:
