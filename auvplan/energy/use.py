@@ -22,6 +22,9 @@ Array = NDArray[np.floating]
 #: What energy is spent on.
 TERMS = ("hotel", "payload", "propulsion", "dive", "climb", "turning", "tasks")
 
+#: m/s through the water along the horizontal from which on a vehicle has a heading.
+_STILL = 1e-3
+
 
 def energy_of_steps(power: PowerModel, seconds: Any, speed: Any, down: Any, turn: Any) -> dict[str, Any]:
     """Return the energy of steps by term, J, but for tasks; arrays of JAX or of NumPy, [...] each.
@@ -60,8 +63,13 @@ def energy_along(trajectory: "Trajectory", power: PowerModel, vehicle: "Vehicle"
     north, east, down = (jnp.diff(axis, axis=0) for axis in (trajectory.x, trajectory.y, trajectory.z))
     safe = jnp.maximum(seconds, 1e-6)
     through = north / safe - trajectory.water[0], east / safe - trajectory.water[1]
+    # Where it goes straight up or down it has no heading: that before counts.
+    place = jnp.arange(len(seconds))[:, None]
+    headed = through[0] ** 2 + through[1] ** 2 > _STILL**2
+    last = jax.lax.cummax(jnp.where(headed, place, 0), axis=0)
     # The angle between neighbours, from their products: smooth across north, and where the hull is still.
-    (x0, x1), (y0, y1) = ((axis[:-1], axis[1:]) for axis in through)
+    rows = (jnp.take_along_axis(axis, last, axis=0) for axis in through)
+    (x0, x1), (y0, y1) = ((axis[:-1], axis[1:]) for axis in rows)
     turn = jnp.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1 + 1e-9)
     turn = jnp.concatenate([jnp.zeros_like(turn[:1]), turn])
     speed = jnp.broadcast_to(jnp.asarray(vehicle.speed, seconds.dtype), seconds.shape)

@@ -197,6 +197,30 @@ def test_the_pump_counts_once_a_descent():
     np.testing.assert_allclose(np.diff(list(up), axis=0), 4850.0, rtol=1e-5)  # down again at the end
 
 
+@pytest.mark.parametrize("water", [(0.0, 0.0), (0.4, -0.2)])
+def test_the_energy_along_a_path_is_that_of_its_times_dives_and_turns(water):
+    """North, straight down, then east, straight up and back; in a current the vehicle has headings there."""
+    places = np.array([
+        [0, 0, 5], [100, 0, 5], [100, 0, 20], [100, 0, 40], [100, 90, 40], [100, 90, 10], [0, 90, 10],
+    ])  # fmt: skip
+    env = replace(ap.Environment(ap.UniformCurrent(*water)), obstacles=Obstacles.none())
+    model, vehicle = replace(LAW, hotel=21.0, dive=130.0, climb=60.0, turning=70.0), ap.Vehicle(1.3)
+    way = Track.through(*(jnp.asarray(axis, float)[:, None] for axis in places.T))
+    found = evaluate(way, jnp.asarray(0.0), env, vehicle, PathConfig.plain())
+    spent = {name: float(part[0]) for name, part in energy_along(found, model, vehicle).items()}
+    seconds = np.diff(np.asarray(found.times, float)[:, 0])
+    own = np.diff(places, axis=0)[:, :2] / seconds[:, None] - water
+    headings = np.arctan2(own[:, 1], own[:, 0])[np.linalg.norm(own, axis=1) > 1e-3]
+    turned = np.abs((np.diff(headings) + np.pi) % (2.0 * np.pi) - np.pi).sum()
+    if water == (0.0, 0.0):
+        assert turned == pytest.approx(np.pi)
+    assert spent["turning"] == pytest.approx(70.0 * turned, rel=1e-4)
+    assert spent["dive"] == pytest.approx(130.0 * 35.0)
+    assert spent["climb"] == pytest.approx(60.0 * 30.0)
+    assert spent["hotel"] == pytest.approx(21.0 * seconds.sum(), rel=1e-5)
+    assert spent["propulsion"] == pytest.approx((5.0 + 12.0 * 1.3**3) * seconds.sum(), rel=1e-5)
+
+
 compiled_total = jax.jit(total)
 slopes_of = jax.jit(jax.value_and_grad(total, argnums=(1, 2, 3, 5)))
 
