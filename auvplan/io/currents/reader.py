@@ -191,7 +191,7 @@ def read_current(
     if outside not in ("refuse", "clamp"):
         raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
     source = open_ocean(paths, crs=crs, epoch=data_epoch)
-    with understood(source.label, source):
+    with understood(source.label), source:  # which opens again for whoever looks something up in it
         box = _Box(source, site, low, high, outside == "clamp", list(source.notes))
         epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
         frames = _frames(box, float(seconds_of(epoch)), times)

@@ -2,6 +2,7 @@
 
 from datetime import UTC, datetime, timedelta
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -56,6 +57,17 @@ def test_a_dataset_goes_in_where_a_file_does(make, decode, tmp_path):
             assert found.epoch == of_file.epoch
     bare = xr.Dataset({"u": ("x", [0.0])})
     refusal(CurrentError, "^dataset: ", read_current, bare, SITE, **BOX)
+
+
+def test_no_file_stays_open_once_it_is_read(tmp_path):
+    def open_files():
+        return h5py.h5f.get_obj_count(h5py.h5f.OBJ_ALL, h5py.h5f.OBJ_FILE)
+
+    path, before = write(regular(), tmp_path / "a.nc"), open_files()
+    found = read_current(path, SITE, **BOX)
+    assert open_files() == before
+    places = (np.full(1, axis) for axis in PLACE)
+    assert np.isfinite(found.source.at(*places, 1.0, found.source.moments[0])[:2]).all()  # it opens again
 
 
 def test_single_time_is_steady():
