@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
-from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, geographic, metres
+from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, geographic, metres, stays_for
 from auvplan.export.markup import Element, child, xml_text
 from auvplan.export.speeds import LEAST, Stretch, approach, speed_note, stretches
 from auvplan.site import as_utc
@@ -136,11 +136,12 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
         parts, begun = commanded(itinerary, leg, begun)
         found += _leg(itinerary, leg, parts)
         if leg.hold > leg.rise:
-            seconds, what = math.ceil(leg.hold - leg.rise), f"task of leg {leg.number}"
+            seconds, kind = math.ceil(leg.hold - leg.rise), stays_for(leg)
+            what = f"{kind} of leg {leg.number}"
             if seconds > _LONGEST:
                 raise ExportError(f"IMC plan: the {what} takes {seconds} s, at most {_LONGEST}")
-            task = _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
-            found.append((f"task{leg.number}", task))
+            stay = _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
+            found.append((f"{kind}{leg.number}", stay))
         if leg.rise > 0.0:
             found.append((f"fix{leg.number}", _surfacing(itinerary, leg)))
     end = itinerary.legs[-1].waypoints[-1].copy()

@@ -359,12 +359,17 @@ class Waypoint:
         parts = [
             f"wait of {self.wait:.0f} s" if self.wait else "",
             f"task of priority {figure(self.priority)}, {max(task, 0.0):.0f} s"
-            if self.priority or task > 1e-3
+            if stays_for(self) == "task"
             else "",
             f"wait of {later:.0f} s" if later > 1e-3 else "",
             f"surfacing for a fix, {self.rise:.0f} s" if self.rise else "",
         ]
         return ", then ".join(filter(None, parts))
+
+
+def stays_for(part: PlannedLeg | Waypoint) -> str:
+    """Return what a vehicle holds for: "task", or "wait" where it waits alone."""
+    return "task" if part.priority or part.hold - part.wait - part.onward > 1e-3 else "wait"
 
 
 def waypoints(itinerary: Itinerary) -> list[Waypoint]:

@@ -13,7 +13,15 @@ import numpy as np
 import shapely
 
 from auvplan.export.fences import Circle, Fence
-from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, geographic, waypoints
+from auvplan.export.itinerary import (
+    DEGREES,
+    ExportError,
+    Itinerary,
+    Waypoint,
+    geographic,
+    stays_for,
+    waypoints,
+)
 from auvplan.export.speeds import approach, speed_note, stretches
 from auvplan.site import Site
 
@@ -136,7 +144,8 @@ def _item(row: Waypoint, number: int) -> dict[str, Any]:
     hold = math.ceil(row.hold)
     if hold > _LONGEST_HOLD:
         raise ExportError(
-            f".plan: the task at {row.name} (leg {row.leg}) takes {hold} s, at most {_LONGEST_HOLD}"
+            f".plan: the {stays_for(row)} at {row.name} (leg {row.leg}) takes {hold} s, "
+            f"at most {_LONGEST_HOLD}"
         )
     place = [round(row.latitude, DEGREES), round(row.longitude, DEGREES)]
     return {

@@ -264,7 +264,7 @@ class ImcVehicle(ListeningLink):
         steps, manoeuvre = plan.steps, state.man_id
         if manoeuvre == "end" or (state.state == states.READY and state.last_outcome == outcomes.SUCCESS):
             done = len(steps)
-        elif found := re.fullmatch(r"(leg|task|fix)(\d+)(?:_last(\d+))?", manoeuvre):
+        elif found := re.fullmatch(r"(leg|task|wait|fix)(\d+)(?:_last(\d+))?", manoeuvre):
             number = int(found[2])
             done = sum(step.leg < number for step in steps)
             own = sum(step.leg == number for step in steps)

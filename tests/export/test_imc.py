@@ -84,6 +84,25 @@ def test_a_vehicle_may_stay_at_depth_at_the_end(tmp_path: Path, itinerary: Itine
     assert stay.findtext("z") == last.findtext("data/*/z")
 
 
+def test_a_wait_alone_is_called_a_wait(tmp_path: Path):
+    itinerary = make_itinerary()
+    first, *rest = itinerary.legs
+    for given, name in (
+        ({"wait": first.hold, "priority": 0.0}, "wait1"),
+        ({"onward": first.hold, "priority": 0.0}, "wait1"),
+        ({"onward": first.hold / 2.0, "priority": 0.0}, "task1"),
+        ({"wait": first.hold, "priority": 3.0}, "task1"),
+    ):
+        some = replace(itinerary, legs=(replace(first, **given), *rest))
+        root = ElementTree.parse(written(some, tmp_path, "imc")).getroot()
+        names = [step.findtext("maneuver_id") for step in root.iter("PlanManeuver")]
+        assert names == ["start", "leg1", name, "leg2", "end"]
+    alone = replace(first, hold=70_000.0, wait=70_000.0, priority=0.0)
+    for kind, words in (("imc", "IMC plan: the wait of leg 1"), ("qgc", ".plan: the wait at")):
+        with pytest.raises(ExportError, match=f"{words}.* takes 70000 s"):
+            written(replace(itinerary, legs=(alone, *rest)), tmp_path, kind)
+
+
 def test_too_long_a_leg_or_task_is_refused(tmp_path: Path):
     itinerary = make_itinerary()
     leg = itinerary.legs[0]
