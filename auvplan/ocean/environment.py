@@ -11,6 +11,7 @@ from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.price import Price, as_price
+from auvplan.ocean.raster import is_traced
 from auvplan.ocean.seabed import Seabed
 from auvplan.runtime.pytree import register_without_init
 
@@ -35,7 +36,7 @@ class Environment:
     Raises:
         TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace.
         ValueError: a function does not return what it should; the box is not two corners, the
-            lower one first, or reaches beyond the sea bed.
+            lower one first, or reaches beyond the sea bed; JAX traces the box, or where chart or sea bed lie.
     """
 
     current: Current
@@ -51,10 +52,15 @@ class Environment:
         # One that is made from another, perhaps while JAX traces, is complete.
         if isinstance(self.lower, jax.Array) and self.obstacles is not None:
             return
+        rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
+        if is_traced(self.lower, self.upper, [(raster.origin, raster.pixel_size) for raster in rasters]):
+            raise ValueError(
+                "no environment is built from a chart, sea bed or box that JAX traces: build one before, and "
+                "put the traced part into it by dataclasses.replace(env, chart=...)"
+            )
         corners = lower, upper = [np.array(corner, float) for corner in (self.lower, self.upper)]
         if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():
             raise ValueError("environment lower and upper must be (x, y, z) with lower <= upper")
-        rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
         for corner, known, innermost in (
             (lower, [raster.lower for raster in rasters], np.max),
             (upper, [raster.upper for raster in rasters], np.min),

@@ -1,5 +1,7 @@
 """Boxes of an environment: given ones, defaults, what chart and sea bed leave of them."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,6 +34,26 @@ def test_chart_and_sea_bed_bound_what_has_no_box():
 def test_what_is_no_box_is_refused(lower, upper):
     with pytest.raises(ValueError, match="lower <= upper"):
         ap.Environment(None, lower=lower, upper=upper)
+
+
+def test_what_jax_traces_goes_into_a_whole_environment():
+    chart, at = chart_with_island(), (jnp.asarray(400.0), jnp.asarray(500.0))
+
+    def distance(env):
+        return env.chart.distance(*at)
+
+    def built(chart):
+        return distance(ap.Environment(None, chart))
+
+    with pytest.raises(ValueError, match=r"^no environment is built .*replace\(env, chart=\.\.\.\)"):
+        jax.grad(built)(chart)
+    with pytest.raises(ValueError, match="no environment is built"):
+        jax.jit(lambda top: ap.Environment(None, lower=(0, 0, top)).lower)(1.0)
+    env = ap.Environment(None, chart)
+    slope = jax.grad(lambda chart: distance(replace(env, chart=chart)))(chart)
+    alone = jax.grad(lambda plane: built(replace(chart, signed_distance=plane)))(chart.signed_distance)
+    np.testing.assert_array_equal(slope.signed_distance, alone)
+    assert np.asarray(alone).any()
 
 
 def test_corners_may_be_arrays_of_jax():
