@@ -9,6 +9,8 @@ from auvplan.errors import ScenarioError
 from auvplan.site import Site, is_place
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+#: S, at most ten years: longer ones are slips.
+Seconds = Annotated[float, Field(gt=0, le=10 * 365 * 86400, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
-from auvplan.scenario.places import Finite, NotNegative, Point, Positive
+from auvplan.scenario.places import Finite, NotNegative, Point, Positive, Seconds
 from auvplan.scenario.power import NavigationSettings, PowerSettings
 from auvplan.scenario.section import Section, optional, setting
 from auvplan.site import Site, as_utc
@@ -354,7 +354,7 @@ class MemberSettings(Section):
     )
     error: NotNegative = setting(0.0, "m/s, root mean square by which each component of a forecast errs")
     length: Positive = setting(5000.0, "m, over which that error is much the same")
-    duration: Positive = setting(21_600.0, "s, the same in time")
+    duration: Seconds = setting(21_600.0, "s, the same in time")
 
 
 class CurrentSettings(SourcedSection):
@@ -398,7 +398,7 @@ class CurrentSettings(SourcedSection):
     peak_speed: NotNegative = setting(1.25, "m/s")
     vertical_scale: NotNegative = setting(5.0, "gamma of Eq. 1, m")
     uniform: Velocity = setting((0.0, 0.0, 0.0), "m/s north, east, down, added everywhere")
-    update_interval: Positive = setting(600.0, "s")
+    update_interval: Seconds = setting(600.0, "s")
     update_rate: NotNegative = setting(1.0, "U_R^C of Eq. 2")
     center_std: NotNegative = setting(50.0, "m per update")
     radius_std: NotNegative = setting(20.0, "m per update")
@@ -481,7 +481,7 @@ class SensorSettings(Section):
     """What the vehicle knows of obstacles, before and within sensor range."""
 
     range: NotNegative = setting(600.0, "m")
-    interval: Positive = setting(30.0, "s between looks")
+    interval: Seconds = setting(30.0, "s between looks")
     prior_std: NotNegative = setting(10.0, "m, position and radius, known beforehand")
     position_std: NotNegative = setting(2.0, "m, within range")
     velocity_std: NotNegative = setting(0.03, "m/s")
@@ -509,7 +509,7 @@ class MissionSettings(Section):
     duration_error: Annotated[float, Field(ge=0.0, le=1.0)] = setting(
         0.0, "share by which a task takes longer or shorter than planned, one standard deviation"
     )
-    time_available: Positive = setting(14_400.0, "s")
+    time_available: Seconds = setting(14_400.0, "s")
     lines: Literal["part", "whole"] = setting(
         "part",
         "survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
@@ -689,7 +689,7 @@ class PlanningSettings(Section):
     tolerance: NotNegative = setting(
         30.0, "s by which the rest of a route may overrun the reserve ('deviation')"
     )
-    gain: Positive = setting(120.0, "s left over that make a new route worth planning ('deviation')")
+    gain: Seconds = setting(120.0, "s left over that make a new route worth planning ('deviation')")
     charge_compute: bool = setting(False, "charge planning time to the mission clock (Eq. 16)")
     budget: Positive | None = optional(
         "s of wall-clock time that a planning call may take, compilation left out; the best plan "
