@@ -81,6 +81,7 @@ class Trajectory:
         times: [S, P] s since the epoch, arrival at each sample; differentiable in track, departure, vehicle
             and current, but for what `PacedCurrent` holds fixed. The first is the departure: it answers to
             nothing else, and later ones to it by a second a second besides the change of the way's duration.
+        travel_time: [P] s (Eq. 11), with more digits than `times` have days after the epoch.
         length: [P] m.
         water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment, or
             the mean of that at several places (`PathConfig.quadrature`).
@@ -99,6 +100,7 @@ class Trajectory:
     y: jax.Array
     z: jax.Array
     times: jax.Array
+    travel_time: jax.Array
     length: jax.Array
     water: Axes
     excess: tuple[jax.Array, ...]
@@ -107,11 +109,6 @@ class Trajectory:
     altitude: jax.Array
     price: jax.Array
     known: Navigation | None = None
-
-    @property
-    def travel_time(self) -> jax.Array:
-        """[P] s (Eq. 11)."""
-        return self.times[-1] - self.times[0]
 
     @property
     def clearance(self) -> jax.Array:
@@ -221,7 +218,8 @@ def evaluate(
     vertical = vertical_speeds((u, v, w), track.way, gap, ground, vehicle, config.speed_reading)
     duration = gap / pace_met(ground, count)
     water = mean_met(u, count), mean_met(v, count), mean_met(w, count)
-    times = depart + elapsed(duration)
+    passed = elapsed(duration)
+    times = depart + passed
 
     level = norm(dx, dy)
     coast_clear, price = coast_clearance(x, y, level, duration, env, config)
@@ -249,7 +247,7 @@ def evaluate(
     excess = tuple(found.get(name, jnp.zeros_like(gap)) for name in VIOLATIONS)
     length = gap.sum(axis=0)
     clear = coast_clear, obstacle_clear, altitude
-    return Trajectory(x, y, z, times, length, water, excess, *clear, price, known)
+    return Trajectory(x, y, z, times, passed[-1], length, water, excess, *clear, price, known)
 
 
 def toll(rises: jax.Array, depth_toll: jax.typing.ArrayLike) -> jax.Array:

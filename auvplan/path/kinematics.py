@@ -186,7 +186,7 @@ def in_turn(
         config: static settings.
 
     Returns:
-        ``(end [...], when [N, ...])``, s since the epoch, at the last end and at the middles.
+        ``(lasts [...], when [N, ...])``: s that all parts take, and s since the epoch at their middles.
     """
 
     def step(carry: tuple[jax.Array, ...], part: tuple) -> tuple[tuple, jax.Array]:
@@ -194,14 +194,15 @@ def in_turn(
         (x, y, z), way, gap = part
         # From the middle of the last part to that of this one's first half it is 3/4 of a part.
         onward = jnp.clip(speed + 0.75 * (speed - before), 0.5 * speed, 2.0 * speed)
-        when = time + 0.5 * gap / onward
+        when = depart + (time + 0.5 * gap / onward)
         ground = over_ground(current(x, y, z, when), way, gap, vehicle, config)[0]
         return (time + gap / ground, ground, speed), when
 
+    # Counted from the departure: days after the epoch single precision has no small parts of a second.
     first = jnp.zeros_like(gap[0])
-    begin = first + depart, first + vehicle.speed, first + vehicle.speed
-    (end, _, _), when = jax.lax.scan(step, begin, (middle, way, gap))
-    return end, when
+    begin = first, first + vehicle.speed, first + vehicle.speed
+    (lasts, _, _), when = jax.lax.scan(step, begin, (middle, way, gap))
+    return lasts, when
 
 
 @jax.tree_util.register_dataclass

@@ -295,4 +295,4 @@ def _taken(
     middle = leg.positions[:-1] + 0.5 * way
     own_speed = replace(vehicle, speed=leg.speed)
     planes = (middle[:, 0], middle[:, 1], middle[:, 2]), (way[:, 0], way[:, 1], way[:, 2])
-    return in_turn(*planes, gap, depart, current, own_speed, config)[0] - depart
+    return in_turn(*planes, gap, depart, current, own_speed, config)[0]

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from auvplan.ocean.currents import Current, is_quasi_steady, is_steady, varies_in_space, varies_with_depth
+from auvplan.ocean.currents import Current, is_steady, varies_in_space, varies_with_depth
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
 from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
@@ -89,8 +89,8 @@ def timed(config: PathConfig, current: Current) -> PathConfig:
         config: the user's.
         current: as for `crosses_depths`.
     """
-    changes = not (is_steady(current) or is_quasi_steady(current))
-    return _met_at(_TIMED, config) if changes or varies_in_space(current) else config
+    changes = varies_in_space(current) or not is_steady(current)
+    return _met_at(_TIMED, config) if changes else config
 
 
 def _met_at(count: int, config: PathConfig) -> PathConfig:

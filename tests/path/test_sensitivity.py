@@ -7,10 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig
 from auvplan.ocean.currents import is_quasi_steady
+from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path.cost import Track, evaluate
 from auvplan.path.kinematics import PacedCurrent
 from auvplan.path.profile import timed
@@ -166,6 +168,32 @@ def test_travel_times_are_traced_and_differentiated():
         ]
         along = sum(jnp.vdot(a, b) for a, b in zip(*map(jax.tree.leaves, (slopes[k], aside)), strict=True))
         assert float(along) == pytest.approx(float(ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-6)
+
+
+def test_a_tide_that_is_the_same_everywhere_is_met_as_long_segments_are_passed():
+    """Along the way s = v t + a / w sin(w t), which the last moment solves."""
+    speed, most, rate, length = 1.2, 0.9, 2.0 * np.pi / 11_178.0, 40_000.0
+    one, none = np.float32([[[most]], [[0.0]]]), np.zeros((2, 1, 1), np.float32)
+    place, mean = np.zeros((1, 2)), np.zeros((2, 1), np.float32)
+    tide = HarmonicCurrent(place, np.float32([rate]), one, none, mean, np.zeros(1), np.ones(1))
+    track = np.linspace((0.0, 0.0, 0.0), (length, 0.0, 0.0), 64)
+    exact = brentq(lambda t: speed * t + most / rate * np.sin(rate * t) - length, 0.0, length)
+    found = ap.travel_time(track, ap.Environment(tide), ap.Vehicle(speed))
+    assert float(found) == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("depart", [1e6, 8e6])
+def test_days_after_the_epoch_travel_times_have_all_their_digits(depart):
+    """The same tide from each departure on, half an hour between its nodes."""
+
+    def time(depart):
+        u = 0.8 * (-1.0) ** np.arange(6)[:, None, None, None] * np.ones((1, 1, 2, 2))
+        when = depart + 1800.0 * np.arange(6)
+        current = ap.GriddedCurrent.from_arrays(u, 0.0 * u, spacing=4000.0, times=when)
+        track = np.linspace((0.0, 2000.0, 0.0), (2000.0, 2000.0, 0.0), 637)
+        return float(ap.travel_time(track, ap.Environment(current), ap.Vehicle(1.2), depart))
+
+    assert time(depart) == pytest.approx(time(0.0), rel=1e-5)
 
 
 def test_travel_time_of_points_that_are_none():
