@@ -229,7 +229,7 @@ class MissionSheet:
         kept = [
             [column for column in row if column[0] in filled or column[0] not in _OPTIONAL] for row in rows
         ]
-        return [name for name, _ in kept[0]], [[cell for _, cell in row] for row in kept]
+        return [name for name, _ in kept[0]] if kept else [], [[cell for _, cell in row] for row in kept]
 
 
 def _whole(seconds: float) -> int:
