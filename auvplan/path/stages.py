@@ -56,6 +56,10 @@ _MARGINS = "coast_margin", "obstacle_margin", "uncertain_price"
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
+#: Time through still water, s, up to which legs meet gradual currents at the pace of the straight line while
+#: paths are compared. On longer ones a tide turns, and it counts when a path is where.
+_GRADUAL = 7200.0
+
 #: Passages of denser fields that are polished with fine settings.
 _FEW = 2
 
@@ -171,6 +175,13 @@ class Batch:
         return is_searched_in_depth(self.env, self.vehicle, self.current)
 
     @property
+    def is_paced(self) -> bool:
+        """Whether times of look-ups in the search may be those of the straight line, see `_pace`."""
+        legs, speed = self.legs, np.asarray(self.vehicle.speed, float)
+        apart = np.linalg.norm(np.subtract(legs.goal, legs.start), axis=-1)
+        return is_quasi_steady(self.current) and bool((apart < _GRADUAL * speed).all())
+
+    @property
     def factors(self) -> np.ndarray:
         """[B, 1], by which lengths and times of each leg are scaled in the search."""
         legs = self.legs
@@ -262,7 +273,8 @@ def search_legs(
     elif config.passages:
         found = _no_passages(batch, config)
     fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
-    begin = partial(_begin, batch, keys, population, found, config=fresh, size=size, count=effort.passages)
+    sizes = {"size": size, "count": effort.passages}
+    begin = partial(_begin, batch, keys, population, found, config=fresh, paced=batch.is_paced, **sizes)
     first_rows, bounds = share.spend(run.work("begin"), begin)
     population = np.asarray(first_rows)
     if (count := effort.passages) and effort.passage_steps:
@@ -314,7 +326,7 @@ def sketch_legs(batch: Batch, config: PathConfig) -> np.ndarray:
     # Each kind of passages begins with its best.
     best = [0, count - count // 2 if deep else 1]
     found = tuple(np.asarray(plane)[:, best] for plane in (rows, times))
-    rows, bounds = _begin(batch, keys, None, found, config=fresh, size=2, count=2)
+    rows, bounds = _begin(batch, keys, None, found, config=fresh, size=2, count=2, paced=batch.is_paced)
     effort = config.passage_steps + config.refine_steps, config.refine_step_size
     rows = _Run(batch, config).descended(bounds, np.asarray(rows), *effort)[0]
     free = (rows / batch.factors[:, :, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
@@ -513,7 +525,8 @@ def _polished(
     for begin in range(0, rows.shape[1], together):
         part = rows[:, begin : begin + together]
         found = part, np.zeros(part.shape[:2], part.dtype)
-        part, bounds = _begin(batch, keys, None, found, config=fresh, size=together, count=together)
+        sizes = {"size": together, "count": together}
+        part, bounds = _begin(batch, keys, None, found, config=fresh, paced=batch.is_paced, **sizes)
         effort = config.refine_steps, config.refine_step_size
         parts.append(_Run(batch, config).descended(bounds, np.asarray(part), *effort, softness))
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
@@ -537,7 +550,7 @@ def _trace(batch: Batch, config: PathConfig, count: int, deep: bool) -> tuple[ja
     return batch.over_legs(one)
 
 
-@partial(compiled, static_argnames=("config", "size", "count"), wide=True, quick=True)
+@partial(compiled, static_argnames=("config", "size", "count", "paced"), wide=True, quick=True)
 def _begin(
     batch: Batch,
     keys: jax.Array,
@@ -546,6 +559,7 @@ def _begin(
     config: PathConfig,
     size: int,
     count: int,
+    paced: bool,
 ) -> tuple[jax.Array, Bounds]:
     """Populations [B, size, 3 n] that hold the best `count` of the paths found, and their bounds."""
 
@@ -563,7 +577,9 @@ def _begin(
             lower, upper = habitats.widened(lower, upper, passages, problem.env)
             through = jnp.where(exist[:, None], passages, population[-count:])
             population = population.at[-count:].set(through)
-        return jnp.clip(population, lower, upper), Bounds(lower, upper, _pace(problem, own))
+        return jnp.clip(population, lower, upper), Bounds(
+            lower, upper, _pace(problem, own) if paced else None
+        )
 
     return batch.over_legs(one, keys, populations, found)
 
@@ -573,14 +589,12 @@ def _keys(key: jax.Array) -> jax.Array:
     return jax.random.split(key)
 
 
-def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
+def _pace(problem: Problem, config: PathConfig) -> jax.Array:
     """[S - 1] m/s over ground at which paths are taken to be followed while they are compared.
 
-    A gradual current is met at the pace of the straight line, which spares the search the timing of segments
-    one after the other; the path that it finds is timed so. None in all other currents.
+    A gradual current is met at the pace of the straight line on legs that last little in comparison, which
+    spares the search the timing of segments one after the other; the path that it finds is timed so.
     """
-    if not is_quasi_steady(problem.env.current):
-        return None
     line = tracks(habitats.straight_line(*problem.ends, config)[None], problem, config)
     bare = replace(problem.env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
     trajectory = evaluate(line, problem.depart, bare, problem.vehicle, config)

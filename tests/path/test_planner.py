@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import auvplan as ap
+from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path import plan_least_energy, planner, stages
 from auvplan.path.habitats import straight_line
 from auvplan.runtime.compiled import compilations
@@ -382,6 +384,29 @@ def test_a_leg_that_still_breaks_a_limit_is_searched_once_more_inside_it(monkeyp
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
     assert searched == pytest.approx(sways)
     assert plan.status is (ap.PathStatus.SWAY if across > 1.5 else ap.PathStatus.OK)
+
+
+@pytest.mark.parametrize("period", [44_714.0, 22_357.0])
+def test_long_legs_in_a_tide_are_planned_to_the_closed_form_optimum(period):
+    """The same everywhere, it moves the vehicle as it does the water: one heading is best, and the goal minus
+    what the water moves by in T is as far as the vehicle goes through it in T."""
+    rate, speed, (most, later) = 2.0 * np.pi / period, 1.2, np.array([[0.8, 0.2], [0.1, 0.3]])
+    waves, place, mean = (most, later), np.zeros((1, 2)), np.zeros((2, 1), np.float32)
+    waves = (np.float32(wave)[:, None, None] for wave in waves)
+    tide = HarmonicCurrent(place, np.float32([rate]), *waves, mean, np.zeros(1), np.ones(1))
+    goal = np.array([40_000.0, 20_000.0])
+
+    def lacks(t):
+        drift = (most * np.sin(rate * t) + later * (1.0 - np.cos(rate * t))) / rate
+        return np.linalg.norm(goal - drift) - speed * t
+
+    moments = np.linspace(0.0, 80_000.0, 2_001)
+    first = np.argmax([lacks(t) <= 0.0 for t in moments])
+    least = brentq(lacks, *moments[first - 1 : first + 1])
+    env = ap.Environment(tide, lower=(-4e4, -4e4, 0), upper=(8e4, 8e4, 0))
+    vehicle, ends = ap.Vehicle(speed, surge_max=9.0, sway_max=5.0), ((0.0, 0.0, 0.0), (*goal, 0.0))
+    plan = ap.plan_path(*ends, env, vehicle, key=jax.random.key(0), config=ap.PathConfig.quick())
+    assert float(plan.travel_time) == pytest.approx(least, rel=5e-4)
 
 
 @pytest.mark.parametrize("period", [40.0, 90.0])
