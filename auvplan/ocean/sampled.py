@@ -46,7 +46,7 @@ _Sampled = tuple[SampledCurrent, float] | None
 
 
 def _kept(sample: Callable[..., _Sampled]) -> Callable[..., _Sampled]:
-    """Keep the last samples of functions, by what these capture, which their form as a pytree holds."""
+    """Keep the last samples of functions by their form as a pytree, which holds the values they capture."""
     of_form = lru_cache(maxsize=4)(lambda form, *box: sample(form.unflatten(()), *box))
     return wraps(sample)(lambda current, *box: of_form(jax.tree.structure(current), *box))
 

@@ -272,9 +272,7 @@ def search_legs(
         found = passages, *known
     elif config.passages:
         found = _no_passages(batch, config)
-    fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
-    sizes = {"size": size, "count": effort.passages}
-    begin = partial(_begin, batch, keys, population, found, config=fresh, paced=batch.is_paced, **sizes)
+    begin = partial(_begun, batch, keys, population, found, config, config.bbo.population, effort.passages)
     first_rows, bounds = share.spend(run.work("begin"), begin)
     population = np.asarray(first_rows)
     if (count := effort.passages) and effort.passage_steps:
@@ -320,13 +318,13 @@ def sketch_legs(batch: Batch, config: PathConfig) -> np.ndarray:
     legs = batch.legs
     keys = jax.random.split(jax.random.key(0), len(legs.start))
     config = compared(config, batch.env, batch.current)
-    cells, fresh = config.only("field_cells"), config.only("start_shape", "width", "depth_width")
+    cells = config.only("field_cells")
     count, deep = max(config.passages, 2), batch.is_deep
     rows, _, times, *_ = _trace(batch, config=cells, count=count, deep=deep)
     # Each kind of passages begins with its best.
     best = [0, count - count // 2 if deep else 1]
     found = tuple(np.asarray(plane)[:, best] for plane in (rows, times))
-    rows, bounds = _begin(batch, keys, None, found, config=fresh, size=2, count=2, paced=batch.is_paced)
+    rows, bounds = _begun(batch, keys, None, found, config, 2, 2)
     effort = config.passage_steps + config.refine_steps, config.refine_step_size
     rows = _Run(batch, config).descended(bounds, np.asarray(rows), *effort)[0]
     free = (rows / batch.factors[:, :, None]).reshape(*rows.shape[:2], 3, -1).swapaxes(2, 3)
@@ -521,12 +519,11 @@ def _polished(
     together: int = 1,
 ) -> tuple[np.ndarray, ...]:
     """Rows [B, R, 3 n], as the search sees them, polished by `_Run.descended` within the same bounds."""
-    parts, fresh = [], config.only("start_shape", "width", "depth_width")
+    parts = []
     for begin in range(0, rows.shape[1], together):
         part = rows[:, begin : begin + together]
         found = part, np.zeros(part.shape[:2], part.dtype)
-        sizes = {"size": together, "count": together}
-        part, bounds = _begin(batch, keys, None, found, config=fresh, paced=batch.is_paced, **sizes)
+        part, bounds = _begun(batch, keys, None, found, config, together, together)
         effort = config.refine_steps, config.refine_step_size
         parts.append(_Run(batch, config).descended(bounds, np.asarray(part), *effort, softness))
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
@@ -548,6 +545,21 @@ def _trace(batch: Batch, config: PathConfig, count: int, deep: bool) -> tuple[ja
         return trace_passages(problem, count, own, deep)
 
     return batch.over_legs(one)
+
+
+def _begun(
+    batch: Batch,
+    keys: jax.Array,
+    populations: Any,
+    found: tuple[Any, ...] | None,
+    config: PathConfig,
+    size: int,
+    count: int,
+) -> tuple[jax.Array, Bounds]:
+    """Call `_begin` with what it takes of a search's settings."""
+    fresh = config.only("start_shape", "width", "depth_width")
+    settings = {"config": fresh, "size": size, "count": count, "paced": batch.is_paced}
+    return _begin(batch, keys, populations, found, **settings)
 
 
 @partial(compiled, static_argnames=("config", "size", "count", "paced"), wide=True, quick=True)
@@ -577,9 +589,8 @@ def _begin(
             lower, upper = habitats.widened(lower, upper, passages, problem.env)
             through = jnp.where(exist[:, None], passages, population[-count:])
             population = population.at[-count:].set(through)
-        return jnp.clip(population, lower, upper), Bounds(
-            lower, upper, _pace(problem, own) if paced else None
-        )
+        pace = _pace(problem, own) if paced else None
+        return jnp.clip(population, lower, upper), Bounds(lower, upper, pace)
 
     return batch.over_legs(one, keys, populations, found)
 
