@@ -91,6 +91,8 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
         units = f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
     if seconds is None:
         values = np.atleast_1d(file.read(name))
+        if not values.size:
+            raise file.fail(f"{name} has no times")
         # 1e30 and the like would overflow before it is refused.
         if (far := np.abs(values).max()) > 1e17:
             raise file.fail(f"{name} has dates that are none: {far:g} {units}")
@@ -174,7 +176,11 @@ def _decoded(file: File, name: str, values: Array, units: str, calendar: str) ->
         # A Julian date stands for its day, others for their fields.
         same = date.change_calendar("proleptic_gregorian") if calendar == "julian" else date
         fields = same.year, same.month, same.day, same.hour, same.minute, same.second, same.microsecond
-        moments.append(datetime(*fields, tzinfo=UTC))
+        try:
+            moments.append(datetime(*fields, tzinfo=UTC))
+        except ValueError:
+            day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
+            raise file.fail(f"{name}: {day} of the calendar {calendar} is no UTC date") from None
     return seconds_of(moments)
 
 
@@ -211,7 +217,10 @@ def _digits(file: File, name: str) -> Array:
     """Return s since 1970 of numbers such as 20260501.25, a quarter into a day."""
     values = np.atleast_1d(file.coordinate(name))
     days = np.floor(values + 1e-7)
-    dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
+    try:
+        dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
+    except ValueError:
+        raise file.fail(f"{name}: dates cannot be understood: {values[0]:.10g}") from None
     return seconds_of(dates) + np.round((values - days) * 86400.0, 1)
 
 

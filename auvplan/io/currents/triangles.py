@@ -223,6 +223,8 @@ def find_triangles(
         return Triangles(longitude, latitude, cells, True), cells.cell_dim, cells.crs
     dim = str(file.variables[places[0]].dims[0])
     longitude, latitude, crs = in_degrees(file, places)
+    if longitude.shape != latitude.shape or len(longitude) < 3:
+        raise file.fail(f"{places[0]} and {places[1]} are no three places or more")
     if cells is not None and dim in (cells.dim, cells.cell_dim):
         return Triangles(longitude, latitude, cells, dim != cells.dim), dim, crs
     require_field(file)

@@ -137,6 +137,8 @@ def _opened(
         return
     with Path(source).open("rb") as file:
         start = file.read(4)
+    if not start:
+        raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
     if start[:3] == b"CDF" or (start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"):
         with open_lazily(path, GeoError) as dataset:
             yield _chosen(path, dataset, variable, notes)

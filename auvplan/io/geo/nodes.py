@@ -148,14 +148,15 @@ def placed(
     if longitude is None or latitude is None:
         x, y, own = _axis(array, "x"), _axis(array, "y"), None
         if stated := {key: value for key, value in _grid_mapping(array).items() if key != "GeoTransform"}:
-            own = of_mapping(stated)
+            if (own := of_mapping(stated)) is None:
+                raise GeoError(f"{what}: its grid mapping names no coordinate reference system")
         elif "crs" in array.attrs:
             own = as_crs(array.attrs["crs"], GeoError)
         system = agreed_crs(what, own, crs)
         if system is not None and x is not None and y is not None:
             return _on_axes(what, array, x, y, system)
         if system is not None and "GeoTransform" in _grid_mapping(array):
-            return _masked(array), _on_pixels(array, system)
+            return _masked(array), _on_pixels(what, array, system)
         longitude = _if_degrees(x) if longitude is None else longitude
         latitude = _if_degrees(y) if latitude is None else latitude
     if longitude is None or latitude is None:
@@ -167,6 +168,8 @@ def placed(
     if longitude.ndim == latitude.ndim == 2:
         places = (axis.transpose(*array.dims).values.astype(float) for axis in (longitude, latitude))
         return _masked(array), _scattered(what, *places, site=site, grid=grid)
+    if not longitude.ndim == latitude.ndim == 1 or longitude.dims == latitude.dims:
+        raise GeoError(f"{what}: longitude and latitude are neither two axes nor two grids of its dimensions")
     return _on_axes(what, array, longitude, latitude, None)
 
 
@@ -205,10 +208,13 @@ def _on_axes(
     return array, Nodes(find, (y.size, x.size), float(x[0] + x[-1]) / 2 if degrees else None, cyclic)
 
 
-def _on_pixels(array: xr.DataArray, system: CRS) -> Nodes:
+def _on_pixels(what: object, array: xr.DataArray, system: CRS) -> Nodes:
     """Return nodes of a raster by the transformation from its pixels to coordinates."""
     c, a, b, f, d, e = (float(word) for word in str(_grid_mapping(array)["GeoTransform"]).split())
-    inverse, forward = np.linalg.inv([[a, b], [d, e]]), _forward(system)
+    matrix = np.array([[a, b], [d, e]])
+    if not np.isfinite((*matrix.flat, c, f)).all() or not abs(np.linalg.det(matrix)) > 0.0:
+        raise GeoError(f"{what}: its pixels have no size: {matrix.tolist()}")
+    inverse, forward = np.linalg.inv(matrix), _forward(system)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         x, y = forward(longitude, latitude)
@@ -302,6 +308,8 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     """Return nodes of two-dimensional coordinates, interpolated on triangles of local metres."""
     north, east = site.to_local(longitude, np.clip(latitude, -90.0, 90.0))
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
+    if known.sum() < 4 or min(longitude.shape) < 2:
+        raise GeoError(f"{what}: its longitudes and latitudes are no grid")
     if Curvilinear(np.asarray(longitude, float), np.asarray(latitude, float)).folds:
         raise GeoError(f"{what}: its longitudes and latitudes contradict each other, the grid folds")
     middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
@@ -316,7 +324,10 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
     r, c = np.nonzero(known[part])
     index = np.stack([r + rows.min(), c + columns.min()], axis=-1).astype(float)
     places = np.stack([north[part][r, c], east[part][r, c]], axis=-1)
-    lookup = scipy.interpolate.LinearNDInterpolator(places, index)
+    try:
+        lookup = scipy.interpolate.LinearNDInterpolator(places, index)
+    except scipy.spatial.QhullError:
+        raise GeoError(f"{what}: its longitudes and latitudes are no grid") from None
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         found = lookup(*site.to_local(longitude, latitude))

@@ -176,6 +176,8 @@ def _place(path: Path, file: "DatasetReader") -> tuple["Affine | None", CRS | No
             raise GeoError(
                 f"{world}: a world file holds six numbers, of which the pixels' sizes are not zero"
             )
+    elif not (np.isfinite(transform[:6]).all() and abs(transform.determinant) > 0.0):
+        raise GeoError(f"{path}: its pixels have no size: {list(transform[:6])}")
     if crs is None and (projection := _beside(path, f"{path.stem}.prj")) is not None:
         try:
             crs = _horizontal(read_text(projection, GeoError).strip())

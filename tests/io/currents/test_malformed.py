@@ -243,13 +243,19 @@ def dated(values, **about):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (dated([58.0, 59.0, 60.0], units="days since 2020-01-01", calendar="360_day"), "day is out of range"),
-        (dated([20209901.0, 20209902.0, 20209903.0], units="day as %Y%m%d.%f"), "unconverted data"),
-        (regular().isel(time=slice(0)), "cannot be understood"),
+        (
+            dated([58.0, 59.0, 60.0], units="days since 2020-01-01", calendar="360_day"),
+            "time: 2020-02-30 of the calendar 360_day is no UTC date",
+        ),
+        (
+            dated([20209901.0, 20209902.0, 20209903.0], units="day as %Y%m%d.%f"),
+            "time: dates cannot be understood: 20209901",
+        ),
+        (regular().isel(time=slice(0)), "time has no times"),
         (ugrid("node").isel(n_corner=0), "cannot be understood"),
     ],
 )
-def test_what_a_library_refuses_is_one_line(data, words):
+def test_values_that_cannot_be_used_are_refused_in_one_line(data, words):
     refusal(CurrentError, f"dataset: .*{words}", open_ocean, data)
 
 

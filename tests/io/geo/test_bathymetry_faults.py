@@ -17,6 +17,41 @@ def refused(words, source, **arguments):
     refusal(GeoError, words, floor_of, source, **arguments)
 
 
+def places(longitude, latitude, dims=(("y", "x"), ("y", "x")), **about):
+    """A floor of 30 m at degrees that lie along these dimensions."""
+    axes = {"longitude": (dims[0], longitude), "latitude": (dims[1], latitude)}
+    values = np.full((len(LATITUDE), len(LONGITUDE)), -30.0)
+    array = xr.DataArray(values, dims=("y", "x"), coords=axes, name="elevation")
+    return array.assign_attrs(units="m", positive="up", **about)
+
+
+EAST, NORTH = np.meshgrid(LONGITUDE, LATITUDE)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        (places(np.nan * EAST, NORTH), "its longitudes and latitudes are no grid"),
+        (places(0.0 * EAST + LONGITUDE[4], 0.0 * NORTH + LATITUDE[4]), "are no grid"),
+        (places(LONGITUDE, NORTH, ("x", ("y", "x"))), "are neither two axes nor two grids of its dimensions"),
+    ],
+)
+def test_degrees_that_make_no_grid(source, words):
+    refused(f"elevation: .*{words}", source)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "words"),
+    [
+        ({"crs_wkt": "EPSG:32755", "GeoTransform": "0 0 0 0 0 0"}, "its pixels have no size"),
+        ({"grid_mapping_name": "nonsense"}, "its grid mapping names no coordinate reference system"),
+    ],
+)
+def test_grid_mappings_that_place_nothing(mapping, words):
+    bare = places(EAST, NORTH, grid_mapping="crs").drop_vars(["longitude", "latitude"])
+    refused(words, bare.assign_coords(crs=((), 0, mapping)))
+
+
 def tiff(path, values):
     corner = (LONGITUDE[0], LATITUDE[-1])
     return write_geotiff(path, values[::-1], corner=corner, scale=(0.02, 0.01), point=True)
@@ -114,7 +149,7 @@ def test_files_that_are_none(tmp_path):
     refused(r"nowhere\.nc: No such file", tmp_path / "nowhere.nc")
     for content, words in (
         (b"letter", "not a picture or grid that can be read"),
-        (b"", "not a picture or grid that can be read"),
+        (b"", "is empty, neither NetCDF nor a raster"),
         (b"\x89HDF\r\n\x1a\n", "f.nc: "),
         (b"CDF\x01", "f.nc: "),
     ):
