@@ -240,6 +240,8 @@ def _cells(file: File) -> Cells | None:
         return None
     name, places = found
     variable = file.variables[name]
+    if variable.ndim != 2:
+        raise file.fail(f"connectivity {name} has {variable.ndim} dimensions, not 2")
     rows, columns = variable.shape
     by_corner = rows < columns or (rows == columns and name == "nv")
     dims = [str(dim) for dim in variable.dims]

@@ -252,7 +252,7 @@ def dated(values, **about):
             "time: dates cannot be understood: 20209901",
         ),
         (regular().isel(time=slice(0)), "time has no times"),
-        (ugrid("node").isel(n_corner=0), "cannot be understood"),
+        (ugrid("node").isel(n_corner=0), "connectivity .* has 1 dimensions, not 2"),
     ],
 )
 def test_values_that_cannot_be_used_are_refused_in_one_line(data, words):
