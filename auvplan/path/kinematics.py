@@ -17,6 +17,9 @@ from auvplan.vehicle import SpeedReading, Vehicle, along_track
 #: Squared metres added under square roots: keeps gradients finite at coinciding samples.
 TINY = 1e-8
 
+#: Sweeps that settle the times at which a gradual current is met.
+_SWEEPS = 3
+
 #: x, y and z of many places or steps, apart, all of one shape.
 Axes = tuple[jax.Array, jax.Array, jax.Array]
 
@@ -147,10 +150,19 @@ def times_met(
     if is_steady(env.current) or config.speed_reading == "eq11":
         return depart + jnp.zeros_like(places[0])
     count = config.quadrature or 1
-    if isinstance(env.current, PacedCurrent):
-        duration = jax.lax.stop_gradient(gap) / env.current.pace[:, None]
+
+    def middles_at(duration: jax.Array) -> jax.Array:
+        """[C, S - 1, P] s since the epoch, as places, where segments last [S - 1, P] s."""
         middle = depart + elapsed(duration)[:-1] + 0.5 * duration
         return at_shares(middle, duration, parts_of(count))
+
+    if isinstance(env.current, PacedCurrent):
+        duration = gap / env.current.pace[:, None]
+        for _ in range(_SWEEPS):
+            when = middles_at(duration)
+            ground = over_ground(env.current(*places, when), way, gap, vehicle, config)[0]
+            duration = gap / pace_met(ground, count)
+        return middles_at(duration)
 
     def in_order(plane: jax.Array) -> jax.Array:
         """[(S - 1) C, P], part after part."""
@@ -208,15 +220,15 @@ def in_turn(
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PacedCurrent:
-    """A gradual current, and the pace at which paths are taken to be followed when it is looked up.
+    """A gradual current, and the pace from which the times are settled at which paths meet it.
 
-    Times of look-ups follow the length of a path at that pace, and derivatives stop there: slopes in control
-    points count where the path leads, not that a longer one meets a later current. A search alone uses it;
-    the path that it finds, and `sensitivity`, are timed segment by segment.
+    All segments are looked up at the times of that pace, those times are found again from the speeds there,
+    and so on: each sweep makes exact what the one before left to the current's change in the error of its
+    times (Picard's iteration). That spares a search the timing of segments one after the other.
 
     Attributes:
         current: that it is.
-        pace: [S - 1] m/s over ground on the segments of a path.
+        pace: [S - 1] m/s over ground on the segments of a path, to begin with.
     """
 
     current: Current

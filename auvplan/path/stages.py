@@ -56,9 +56,9 @@ _MARGINS = "coast_margin", "obstacle_margin", "uncertain_price"
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
-#: Time through still water, s, up to which legs meet gradual currents at the pace of the straight line while
-#: paths are compared. On longer ones a tide turns, and it counts when a path is where.
-_GRADUAL = 7200.0
+#: Share of the straight line's time that sweeps may miss, see `_pace`, where times of paths that are compared
+#: are settled so; else these are timed segment by segment.
+_MISSED = 1e-3
 
 #: Passages of denser fields that are polished with fine settings.
 _FEW = 2
@@ -173,13 +173,6 @@ class Batch:
     def is_deep(self) -> bool:
         """Whether paths may find other currents at other depths."""
         return is_searched_in_depth(self.env, self.vehicle, self.current)
-
-    @property
-    def is_paced(self) -> bool:
-        """Whether times of look-ups in the search may be those of the straight line, see `_pace`."""
-        legs, speed = self.legs, np.asarray(self.vehicle.speed, float)
-        apart = np.linalg.norm(np.subtract(legs.goal, legs.start), axis=-1)
-        return is_quasi_steady(self.current) and bool((apart < _GRADUAL * speed).all())
 
     @property
     def factors(self) -> np.ndarray:
@@ -558,11 +551,14 @@ def _begun(
 ) -> tuple[jax.Array, Bounds]:
     """Call `_begin` with what it takes of a search's settings."""
     fresh = config.only("start_shape", "width", "depth_width")
-    settings = {"config": fresh, "size": size, "count": count, "paced": batch.is_paced}
-    return _begin(batch, keys, populations, found, **settings)
+    settings = {"config": fresh, "size": size, "count": count}
+    population, bounds, missed = _begin(batch, keys, populations, found, **settings)
+    if bounds.pace is not None and not (np.asarray(missed) < _MISSED).all():
+        bounds = replace(bounds, pace=None)
+    return population, bounds
 
 
-@partial(compiled, static_argnames=("config", "size", "count", "paced"), wide=True, quick=True)
+@partial(compiled, static_argnames=("config", "size", "count"), wide=True, quick=True)
 def _begin(
     batch: Batch,
     keys: jax.Array,
@@ -571,13 +567,12 @@ def _begin(
     config: PathConfig,
     size: int,
     count: int,
-    paced: bool,
-) -> tuple[jax.Array, Bounds]:
-    """Populations [B, size, 3 n] that hold the best `count` of the paths found, and their bounds."""
+) -> tuple[jax.Array, Bounds, jax.Array]:
+    """Populations [B, size, 3 n] with the best `count` of the paths found, their bounds, and what `_pace` misses."""
 
     def one(
         leg: Legs, key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None
-    ) -> tuple[jax.Array, Bounds]:
+    ) -> tuple[jax.Array, Bounds, jax.Array]:
         problem, own, factor = batch.posed(leg, config)
         lower, upper = habitats.bounds(problem, own)
         if population is None:
@@ -589,8 +584,10 @@ def _begin(
             lower, upper = habitats.widened(lower, upper, passages, problem.env)
             through = jnp.where(exist[:, None], passages, population[-count:])
             population = population.at[-count:].set(through)
-        pace = _pace(problem, own) if paced else None
-        return jnp.clip(population, lower, upper), Bounds(lower, upper, pace)
+        pace, missed = None, jnp.zeros(())
+        if is_quasi_steady(problem.env.current):
+            pace, missed = _pace(problem, own)
+        return jnp.clip(population, lower, upper), Bounds(lower, upper, pace), missed
 
     return batch.over_legs(one, keys, populations, found)
 
@@ -600,17 +597,18 @@ def _keys(key: jax.Array) -> jax.Array:
     return jax.random.split(key)
 
 
-def _pace(problem: Problem, config: PathConfig) -> jax.Array:
-    """[S - 1] m/s over ground at which paths are taken to be followed while they are compared.
+def _pace(problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+    """Return the pace [S - 1] of the straight line, m/s over ground, and what sweeps from still water miss.
 
-    A gradual current is met at the pace of the straight line on legs that last little in comparison, which
-    spares the search the timing of segments one after the other; the path that it finds is timed so.
+    That is a share of the line's time: how well `PacedCurrent` serves here.
     """
     line = tracks(habitats.straight_line(*problem.ends, config)[None], problem, config)
     bare = replace(problem.env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
-    trajectory = evaluate(line, problem.depart, bare, problem.vehicle, config)
-    gap = norm(*line.way)[:, 0]
-    return jnp.maximum(gap / jnp.diff(trajectory.times[:, 0]), _SLOWEST * problem.vehicle.speed)
+    gap, speed = norm(*line.way)[:, 0], problem.vehicle.speed
+    worlds = bare, replace(bare, current=PacedCurrent(bare.current, jnp.broadcast_to(speed, gap.shape)))
+    exact, swept = (evaluate(line, problem.depart, env, problem.vehicle, config) for env in worlds)
+    pace = jnp.maximum(gap / jnp.diff(exact.times[:, 0]), _SLOWEST * speed)
+    return pace, jnp.abs(swept.travel_time / exact.travel_time - 1.0)[0]
 
 
 @partial(compiled, static_argnames=("config",), wide=True)

@@ -409,6 +409,29 @@ def test_long_legs_in_a_tide_are_planned_to_the_closed_form_optimum(period):
     assert float(plan.travel_time) == pytest.approx(least, rel=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("period", "speed", "swing", "depart"), [(44_712.0, 1.0, 0.65, 12_000.0), (3_600.0, 1.2, 0.7, 500.0)]
+)
+def test_legs_on_which_a_gridded_current_turns_are_planned_to_the_closed_form_optimum(
+    period, speed, swing, depart
+):
+    """As above, on legs that last an hour in still water: the tide holds the first up for three."""
+    nodes, rate = np.arange(0.0, 80_000.0, min(1800.0, period / 12.0)), 2.0 * np.pi / period
+    north, east = swing * np.cos(rate * nodes), swing * np.cos(rate * nodes + 1.2)
+    field = ap.GriddedCurrent.from_arrays(
+        *(np.broadcast_to(part[:, None, None, None], (len(nodes), 1, 3, 3)) for part in (north, east)),
+        origin=(-6000.0, -6000.0), spacing=6000.0, times=nodes,
+    )  # fmt: skip
+    goal, moments = np.array([4000.0, 1000.0]), np.linspace(0.0, 20_000.0, 200_001)
+    water = np.stack([np.interp(depart + moments, nodes, part) for part in (north, east)], axis=1)
+    drift = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * (water[1:] + water[:-1]) * moments[1], axis=0)])
+    least = moments[np.argmax(np.linalg.norm(goal - drift, axis=1) <= speed * moments)]
+    env = ap.Environment(field, lower=(-6000, -6000, 0), upper=(6000, 6000, 0))
+    ends, how = ((0.0, 0.0, 0.0), (*goal, 0.0)), {"key": jax.random.key(0), "depart": depart}
+    plan = ap.plan_path(*ends, env, ap.Vehicle(speed), config=ap.PathConfig.quick(), **how)
+    assert float(plan.travel_time) == pytest.approx(least, rel=5e-4)
+
+
 @pytest.mark.parametrize("period", [40.0, 90.0])
 def test_travel_times_hold_where_the_current_changes_within_segments(period):
     """A tide of seconds, walked along the plan in steps far shorter than its segments."""

@@ -121,25 +121,22 @@ def test_slopes_of_every_arrival_match_finite_differences(kind):
 
 
 @pytest.mark.usefixtures("x64")
-def test_in_a_paced_current_slopes_take_the_times_of_look_ups_as_they_are():
-    """A path bent in a search counts the water where it leads, not that it comes there sooner or later."""
-    pace, depart = np.linspace(2.0, 2.6, len(PATH) - 1), 100.0
+@pytest.mark.parametrize("places", [None, 3])
+def test_in_a_paced_current_times_and_slopes_are_those_of_segments_in_turn(places):
+    """The pace to begin with is far off, and sweeps settle it."""
+    pace, depart = np.linspace(1.6, 3.2, len(PATH) - 1), 100.0
+    config = CONFIG.replace(quadrature=places)
 
     def travel(positions, current):
         track = Track.through(*(positions[:, axis, None] for axis in range(3)))
         env = replace(ap.Environment(tide), current=current)
-        return evaluate(track, jnp.asarray(depart), env, ap.Vehicle(), CONFIG).travel_time[0]
+        return evaluate(track, jnp.asarray(depart), env, ap.Vehicle(), config).travel_time[0]
 
-    travel = jax.jit(travel)
-    duration = np.linalg.norm(np.diff(PATH, axis=0), axis=1) / pace
-    met = (depart + np.cumsum(duration) - 0.5 * duration)[:, None]
-    # Obstacles are asked about as well, one place at a time.
-    frozen = ap.Environment(lambda x, y, z, t: tide(x, y, z, met if jnp.ndim(x) == 2 else t)).current
-    paced = PacedCurrent(ap.Environment(tide).current, pace)
-    assert travel(PATH, paced) == pytest.approx(float(travel(PATH, frozen)), rel=1e-9)
-    slope = jax.jit(jax.grad(travel))
-    slopes = (slope(PATH, current) for current in (paced, frozen))
-    np.testing.assert_allclose(*slopes, rtol=1e-6, atol=1e-9)
+    exact = ap.Environment(tide).current
+    paced, travel = PacedCurrent(exact, pace), jax.jit(travel)
+    assert travel(PATH, paced) == pytest.approx(float(travel(PATH, exact)), rel=1e-4)
+    slopes = (jax.jit(jax.grad(travel))(PATH, current) for current in (paced, exact))
+    np.testing.assert_allclose(*slopes, rtol=2e-3, atol=5e-4)
 
 
 @pytest.mark.usefixtures("x64")
