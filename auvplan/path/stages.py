@@ -568,7 +568,7 @@ def _begin(
     size: int,
     count: int,
 ) -> tuple[jax.Array, Bounds, jax.Array]:
-    """Populations [B, size, 3 n] with the best `count` of the paths found, their bounds, and what `_pace` misses."""
+    """Populations [B, size, 3 n] with the best `count` paths found, their bounds, and what `_pace` misses."""
 
     def one(
         leg: Legs, key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None
