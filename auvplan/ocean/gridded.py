@@ -40,8 +40,9 @@ class GriddedCurrent:
 
     Attributes:
         u, v, w: [T, Z, X, Y] m/s north, east, down; w is None where there is no vertical velocity.
-        water: [Z, X, Y] bool, where the data has a current; elsewhere - land, or below the sea bed - u, v and
-            w hold what the nearest water of that depth has, or else the water above.
+        water: [Z, X, Y] bool, where the data has a current. Below the last water of a column, where the sea
+            bed may lie anywhere down to the next depth, u, v and w hold what that water has; deeper, and on
+            land, what the nearest water of that depth has, or else the water above.
         origin: [2] m, north and east of node (0, 0).
         spacing: [2] m, north and east, between nodes.
         depths: [Z] m, positive down.
@@ -251,6 +252,9 @@ def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> N
             )
         elif k:
             index[:, k] = index[:, k - 1]
+        if k:
+            ends = water[k - 1] & ~wet
+            index[:, k, ends] = index[:, k - 1, ends]
     first = int(np.argmax(water.any(axis=(1, 2))))
     index[:, :first] = index[:, first, None]
     return index

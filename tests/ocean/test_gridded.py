@@ -4,6 +4,7 @@ import chex
 import jax
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 
 import auvplan as ap
 from auvplan.ocean import CurrentError, GriddedCurrent
@@ -108,13 +109,29 @@ def test_no_value_never_becomes_still_water():
     u, v, wet = lake()
     field = GriddedCurrent.from_arrays(u, v, spacing=50.0, depths=[0.0, 10.0, 40.0], times=[0.0, 600.0])
     np.testing.assert_array_equal(field.water, wet)
-    # Land has its level's nearest water, the level below the bed the water above it.
+    # Land has its level's nearest water; below the last water of a column stands that.
     np.testing.assert_array_equal(field.u[:, 0], 1.0)
-    np.testing.assert_array_equal(field.u[:, 1:], 2.0)
+    deeper = np.where(wet[0] & ~wet[1], 1.0, 2.0)
+    np.testing.assert_array_equal(field.u[:, 1:], np.broadcast_to(deeper, (2, 2, *deeper.shape)))
     assert field.fastest == pytest.approx(np.hypot(2.0, 2.0))
     x, y, z, t = np.random.default_rng(0).uniform((-50, -50, -5, -9), (650, 550, 90, 700), (300, 4)).T
     found = np.asarray(look_up(field, x, y, z, t)[0])
-    np.testing.assert_allclose(found, 1.0 + np.clip(z / 10.0, 0.0, 1.0), rtol=1e-6)
+    places = np.clip(x / 50.0, 0.0, 11.0), np.clip(y / 50.0, 0.0, 9.0)
+    share = RegularGridInterpolator((np.arange(12.0), np.arange(10.0)), deeper - 1.0)(
+        np.stack(places, axis=1)
+    )
+    np.testing.assert_allclose(found, 1.0 + share * np.clip(z / 10.0, 0.0, 1.0), rtol=1e-6)
+
+
+def test_the_last_water_of_a_column_holds_to_its_bed():
+    """A plateau of 48 m beside a trench, whose water of the next depth is none of the plateau's."""
+    depths, plateau = np.array([0.0, 10.0, 30.0, 50.0, 75.0]), np.arange(9) < 5
+    u = np.where(plateau, 0.3, -0.5)[None, None, :, None] * np.ones((1, len(depths), 9, 3))
+    u[:, 3:, plateau] = np.nan
+    field = GriddedCurrent.from_arrays(u, 0.0 * u, spacing=500.0, depths=depths)
+    x, z = np.meshgrid([0.0, 900.0, 2000.0], [25.0, 35.0, 44.0, 48.0])
+    np.testing.assert_allclose(look_up(field, x.ravel(), 500.0, z.ravel(), 0.0)[0], 0.3, rtol=1e-6)
+    np.testing.assert_allclose(look_up(field, 4000.0, 500.0, 60.0, 0.0)[0], -0.5, rtol=1e-6)
 
 
 def test_land_takes_the_nearest_water_by_metres():

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from auvplan.errors import warn
 from auvplan.io.currents.files import Array, Paths
 from auvplan.io.currents.geometry import Weights, mix
+from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, open_ocean, understood
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
@@ -24,9 +25,15 @@ Land = Callable[[Array, Array], NDArray[np.bool_]] | Literal["mesh"]
 
 #: Nodes a side of a local grid.
 MAX_NODES = 512
-#: Depths, m, onto which levels that follow the sea bed are interpolated.
+#: Depths, m, onto which levels that follow the sea bed are interpolated, and others between them.
 STANDARD_DEPTHS = (0, 2, 5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 400, 500, 750, 1000, 1500, 2000, 3000,
                    4000, 5000, 6000, 8000, 11000)  # fmt: skip
+
+#: There are others where the current between two would be off by more, m/s, as long as these are farther
+#: apart than that, m; and no more than that in all.
+_BETWEEN, _NEAREST, _MOST = 0.02, 1.0, 32
+#: Points and times by which that is judged.
+_COLUMNS, _MOMENTS = 400, 3
 
 #: By how much a grid's nodes are denser at most than the points of a source that they do not coincide with,
 #: and the most values of a component that it has then.
@@ -164,8 +171,9 @@ def read_current(
         times: first and last s since the epoch that must be covered; all of the data's by default.
         spacing: m between nodes at most, so that they fit the box. By default nodes are the source's own
             where it has even rows and columns north and east, and elsewhere up to four times as dense.
-        depths: m, rising; by default the source's levels down to the box's end and the next one, or standard
-            depths where the levels follow the sea bed.
+        depths: m, rising; by default the source's levels down to the box's end and the next one. Where they
+            follow the sea bed, standard depths and others between them: up to 32, at least 0.5 m apart, until
+            the current between two is within 0.02 m/s of the source's, or a note says how far it is off.
         outside: "refuse" what the data does not cover, or "clamp": the nearest value holds.
         land: where no current is needed: m north and east [M] to [M] bool, as of a chart, or "mesh" for
             wherever the data is a mesh and has no cells; by default nowhere.
@@ -198,7 +206,7 @@ def read_current(
         grid = box.grid(_step(box, spacing))
         if grid.weights.outside.any():
             _check_cover(box, grid, land)
-        wanted = _depths(box, depths)
+        wanted = _depths(box, grid, frames, depths)
         if spacing is None:
             values = grid.weights.outside.size * len(wanted) * (frames.stop - frames.start)
             denser = float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
@@ -325,7 +333,7 @@ def _source_grid(box: _Box) -> _Grid | None:
     return grid if len(nearest) and (nearest >= 1.0 - 2.0 * _OFF).all() else None
 
 
-def _depths(box: _Box, depths: ArrayLike | None) -> Array:
+def _depths(box: _Box, grid: _Grid, frames: slice, depths: ArrayLike | None) -> Array:
     """Depths of the local grid, m."""
     if depths is not None:
         wanted = np.atleast_1d(np.asarray(depths, float))
@@ -336,7 +344,57 @@ def _depths(box: _Box, depths: ArrayLike | None) -> Array:
     levels = np.asarray(STANDARD_DEPTHS, float) if known is None else known
     if known is not None and deepest > levels[-1]:
         box.notes.append(f"below {levels[-1]:g} m the deepest level is extrapolated")
-    return levels[: int(np.searchsorted(levels, deepest)) + 1]
+    levels = levels[: int(np.searchsorted(levels, deepest)) + 1]
+    return levels if known is not None else _between(box, levels, _columns(box.source, grid, frames))
+
+
+def _columns(source: OceanData, grid: _Grid, frames: slice) -> tuple[Array, Array, Array]:
+    """Return east and north [2, K, C] m/s, depths [K, C] m and the sea bed [C] m of some of the columns."""
+    points = np.unique(grid.weights.index)
+    points = points[:: -(-len(points) // _COLUMNS)]
+    found = []
+    for frame in np.unique(np.linspace(frames.start, frames.stop - 1, _MOMENTS).astype(int)):
+        window = source.geometry.window(points)
+        block = source.part(slice(frame, frame + 1), window).block
+        chosen = window.index
+        assert block.floor is not None
+        current = np.stack([block.east[0][:, chosen], block.north[0][:, chosen]])
+        found.append((current, block.depths[0][:, chosen], block.floor[0][chosen]))
+    current, depths, floor = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    return current, depths, floor
+
+
+def _between(box: _Box, depths: Array, columns: tuple[Array, Array, Array]) -> Array:
+    """Return depths [D] m, and others between them where the current of columns needs them.
+
+    A column's current is taken to be that of its last depth with water from there down to its sea bed.
+    """
+    current, levels, floor = columns
+    # The last level's value holds to the bed.
+    there = np.isfinite(current).all(axis=0) & np.isfinite(levels)
+    last = np.where(there, np.arange(len(levels))[:, None], 0).max(axis=0)
+    places = np.concatenate([np.where(there, levels, np.nan), floor[None]])
+    values = np.concatenate([current, np.take_along_axis(current, last[None, None], axis=1)], axis=1)
+    while True:
+        found = np.stack([at_depth(tuple(current), levels, np.full(1, d), floor) for d in depths], axis=1)
+        dry = np.isnan(found)
+        found[:, 1:] = np.where(dry[:, 1:] & ~dry[:, :-1], found[:, :-1], found[:, 1:])
+        k = np.clip(np.searchsorted(depths, np.nan_to_num(places)) - 1, 0, len(depths) - 2)
+        share = (places - depths[k]) / (depths[k + 1] - depths[k])
+        upper, lower = (np.take_along_axis(found, index[None], axis=1) for index in (k, k + 1))
+        off = np.linalg.norm((1.0 - share) * upper + share * lower - values, axis=0)
+        worst = np.zeros(len(depths) - 1)
+        np.maximum.at(worst, k, np.where((share <= 1.0) & np.isfinite(off), off, 0.0))
+        wanting = np.flatnonzero((worst > _BETWEEN) & (np.diff(depths) > _NEAREST))
+        wanting = wanting[np.argsort(-worst[wanting], kind="stable")][: _MOST - len(depths)]
+        if not len(wanting):
+            break
+        depths = np.sort(np.concatenate([depths, 0.5 * (depths[wanting] + depths[wanting + 1])]))
+    if (most := float(worst.max())) > 2.0 * _BETWEEN:
+        box.notes.append(
+            f"between the {len(depths)} depths that were read the current is off by up to {most:.2f} m/s"
+        )
+    return depths
 
 
 def _gridded(

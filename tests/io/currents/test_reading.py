@@ -15,8 +15,12 @@ from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
 from tests.io.currents.samples import (
     BOX,
+    DIMS,
+    EAST,
+    HOURS,
     LAT,
     LON,
+    NORTH,
     PLACE,
     SITE,
     START,
@@ -145,6 +149,43 @@ def test_where_rows_are_not_even_nodes_are_denser():
     data = regular(lat=lat)
     found = read_current(data, SITE, **BOX)
     assert found.spacing == pytest.approx((4000 / 29, 3000 / 22), rel=0.03)
+
+
+def layers(thick):
+    """Water to the north above 31 m and to the south below, on 40 levels that follow a bed of 45 to 52 m."""
+    sigma, longitude, latitude = (
+        (np.arange(40) + 0.5) / 40.0 - 1.0,
+        LON + 0.01 * np.arange(8),
+        LAT + 0.01 * np.arange(6),
+    )
+    floor = np.broadcast_to(45.0 + np.arange(8.0), (6, 8))
+    depth = -sigma[:, None, None] * floor
+    north = np.interp(depth, [31.0, 31.0 + thick], [0.4, -0.3])[None]
+    dims = "time", "sigma", *DIMS[2:]
+    return xr.Dataset(
+        {"uo": (dims, 0.0 * north, EAST), "vo": (dims, north, NORTH), "h": (dims[2:], floor, {"units": "m"})},
+        {"time": ("time", [0.0], HOURS), "latitude": latitude, "longitude": longitude,
+         "sigma": ("sigma", sigma, {"standard_name": "ocean_sigma_coordinate", "positive": "up"})},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("thick", [5.0, 12.0])
+def test_between_depths_the_current_is_the_files_down_to_the_bed(thick):
+    """Standard depths alone, 30 and 50 m, would miss the lower layer."""
+    found = read_current(layers(thick), SITE, lower=(-1500, -1000, 0), upper=(1500, 1000, 44))
+    rng = np.random.default_rng(4)
+    x, y, z = rng.uniform((-1500, -1000, 0), (1500, 1000, 44.9), (400, 3)).T
+    longitude, latitude = SITE.to_geographic(x, y)
+    with found.source as source:
+        east, north, _ = source.at(longitude, latitude, z, START)
+    assert np.hypot(found.field(x, y, z, 0.0)[0] - north, found.field(x, y, z, 0.0)[1] - east).max() < 0.05
+    assert len(found.field.depths) <= 32
+    assert not any("off by" in note for note in found.notes)
+
+
+def test_depths_that_were_asked_for_are_kept():
+    found = read_current(layers(5.0), SITE, depths=[0.0, 30.0, 50.0], **BOX)
+    np.testing.assert_array_equal(found.field.depths, [0.0, 30.0, 50.0])
 
 
 def test_levels_reach_beyond_the_box():
