@@ -113,28 +113,26 @@ def _bounds(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[j
     Raises:
         ValueError: they are not bounds of one search, or integers that JAX's type of them does not hold.
     """
-    if any(isinstance(part, Tracer) for part in jax.tree.leaves((lower, upper))):
-        low, high = jnp.asarray(lower), jnp.asarray(upper)
-        _require_vectors(low.shape, high.shape)
-        return low, high.astype(low.dtype)
-    ends = np.asarray(lower), np.asarray(upper)
-    _require_vectors(*(end.shape for end in ends))
-    if all(end.dtype.kind in "iu" for end in ends):
-        kind = jax.dtypes.canonicalize_dtype(int)
+    traced = any(isinstance(part, Tracer) for part in jax.tree.leaves((lower, upper)))
+    low, high = ((jnp if traced else np).asarray(end) for end in (lower, upper))
+    _require_vectors(low.shape, high.shape)
+    whole = all(jnp.issubdtype(end.dtype, jnp.integer) for end in (low, high))
+    kind = jax.dtypes.canonicalize_dtype(int) if whole else jnp.result_type(low, high)
+    if traced:
+        return jnp.asarray(low, kind), jnp.asarray(high, kind)
+    if whole:
         least, most = int(jnp.iinfo(kind).min), int(jnp.iinfo(kind).max)
-        for low, high in zip(*(end.tolist() for end in ends), strict=True):
-            if low < least or high >= most or high - low >= most:
-                few = f"integers from {low} to {high} are more than {kind} holds: shift or scale them"
+        for first, last in zip(low.tolist(), high.tolist(), strict=True):
+            if first < least or last >= most or last - first >= most:
+                few = f"integers from {first} to {last} are more than {kind} holds: shift or scale them"
                 raise ValueError(few)
-    else:
-        kind = jax.dtypes.canonicalize_dtype(ends[0].dtype)
     with np.errstate(over="ignore"):  # what is too large for the type is infinite in it
-        low, high = (end.astype(jax.dtypes.canonicalize_dtype(end.dtype)) for end in ends)
+        low, high = low.astype(kind), high.astype(kind)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise ValueError("bounds must be finite")
     if not (low <= high).all():
         raise ValueError("lower bounds must not exceed upper bounds")
-    return jnp.asarray(ends[0], kind), jnp.asarray(ends[1], kind)
+    return jnp.asarray(low), jnp.asarray(high)
 
 
 def _require_vectors(low: tuple[int, ...], high: tuple[int, ...]) -> None:
@@ -379,8 +377,8 @@ def minimize(
     Args:
         fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]); any JAX function. It is
             compiled again once what it reads from around it has changed: pass what changes often in `args`.
-        lower: [D] inclusive lower bounds; integer bounds make an integer search.
-        upper: [D] inclusive upper bounds.
+        lower: [D] inclusive lower bounds.
+        upper: [D] inclusive upper bounds; where both are integers, it is an integer search.
         key: PRNG key, consumed; the same key gives the same result.
         config: settings; defaults to `BBOConfig()`, 10,100 evaluations.
         args: pytrees passed on to `fun`.

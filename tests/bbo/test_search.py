@@ -361,6 +361,18 @@ def test_integers_of_any_type_are_searched_within_their_bounds(kind, lower, uppe
     assert lower <= int(found.x[0]) <= upper
 
 
+@pytest.mark.parametrize(("lower", "upper"), [(0, 2.5), (0.0, 3), (0, 3)])
+@pytest.mark.parametrize("traced", [False, True])
+def test_integers_are_searched_only_where_both_bounds_are_integers(lower, upper, traced):
+    def least(low, high):
+        return bbo.minimize(lambda x: ((x - 1.3) ** 2).sum(axis=1), low, high, key=jax.random.key(0)).x
+
+    whole = isinstance(lower, int) and isinstance(upper, int)
+    found = (jax.jit(least) if traced else least)(np.full(2, lower), np.full(2, upper))
+    assert jnp.issubdtype(found.dtype, jnp.integer) == whole
+    np.testing.assert_allclose(found, 1.0 if whole else 1.3, atol=0.01)
+
+
 @pytest.mark.parametrize(("lower", "upper"), [(0, 2**31 - 1), (-(2**31), 5), (-(2**30), 2**30)])
 def test_more_integers_than_are_counted_are_refused(lower, upper):
     with pytest.raises(ValueError, match=f"integers from {lower} to {upper} are more than int32 holds"):
