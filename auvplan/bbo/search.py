@@ -22,6 +22,9 @@ from auvplan.runtime.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 
+#: A habitat [D] with its cost and violation.
+Habitat = tuple[jax.Array, jax.Array, jax.Array]
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -66,7 +69,8 @@ class Result:
     """What `minimize` found.
 
     Attributes:
-        x: [D], the best habitat; of `minimize` one without violation where any was met.
+        x: [D], the best habitat of the last population; of `minimize` the best that was met, one without
+            violation where there was any.
         cost: its cost.
         violation: its violation.
         state: the last population, to start from again.
@@ -284,8 +288,8 @@ def run(
         period: iterations between two memetic steps; the first comes before the first iteration.
         iterations: how many to make, at most those of the settings; None for these. Later rows of the history
             are zero.
-        feasible: whether a best habitat with a violation is replaced, in the result, by the best candidate
-            that had none.
+        feasible: whether the result is the best habitat that was met, one without a violation where there was
+            any, in place of the best of the last population.
         stop: cost at which the search ends, met without a violation; None to make all iterations. Rows of the
             history after the end repeat the last.
     """
@@ -309,25 +313,27 @@ def run(
             tell(state, candidates, *scored, config),
         )
         if feasible:
-            kept = _better_feasible(kept, candidates, *scored)
+            kept = _better(_best(candidates, *scored), kept)
         return state, jax.tree.map(lambda rows, row: rows.at[k].set(row), rows, statistics(state)), kept
 
     def improved(state: State) -> State:
         found = improve(state.population, *args)  # type: ignore[misc]
         return _take_in(state, found, *evaluate(fun, found, *args))
 
+    def answer(state: State, kept: Any) -> Habitat:
+        best = state.population[0], state.cost[0], state.violation[0]
+        return _better(kept, best) if feasible else best
+
     last = config.iterations if iterations is None else iterations
-    none: Any = (population[0], jnp.full_like(unknown.cost[0], jnp.inf)) if feasible else ()
+    none: Any = (population[0], unknown.cost[0], unknown.violation[0]) if feasible else ()
     if stop is None:
         state, history, kept = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows, none))
     else:
 
         def unmet(at: tuple[jax.Array, Any]) -> jax.Array:
             k, (state, _, kept) = at
-            met = (state.cost[0] <= stop) & (state.violation[0] == 0.0)
-            if feasible:
-                met |= kept[1] <= stop
-            return (k <= last) & ~met
+            _, cost, violation = answer(state, kept)
+            return (k <= last) & ~((cost <= stop) & (violation == 0.0))
 
         end, (state, history, kept) = jax.lax.while_loop(
             unmet,
@@ -336,22 +342,26 @@ def run(
         )
         row = jnp.minimum(jnp.arange(config.iterations + 1), end - 1)
         history = jax.tree.map(lambda values: values[row], history)
-    x, cost, violation = state.population[0], state.cost[0], state.violation[0]
-    if feasible:
-        instead = (violation != 0.0) & jnp.isfinite(kept[1])
-        found = (*kept, jnp.zeros_like(violation))
-        x, cost, violation = jax.tree.map(partial(jnp.where, instead), found, (x, cost, violation))
-    return Result(x, cost, violation, state, history)
+    return Result(*answer(state, kept), state, history)
 
 
-def _better_feasible(
-    kept: tuple[jax.Array, jax.Array], candidates: jax.Array, cost: jax.Array, violation: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Return the best habitat without a violation so far and its cost, infinite where there is none."""
-    cost = jnp.where(violation == 0.0, cost, jnp.inf)
-    new = jnp.argmin(cost)
-    better = cost[new] < kept[1]
-    return jnp.where(better, candidates[new], kept[0]), jnp.where(better, cost[new], kept[1])
+def _free(cost: jax.Array, violation: jax.Array) -> jax.Array:
+    """Whether habitats have a finite cost and no violation."""
+    return (violation == 0.0) & jnp.isfinite(cost)
+
+
+def _best(population: jax.Array, cost: jax.Array, violation: jax.Array) -> Habitat:
+    """Return the best habitat of a population in any order."""
+    free = _free(cost, violation)
+    best = jnp.argmin(jnp.where(free | ~free.any(), cost, jnp.inf))
+    return population[best], cost[best], violation[best]
+
+
+def _better(one: Habitat, other: Habitat) -> Habitat:
+    """Return the better of two habitats, the other where they are equal."""
+    free, other_free = _free(*one[1:]), _free(*other[1:])
+    better = jnp.where(free == other_free, one[1] < other[1], free)
+    return jax.tree.map(partial(jnp.where, better), one, other)
 
 
 def minimize(
@@ -370,9 +380,8 @@ def minimize(
     It may be called inside `jax.jit` and `jax.vmap`, where values of bounds are not checked.
 
     The cost alone steers the search: what a violation is worth has to be part of it, as a penalty, or the
-    search leads away from what is feasible. Where the habitat of least cost has a violation, the answer is
-    the best one that was ever met without any; where none was met, it is the habitat of least cost, with its
-    `violation`.
+    search leads away from what is feasible. The answer is the habitat of least cost that was ever met without
+    a violation; where none was met, it is that of least cost of all, with its `violation`.
 
     Args:
         fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]); any JAX function. It is

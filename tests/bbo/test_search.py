@@ -334,6 +334,29 @@ def test_the_answer_violates_nothing_where_any_habitat_did_not():
     np.testing.assert_allclose(float(result.cost), float((result.x**2).sum()), rtol=1e-6)
 
 
+@pytest.mark.parametrize("upper", [UPPER, np.array([0.5, *UPPER[1:]], np.float32)])
+@pytest.mark.parametrize(("weight", "stop"), [(0.0, None), (3.0, 0.0), (3.0, None)])
+@pytest.mark.parametrize("elites", [0, 1])
+def test_the_answer_is_the_best_that_was_met_even_where_no_elite_keeps_it(upper, weight, stop, elites):
+    """Every habitat that is scored is written down; with an upper bound of 0.5 none is without violation."""
+    met = []
+
+    def noted(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+        cost, violation = penalised(x, weight)
+        jax.debug.callback(lambda *scored: met.append(np.stack(scored)), cost, violation)
+        return cost, violation
+
+    config = SMALL.replace(elites=elites, replacement="generational", mutation_max=0.5)
+    found = minimize(noted, LOWER, upper, key=jax.random.key(5), config=config, stop=stop)
+    jax.effects_barrier()
+    cost, violation = np.concatenate(met, axis=1)
+    assert len(cost) == config.population * (config.iterations + 1)
+    kept = violation == 0.0 if upper[0] > 1.0 else np.isfinite(cost)
+    assert float(found.cost) == cost[kept].min()
+    assert (float(found.violation) == 0.0) == (upper[0] > 1.0)
+    assert penalised(found.x[None], weight)[0][0] == pytest.approx(float(found.cost), rel=1e-6)
+
+
 def test_without_a_feasible_habitat_the_answer_is_of_least_cost():
     config = SMALL.replace(iterations=60)
     below = np.array([0.5, *UPPER[1:]], np.float32)
