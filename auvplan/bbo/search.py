@@ -120,6 +120,9 @@ def _bounds(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[j
     traced = any(isinstance(part, Tracer) for part in jax.tree.leaves((lower, upper)))
     low, high = ((jnp if traced else np).asarray(end) for end in (lower, upper))
     _require_vectors(low.shape, high.shape)
+    for end in (low, high):
+        if not (jnp.issubdtype(end.dtype, jnp.integer) or jnp.issubdtype(end.dtype, jnp.floating)):
+            raise ValueError(f"bounds must be integers or real numbers, got {end.dtype}")
     whole = all(jnp.issubdtype(end.dtype, jnp.integer) for end in (low, high))
     kind = jax.dtypes.canonicalize_dtype(int) if whole else jnp.result_type(low, high)
     if traced:
@@ -295,8 +298,8 @@ def run(
     """
     chex.assert_shape(population, (config.population, lower.shape[0]))
     keys = jax.random.split(key, max(config.iterations, 1))
-    kinds = jax.eval_shape(partial(evaluate, fun), population, *args)
-    unknown = State(population, *(jnp.full(kind.shape, jnp.inf, kind.dtype) for kind in kinds))
+    cost, violation = jax.eval_shape(partial(evaluate, fun), population, *args)
+    unknown = State(population, jnp.full_like(cost, jnp.inf), jnp.ones_like(violation))
     rows = jax.tree.map(lambda row: jnp.zeros((config.iterations + 1,), row.dtype), statistics(unknown))
 
     def generation(k: jax.Array, carry: tuple[State, History, Any]) -> tuple[State, History, Any]:

@@ -173,7 +173,8 @@ def travel_time(
     check_moment("depart", depart)
     points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
-        raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")
+        wanted = "[S, 3] m, north, east and depth, at least two"
+        raise ValueError(f"points must be {wanted}, got shape {points.shape}")
     config = timed(PathConfig(speed_reading=speed_reading), env.current)
     vehicle = (vehicle or Vehicle()).without_power()
     return _time_along(points, env, vehicle, jnp.asarray(depart, float), config)

@@ -300,6 +300,9 @@ def test_bad_arguments_are_refused() -> None:
         minimize(sphere, UPPER, LOWER, key=key)
     with pytest.raises(ValueError, match="population must be"):
         minimize(sphere, LOWER, UPPER, key=key, config=SMALL, population=np.zeros((21, 6)))
+    for bounds in (([False] * 3, [True] * 3), ([0] * 3, [True] * 3), ([0] * 3, ["a"] * 3)):
+        with pytest.raises(ValueError, match=r"bounds must be integers or real numbers, got (bool|<U1)"):
+            minimize(sphere, *bounds, key=key)
     for fun in (lambda x: (x**2).sum(), lambda x: (sphere(x), 0.0)):
         with pytest.raises(ValueError, match=r"must return \[20\], got shape \(\): jax.vmap"):
             minimize(fun, LOWER, UPPER, key=key, config=SMALL)
@@ -394,6 +397,17 @@ def test_integers_are_searched_only_where_both_bounds_are_integers(lower, upper,
     found = (jax.jit(least) if traced else least)(np.full(2, lower), np.full(2, upper))
     assert jnp.issubdtype(found.dtype, jnp.integer) == whole
     np.testing.assert_allclose(found, 1.0 if whole else 1.3, atol=0.01)
+
+
+@pytest.mark.parametrize("kind", [int, bool])
+def test_costs_and_violations_may_be_integers(kind):
+    """Without warnings, which fail a test."""
+    key, low, high = jax.random.key(0), [-5, -5], [5, 5]
+    assert float(minimize(lambda x: (x**2).sum(axis=1), low, high, key=key, config=SMALL).cost) == 0.0
+    found = minimize(
+        lambda x: ((x**2).sum(axis=1), (x[:, 0] < 2).astype(kind)), low, high, key=key, config=SMALL
+    )
+    np.testing.assert_array_equal([found.cost, *found.x], [4, 2, 0])
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0, 2**31 - 1), (-(2**31), 5), (-(2**30), 2**30)])
