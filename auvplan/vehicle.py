@@ -56,7 +56,8 @@ class Vehicle:
         speed: |v|, m/s through the water (2.5, chosen here).
         surge_max: u_max, m/s, limit on the ground speed along the track.
         sway_max: v_max, m/s, limit on the current across the track.
-        turn_rate_max: rad/s, limit on the change of yaw between samples.
+        turn_rate_max: rad/s, limit on the rate at which the course over ground turns between samples; in a
+            current the hull may turn faster.
         pitch_max: rad, limit on the pitch theta of the hull, nose up or down; None for no limit.
         climb_rate_max: m/s, limit on the vertical speed over ground upwards; None for no limit.
         dive_rate_max: m/s, the same downwards.

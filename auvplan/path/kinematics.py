@@ -278,7 +278,7 @@ _ARCTANGENT = (
 
 
 def turn_rate(dx: jax.Array, dy: jax.Array, duration: jax.Array) -> jax.Array:
-    """Compute the change of yaw per second at the start of each segment, [S - 1, P] rad/s; the first is zero.
+    """Compute the turn rate of the course at the start of each segment, [S - 1, P] rad/s; the first is zero.
 
     It is the angle between two segments, at most pi, over the time between their middles.
 

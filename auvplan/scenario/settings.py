@@ -289,7 +289,7 @@ class VehicleSettings(Section):
     )
     surge_max: Positive = setting(5.0, "m/s, of the ground speed along the track")
     sway_max: Positive = setting(1.5, "m/s, of the current across the track")
-    turn_rate_max: Positive = setting(0.1, "rad/s")
+    turn_rate_max: Positive = setting(0.1, "rad/s, of the course over ground")
     pitch_max: PitchLimit | None = optional(
         "rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), paper 'none'"
     )

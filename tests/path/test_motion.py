@@ -42,6 +42,21 @@ def test_crabbing_in_closed_form():
     np.testing.assert_allclose(motion.body_velocity, [[1.6, 1.2, 0.0]], atol=1e-12)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_the_hull_turns_faster_than_the_course_in_a_following_current(share):
+    """By ground speed over speed through the water along the track: at most 1 + share, the current astern."""
+    bearing = np.linspace(0.0, 2.0 * np.pi, 2000)
+    way = np.stack([np.cos(bearing), np.sin(bearing), np.zeros(2000)], axis=1)
+    water = np.tile([share * SPEED, 0.0, 0.0], (2000, 1))
+    motion = Motion.along("track", SPEED, way, water)
+    hull, course = (np.diff(np.unwrap(angle)) for angle in (motion.yaw, motion.course))
+    over_ground = np.linalg.norm(motion.ground_velocity, axis=1)
+    along = ((motion.ground_velocity - water) * way).sum(axis=1)
+    ratio = over_ground / along
+    np.testing.assert_allclose(hull / course, 0.5 * (ratio[1:] + ratio[:-1]), rtol=1e-3, atol=1e-3)
+    assert (hull / course).max() == pytest.approx(1.0 + share, rel=1e-4)
+
+
 def test_drifting_in_closed_form():
     """The same in Eq. 8's reading: the nose along the segment, carried off it to the east."""
     motion = Motion.along("eq8", SPEED, [[100.0, 0.0, 0.0]], [[0.0, 1.5, 0.0]])
