@@ -43,7 +43,8 @@ def offer_speeds(mission: Mission, known: Mapping[float, Array]) -> None:
     if chosen is None:
         chosen = np.full(base.adjacency.shape, int(np.abs(speeds - context.speed).argmin()))
     mission.chosen = chosen = options.passable(chosen)
-    open_ = np.isfinite(options.least).any(axis=0)
+    # Estimates may know times of edges that have left the graph since, or were never offered.
+    open_ = mission.graph.adjacency & np.isfinite(options.least).any(axis=0)
     mission.timed = replace(base, adjacency=open_, options=options).at_speeds(chosen)
 
 

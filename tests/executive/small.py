@@ -15,6 +15,9 @@ SMALL = {
     "planning": {"t_series": 3, "effort": "plain"},
 }
 
+#: A power model with as much energy as the small mission may ask for.
+POWER = {"hotel": 40, "propulsion": {"constant": 8, "factor": 12}, "battery": {"capacity": 2000}}
+
 
 def scenario(**sections) -> Scenario:
     """The small mission with whole sections replaced."""

@@ -13,7 +13,8 @@ from auvplan.executive import legs, loop
 from auvplan.executive.route_calls import effort, time_edges
 from auvplan.io.results import to_dataset
 from auvplan.mission import time_to_go
-from tests.executive.small import SMALL, light_config, light_routes, planning, scenario
+from tests.executive.small import POWER, SMALL, light_config, light_routes, planning, scenario
+from tests.executive.tide import channel_with
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -138,11 +139,20 @@ def test_a_refused_edge_keeps_the_time_of_its_path(kind):
         assert mission.timed.travel_time[i, j] == 9000.0
 
 
-def test_an_edge_barred_for_good_does_not_come_back():
-    mission = start_mission(scenario())
-    mission.graph = mission.graph.without_edges([(0, int(np.argmax(mission.graph.adjacency[0])))])
-    time_edges([mission])
-    assert not (mission.timed.adjacency & ~mission.graph.adjacency).any()
+@pytest.mark.parametrize("clock", [False, True])
+@pytest.mark.parametrize("power", [None, POWER])
+def test_an_edge_barred_for_good_does_not_come_back(clock, power):
+    settings, area = channel_with(planning={"departures": 3}) if clock else (scenario(), None)
+    context = loop.make_context(settings.with_({"vehicle.power": power}), ".", area)
+    assert context.by_clock == clock
+    mission = loop.start_mission(context, 0, jax.random.key(3), 3)
+    barred = 0, int(np.argmax(mission.graph.adjacency[0]))
+    for cause in ("start", "refused", ""):
+        mission.cause = cause
+        time_edges([mission])
+        assert mission.timed.adjacency[barred] == (cause == "start")
+        assert not (mission.timed.adjacency & ~mission.graph.adjacency).any()
+        mission.graph = mission.graph.without_edges([barred])
 
 
 def test_the_rest_of_a_route_is_kept_while_it_fits():

@@ -1,16 +1,19 @@
 """Survey lines that are executed whole or not at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auvplan.executive import plan_scenario
 from auvplan.executive.context import make_context
 from auvplan.executive.loop import seed_keys, start_mission
-from auvplan.executive.route_calls import plan_routes
+from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, edges_off_lines
 from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
-from tests.executive.small import SMALL, scenario
+from tests.executive.small import POWER, SMALL, scenario
+from tests.executive.tide import tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -58,3 +61,31 @@ def test_a_line_that_cannot_be_finished_is_left():
     assert not mission.ended
     assert last not in mission.rest
     assert mission.rest[-1] == mission.run.goal
+
+
+@pytest.fixture(params=["still", "by the clock, with power"])
+def start(request):
+    """What a mission begins with: in still water, or in a stream from files with a model of its power."""
+    if request.param == "still":
+        return settings("whole", 5000.0), OperatingArea(jobs=JOBS)
+    return settings("whole", 5000.0).with_({"vehicle.power": POWER}), replace(tidal_area(0.0, 0.0), jobs=JOBS)
+
+
+def test_ways_off_a_line_stay_shut_and_a_line_is_offered_once(start):
+    mission = start_mission(make_context(start[0], None, start[1]), 0, prng.single(seed_keys([0]))[0], 0)
+    names, mission.cause = mission.run.names, "start"
+    time_edges([mission])
+    off = edges_off_lines(names, np.asarray(mission.run.graph.adjacency))
+    assert off
+    assert not any(mission.timed.adjacency[edge] for edge in off)
+    plan_routes([mission])
+    assert mission.run.routes[0].priority == pytest.approx(5.0)
+    begin, first, middle, last = (names.index(name) for name in ("start", "line[1]", "line[2]", "line[3]"))
+    end = max((first, last), key=mission.rest.index)
+    mission.here, mission.step, mission.visited = end, mission.rest.index(end), {begin, first, middle, last}
+    mission.graph = mission.graph.without_waypoints({begin, first, middle, last} - {end})
+    mission.now, mission.cause = 2000.0, "late"
+    time_edges([mission])
+    plan_routes([mission])
+    assert mission.run.routes[-1].cause == "late"
+    assert mission.run.routes[-1].priority <= 1.0, "the buoy alone is left"
