@@ -27,6 +27,9 @@ FLOW_UNITS = 10**6
 EDGES_PER_NODE = 12
 MOST_STEPS = 1e6
 
+#: Share of all priority that single precision tells apart together with the time of a route.
+RESOLVED = 2.0**-12
+
 
 def upper_bound(
     leg_times: Any,
@@ -295,6 +298,41 @@ class _Program:
                 break
             rows, limits = [*rows, *found], [*limits, np.zeros(csr_matrix(vstack(found)).shape[0])]
         return rounded_down(best + 1e-9 * (1.0 + best), self.profit)
+
+
+def least_difference(
+    leg_times: Array,
+    priority: Array,
+    ends: tuple[int, int],
+    time_available: float,
+    drops: Array | None = None,
+) -> float:
+    """Return by how much the total priorities of two routes in time differ at least, if they do.
+
+    Where priorities have no `common_step`, or a very small one, that is what single precision resolves beside
+    the time, and no more than the least priority of an edge.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+        priority: [N, N] rho_ij >= 0.
+        ends: start and goal, indices.
+        time_available: T, s.
+        drops: [N, N, F] by which priorities fall, one after the other; None where none does.
+
+    Returns:
+        The difference; infinite where no edge that a route in time can take has a task.
+    """
+    edges = edges_in_time(leg_times, *ends, time_available)
+    worth = priority[edges][:, None]
+    if drops is not None:
+        fallen = np.maximum(worth - np.cumsum(drops[edges], axis=1), 0.0)
+        worth = np.hstack([worth, np.where(fallen > 1e-9 * worth, fallen, 0.0)])
+    values = worth[worth > 0.0]
+    if not len(values):
+        return np.inf
+    most = np.zeros(len(priority))
+    np.maximum.at(most, edges[1], worth[:, 0])
+    return float(min(values.min(), max(common_step(values), RESOLVED * most.sum())))
 
 
 def common_step(values: Any) -> float:

@@ -20,7 +20,8 @@ class MissionConfig:
         decoder: "rate", "timely" or "paper", see `auvplan.mission.decoder`.
         objective: "priority" or "eq15", see `auvplan.mission.objective`.
         rate_weight: what an edge of average rate adds to a SIV at most ("rate" only).
-        time_weight: w of "priority", what T_available is worth as a share of the largest priority, in [0, 1).
+        time_weight: w of "priority", what T_available is worth at most as a share of the largest priority, in
+            [0, 1). It is never worth so much that priority is given up for time.
         phi1: Phi_1 of "eq15", per second; the paper gives no value.
         phi2: Phi_2 of "eq15"; the paper gives no value.
         plant: whether the search starts with the shortest, the greediest and a known route among its

@@ -33,6 +33,7 @@ class Missions:
         return_margin: [B] share by which the path to the goal is taken to last longer than expected.
         given: [B, P, D] habitats to start from, of which the first ones are used.
         known: [B, N] routes to start from, padded with -1; all -1 where there is none.
+        least_difference: [B] in total priority, as `Problem` has it.
         energy_available: [B] J; None where it is not limited.
     """
 
@@ -44,6 +45,7 @@ class Missions:
     return_margin: Any
     given: Any
     known: Any
+    least_difference: Any
     energy_available: Any = None
 
 
@@ -56,14 +58,14 @@ def search_missions(
     Rows of histories after the iterations to be made are zero.
 
     Returns:
-        Results, decoded best habitats [B, 1, ...] or, where speeds are free, all [B, P, ...], best first, and
-        least times to the goal [B] s.
+        Results, decoded habitats [B, P, ...], best first, of "eq15" the best alone [B, 1, ...], and least
+        times to the goal [B] s.
     """
 
     def one(key: jax.Array, mission: Missions) -> tuple[search.Result, decoders.Decoded, jax.Array]:
         ends, given = (mission.start, mission.goal), mission.given
         limits = mission.time_available, mission.visited, mission.return_margin, mission.energy_available
-        problem = prepare(mission.edges, *ends, *limits)
+        problem = prepare(mission.edges, *ends, *limits, mission.least_difference)
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
         decoded = partial(decoders.decode, decoder=config.decoder, rate_weight=config.rate_weight)
@@ -87,7 +89,7 @@ def search_missions(
             config.local_period,
             iterations,
         )
-        shown = result.x[None] if problem.levels is None else result.state.population
+        shown = result.x[None] if config.objective == "eq15" else result.state.population
         return result, decoded(shown, problem), problem.time_to_go[mission.start]
 
     return over_rows(one)(keys, missions)

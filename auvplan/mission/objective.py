@@ -26,12 +26,13 @@ def total_priority(
 ) -> jax.Array:
     """Cost [P] of the aim of section 3.3.1: most total priority, ties to the shorter mission.
 
-    cost = -sum(rho) + w rho_max T_Mission / T_available; a route that does not arrive costs N rho_max, more
-    than any that does.
+    cost = -sum(rho) + min(w rho_max, d / 2) T_Mission / T_available, d the least difference in total priority
+    (`Problem.least_difference`): none is given up for time. A route that does not arrive costs N rho_max,
+    more than any that does.
 
     Args:
-        time_weight: w < 1, what the whole of T_available is worth, as a share of the largest priority. A
-            difference in total priority below it may be given up for a shorter mission.
+        time_weight: w < 1, what the whole of T_available is worth at most, as a share of the largest
+            priority.
         saves: "energy" for ties to the mission of least energy, where it is limited and speeds are free: what
             is available takes the place of T_available.
 
@@ -83,8 +84,8 @@ def _largest_priority(problem: Problem) -> jax.Array:
 
 def _price(problem: Problem, time_weight: float, available: jax.Array) -> jax.Array:
     """Return what `total_priority` asks for a second, or a joule, of what is available."""
-    available = jnp.where(available > 0.0, available, 1.0)
-    return time_weight * _largest_priority(problem) / available
+    worth = jnp.minimum(time_weight * _largest_priority(problem), 0.5 * problem.least_difference)
+    return worth / jnp.where(available > 0.0, available, 1.0)
 
 
 def _finite(leg_times: jax.Array) -> jax.Array:

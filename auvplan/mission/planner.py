@@ -12,6 +12,7 @@ import numpy as np
 
 from auvplan.mission import decoder as decoders
 from auvplan.mission import labels
+from auvplan.mission.bound import least_difference
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import Missions, search_within
 from auvplan.mission.exact import certify
@@ -284,6 +285,9 @@ def plan_missions(
     else:
         graphs = _at_fastest(graphs)
         legs = graphs.leg_times(1.0)
+    open_legs = np.where(closed[:, None, :], np.inf, legs)
+    asked = _Asked(graphs, open_legs, goals, available, margins)
+    differs = asked.least_differences(starts)
     more = next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1]) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
@@ -308,6 +312,7 @@ def plan_missions(
         margins.astype(np.float32),
         np.insert(given, [size] * more, 0, axis=2),
         np.pad(known, row, constant_values=-1),
+        differs.astype(np.float32),
         None if options is None else energy.astype(np.float32),
     )
     if options is not None and options.speeds.shape[-1] > 1:
@@ -319,11 +324,11 @@ def plan_missions(
     found[..., 0] = np.resize(starts, len(found))[:, None]
     result, least = jax.tree.map(lambda leaf: leaf[:batch], (result, least))
     population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
-    result, nodes = replace(result, state=replace(result.state, population=population)), found[:batch, 0]
-    open_legs = np.where(closed[:, None, :], np.inf, legs)
-    asked = _Asked(graphs, open_legs, goals, available, margins)
+    result = replace(result, state=replace(result.state, population=population))
     if options is not None:
         return _collect(result, found, np.asarray(least), asked, _Choice(energy, levels, config.saves))
+    rows, chosen = np.arange(batch), _richest(best, differs)
+    result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     return _collect(result, nodes, np.asarray(least), asked)
@@ -354,6 +359,17 @@ class _Asked(NamedTuple):
         here, there = nodes[:, :-1], nodes[:, 1:]
         return np.where(there >= 0, values[np.arange(len(nodes))[:, None], here, there], 0.0)
 
+    def least_differences(self, starts: np.ndarray) -> np.ndarray:
+        """Return `least_difference` [B] of total priorities of routes from starts [B]."""
+        parts = zip(_each(self), starts.tolist(), strict=True)
+        return np.asarray([
+            least_difference(
+                one.legs, one.graphs.priority, (start, int(one.goals)), float(one.available),
+                None if one.graphs.timetable is None else one.graphs.timetable.drops,
+            )
+            for one, start in parts
+        ])  # fmt: skip
+
 
 class _Choice(NamedTuple):
     """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved."""
@@ -361,6 +377,17 @@ class _Choice(NamedTuple):
     energy: np.ndarray
     levels: list[np.ndarray]
     saves: Saved
+
+
+def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
+    """Return the places [B] of the routes [B, P] of most total priority, of equal ones that of least time.
+
+    Single precision leaves the sums of two such a little apart; others differ by `differs` [B] at least.
+    """
+    priority = np.where(routes.reached, routes.priority, -1.0)
+    most = priority.max(axis=1)
+    tied = priority >= (most - np.minimum(1e-6 * np.abs(most), 0.5 * differs))[:, None]
+    return np.where(tied, routes.time, np.inf).argmin(axis=1)
 
 
 def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.ndarray:

@@ -143,6 +143,7 @@ class Problem:
         following: [N] the next waypoint on the shortest path to the goal.
         start, goal: indices.
         time_available: s, T_available.
+        least_difference: by how much the total priorities of two routes differ at least, if they do.
         schedule: what depends on the time at which edges are entered; None where nothing does.
         energy: of the edges where it is limited; None elsewhere, as the next two.
         spare: [N, K] J, the most that may have been spent when an edge is entered.
@@ -164,6 +165,7 @@ class Problem:
     start: jax.Array
     goal: jax.Array
     time_available: jax.Array
+    least_difference: jax.Array
     schedule: Schedule | None = None
     energy: EdgeEnergy | None = None
     spare: jax.Array | None = None
@@ -296,6 +298,7 @@ def prepare(
     visited: jax.Array,
     return_margin: jax.typing.ArrayLike = 0.0,
     energy_available: jax.typing.ArrayLike | None = None,
+    least_difference: jax.typing.ArrayLike = np.inf,
 ) -> Problem:
     """Work out what all routes on a graph have in common.
 
@@ -312,6 +315,8 @@ def prepare(
         return_margin: share by which the path to the goal is taken to last longer than expected, and to take
             more energy.
         energy_available: J; for edges that have their energy.
+        least_difference: in total priority, as `auvplan.mission.bound.least_difference` has it; infinite
+            where it is not known.
     """
     neighbours = edges.neighbours
     size = neighbours.shape[0]
@@ -359,6 +364,7 @@ def prepare(
         start=start,
         goal=goal,
         time_available=time_available,
+        least_difference=jnp.asarray(least_difference, leg_times.dtype),
         schedule=edges.schedule,
         **limits,
     )

@@ -555,10 +555,17 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
         taken, would_do = zip(*lacks, strict=True)
         return f"{more} {', and '.join(taken)}: {' and '.join(would_do)} would do"
     lost = earned - with_it.others
-    if lost > 1e-9:
-        return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
-    better = _refused(run, nodes) or "the search found no better route than this one"
-    return f"{more} {hours(float(with_it.ends[-1]))}, which is in time: {better}"
+    if with_it.own - lost <= 1e-9:
+        if lost > 1e-9:
+            return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
+        return f"{more} {hours(float(with_it.ends[-1]))}, which is in time, but it has no priority then"
+    if len(set(with_it.nodes)) < len(with_it.nodes):
+        return f"every way to it, the others in their order, leads {of} to a waypoint a second time"
+    why = f"the search did not find that route, of {with_it.own - lost:g} more priority"
+    if run.planning.objective != "priority":
+        why = f"planning.objective {run.planning.objective} does not ask for most priority"
+    why = _refused(run, nodes) or why
+    return f"{more} {hours(float(with_it.ends[-1]))}, which is in time: {why}"
 
 
 def _short_of_time(run: MissionRun, with_it: "_WithJob") -> tuple[str, str] | None:
@@ -606,13 +613,14 @@ class _WithJob(NamedTuple):
         nodes: [n + 1] its waypoints.
         ends: [n] s, when each leg is done.
         needs: s, the time that it must be given, with the margin that its route was made with.
-        others: priority that the other tasks are worth then.
+        others, own: priority that the other tasks are worth then, and the job.
     """
 
     nodes: list[int]
     ends: NDArray
     needs: float
     others: float
+    own: float
 
     @property
     def given(self) -> float:
@@ -646,17 +654,14 @@ def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -
         done = stages(table, duration, whole)
         if found is not None and not done.ends[-1] < found.ends[-1]:
             continue
-        others = [leg for leg in pairwise(whole) if leg[1] not in job]
-        worth = sum(
-            float(first.edge_priority[leg]) - table.lost(*leg, float(begins))
-            for leg, begins in zip(pairwise(whole), done.begins, strict=True)
-            if leg in others
-        )
+        worth = {True: 0.0, False: 0.0}
+        for leg, begins in zip(pairwise(whole), done.begins, strict=True):
+            worth[leg[1] in job] += float(first.edge_priority[leg]) - table.lost(*leg, float(begins))
         needs = float(np.max(done.ends + back[whole[1:]]))
         if first.speeds is not None:  # which are chosen with the margin on the last leg
             last = float(done.ends[-1] - done.departs[-1])
             needs = max(needs, float(done.ends[-1]) + first.return_margin * last)
-        found = _WithJob(whole, done.ends, needs, worth)
+        found = _WithJob(whole, done.ends, needs, worth[False], worth[True])
     return found
 
 

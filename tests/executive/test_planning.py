@@ -214,6 +214,21 @@ def test_the_sheet_names_every_job_and_says_why_one_is_left_out(jobs):
     assert {len(row) for row in cells} == {len(brief)}
 
 
+def test_the_sheet_says_of_a_job_that_fits_what_was_missed(jobs):
+    """Had the vehicle as much time as the job asks for, the route with it would be the better one."""
+    assert jobs.first_route is not None
+    first = replace(jobs.first_route, time_available=19_000.0)
+    longer = replace(jobs, t_available=20_000.0, first_route=first)
+    (left,) = sheet_of(longer).left_out
+    assert left.reason.endswith("which is in time: the search did not find that route, of 1 more priority")
+    other = longer.scenario | {"planning": longer.scenario["planning"] | {"objective": "eq15"}}
+    (left,) = sheet_of(replace(longer, scenario=other)).left_out
+    assert left.reason.endswith("in time: planning.objective eq15 does not ask for most priority")
+    worthless = replace(first, edge_priority=0.0 * first.edge_priority)
+    (left,) = sheet_of(replace(longer, first_route=worthless)).left_out
+    assert "lose 5 of their priority" in left.reason
+
+
 @pytest.mark.parametrize("speeds", [None, [1.0, 3.0]])
 def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speeds):
     near, far = (

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from auvplan.executive.loop import what_is_left
 from auvplan.mission import MissionGraph, task_graph, trail_bound
-from auvplan.mission.bound import common_step, edges_in_time, upper_bound
+from auvplan.mission.bound import common_step, edges_in_time, least_difference, upper_bound
 from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
@@ -113,6 +113,24 @@ def test_nothing_to_gain() -> None:
 )
 def test_common_step(values: list[float], step: float) -> None:
     assert common_step(values) == pytest.approx(step, rel=1e-12)
+
+
+def test_least_difference_is_that_of_edges_within_reach() -> None:
+    times, priority = np.full((5, 5), np.inf), np.zeros((5, 5))
+    legs = {(0, 1): 2.5, (1, 4): 7.5, (0, 2): 1000.0, (2, 4): 0.5, (1, 3): 0.1, (0, 4): 0.0}
+    for leg, rho in legs.items():
+        times[leg], priority[leg] = 10.0, rho
+    times[0, 2] = 100.0
+    asked = times, priority, (0, 4)
+    assert least_difference(*asked, 50.0) == pytest.approx(2.5), "3 leads nowhere, 2 is too far away"
+    assert least_difference(*asked, 200.0) == pytest.approx(0.5)
+    assert least_difference(*asked, 15.0) == np.inf, "no task is within reach"
+    falling = np.where(priority[..., None] == 7.5, [1.5, 5.0], 0.0)
+    assert least_difference(*asked, 50.0, falling) == pytest.approx(0.5), "it falls from 7.5 to 6 and 1"
+    priority[0, 1], priority[1, 4] = 1.0, np.pi
+    assert 1e-4 < least_difference(*asked, 50.0) < 0.01, "as finely as single precision allows"
+    priority[0, 1] = 1e-6
+    assert least_difference(*asked, 50.0) == pytest.approx(1e-6), "not above what a task is worth"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Priority vectors into routes, and what the routes cost."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -239,6 +240,9 @@ def test_objectives_by_hand() -> None:
     assert float(routes.time[0]) == pytest.approx(130.0)
     priority = objective.total_priority(routes, given_, time_weight=0.1)
     assert float(priority[0]) == pytest.approx(-6.0 + 0.1 * 4.0 * 130.0 / 200.0)
+    finer = replace(given_, least_difference=jnp.float32(0.2))
+    priority = objective.total_priority(routes, finer, time_weight=0.1)
+    assert float(priority[0]) == pytest.approx(-6.0 + 0.5 * 0.2 * 130.0 / 200.0)
     eq15 = objective.eq15(routes, given_, phi1=2.0, phi2=8.0)
     assert float(eq15[0]) == pytest.approx(2.0 * 70.0 + 8.0 * (1 / 4 + 1 / 2))
     assert float(objective.violation(routes, given_)[0]) == 0.0

@@ -102,6 +102,32 @@ def test_the_optimum_of_small_graphs_is_found(seed: int) -> None:
     assert route.priority == expected
 
 
+@pytest.mark.parametrize("config", [QUICK, MissionConfig()], ids=["quick", "default"])
+@pytest.mark.parametrize("largest", [1.0, 25.0, 1000.0])
+@pytest.mark.parametrize("budget", [3300.0, 4600.0])
+def test_nothing_is_given_up_for_what_is_worth_more(config, largest: float, budget: float) -> None:
+    """Four small tasks fit the time; the large one is out of reach, or leaves no room for all of them."""
+    places = [(0, 0), (2900, 2900), (600, 0), (0, 900), (-900, -300), (-500, 900), (0, 0)]
+    edges, stay = list(combinations(range(7), 2)), {1: 150.0}
+    tasks = [(node, largest if node == 1 else 1.0, stay.get(node, 60.0)) for node in range(1, 6)]
+    graph = task_graph(np.column_stack([places, np.full(7, 10.0)]), edges, waypoint_tasks=tasks)
+    expected = best_priority(graph, 0, 6, budget, SPEED)
+    route = plan(graph, budget=budget, config=config)
+    assert route.priority == expected
+    assert expected == 4.0 if budget == 3300.0 or largest == 1.0 else largest < expected < largest + 4.0
+
+
+@pytest.mark.parametrize("seed", range(8, 16))
+def test_priorities_of_three_decades_are_all_sought(seed: int) -> None:
+    graph, rng = grid_graph(seed, 7, 0.7), np.random.default_rng(seed)
+    weights = 10.0 ** rng.uniform(-1.5, 1.5, (7, 7))
+    graph = replace(graph, priority=np.where(graph.priority > 0.0, np.maximum(weights, weights.T), 0.0))
+    budget = 1500.0 + 100.0 * (seed % 8)
+    expected = best_priority(graph, 0, 6, budget, SPEED)
+    assert expected is not None
+    assert plan(graph, budget=budget, config=MissionConfig()).priority == pytest.approx(expected, rel=1e-9)
+
+
 def test_failures_say_what_to_do() -> None:
     graph = medium_graph()
     cut = graph.without_edges([(j, 14) for j in range(14)])
