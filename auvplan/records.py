@@ -20,7 +20,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
-from auvplan.runtime.formatting import ReprMixin, between, figure
+from auvplan.runtime.formatting import ReprMixin, between, figure, rounded_up
 from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
@@ -680,7 +680,7 @@ class MissionRun(ReprMixin):
             "reason": self.reason,
             "tasks": self.tasks,
             "total_priority": self.total_priority,
-            "priority_bound": self.bound,
+            "priority_bound": rounded_up(self.bound),
             "revisits": sum(leg.revisit for leg in self.done),
             "path_calls": len(self.legs),
             "path_replans": sum(leg.path_replans for leg in self.legs),

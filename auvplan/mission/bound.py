@@ -442,5 +442,7 @@ def rounded_down(bound: float, priority: Array) -> float:
     if step == 0.0:
         return bound if priority.max() > 0.0 else 0.0
     steps = math.floor(bound / step + 1e-5)
-    exact = (step * 2**20).is_integer() and (np.round(priority / step) * step == priority).all()
-    return steps * step if exact else min(bound, steps * step + 1e-5 * step)
+    off = np.abs(np.round(priority / step) * step - priority).max()
+    if (step * 2**20).is_integer() and off == 0.0:
+        return steps * step
+    return min(bound, steps * step + np.count_nonzero(priority) * (off + np.finfo(float).eps * bound))

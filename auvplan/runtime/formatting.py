@@ -40,6 +40,19 @@ def figure(value: float, digits: int = 3) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def rounded_up(bound: float) -> float:
+    """Return an upper bound to nine digits, rounded up but for what sums in double precision are off.
+
+    Example:
+        >>> rounded_up(12.000000000004), rounded_up(12.3456789123), rounded_up(0.0)
+        (12.0, 12.345679, 0.0)
+    """
+    if not math.isfinite(bound) or bound <= 0.0:
+        return bound
+    digits = 8 - math.floor(math.log10(bound))
+    return round(math.ceil(bound * 10.0**digits - 0.01) / 10.0**digits, digits)
+
+
 def hours(seconds: float) -> str:
     """Return a duration in hours and minutes.
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from auvplan.executive.loop import what_is_left
 from auvplan.mission import MissionGraph, task_graph, trail_bound
-from auvplan.mission.bound import common_step, edges_in_time, least_difference, upper_bound
+from auvplan.mission.bound import common_step, edges_in_time, least_difference, rounded_down, upper_bound
+from auvplan.runtime.formatting import rounded_up
 from tests.mission.naive import best_priority, grid_graph, needs_graphs, proven
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
@@ -113,6 +114,17 @@ def test_nothing_to_gain() -> None:
 )
 def test_common_step(values: list[float], step: float) -> None:
     assert common_step(values) == pytest.approx(step, rel=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.4, 0.1, 1.0 / 3.0])
+def test_bounds_of_decimal_priorities_are_multiples_of_their_step(step: float) -> None:
+    rng = np.random.default_rng(0)
+    priority = step * rng.integers(1, 30, (12, 12))
+    for steps in range(1, 60):
+        bound = rounded_down((steps + 0.7) * step, priority)
+        assert steps * step <= bound <= (steps + 1e-10) * step
+        assert rounded_up(bound) == pytest.approx(steps * step, rel=1e-8)
+    assert rounded_up(rounded_down(30.5 * 0.4, priority / step * 0.4)) == 12.0
 
 
 def test_least_difference_is_that_of_edges_within_reach() -> None:
