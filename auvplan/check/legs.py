@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.check.lines import line_of
 from auvplan.check.saved import TIME_TOLERANCE, Array, Leg, Saved, near
 from auvplan.check.track import events
 from auvplan.runtime.files import MISSION, SUMMARY
@@ -200,7 +201,8 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     # Where it stays, it makes the speed of a current that it held out against, or its own.
     fastest = max([run.number("vehicle_speed"), *speeds], key=watts)
     done = [leg for leg in legs if leg.arrived and leg.priority > 0.0]
-    tasks = power["task"] * sum(leg.t_task for leg in done) + power["task_start"] * len(done)
+    starts = sum(not _goes_on(run, leg) for leg in done)
+    tasks = power["task"] * sum(leg.t_task for leg in done) + power["task_start"] * starts
     joules = {
         **{
             name: (power[name] * (lasts - unsure), power[name] * (lasts + unsure))
@@ -213,6 +215,15 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
         "tasks": (tasks, tasks + power["task"] * under_way),
     }
     return {name: (least / 3600.0, most / 3600.0) for name, (least, most) in joules.items()}
+
+
+def _goes_on(run: Saved, leg: Leg) -> bool:
+    """Return whether a leg goes on along a survey line that the one before it has begun."""
+    before = [other for other in run.legs[: leg.number] if other.executed][-1:]
+    if not before or not (before[0].arrived and before[0].priority > 0.0):
+        return False
+    line = line_of(run.names, leg)
+    return bool(line) and line_of(run.names, before[0]) == line and before[0].goal == leg.start
 
 
 def figure_faults(run: Saved) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The checker's own measure of how survey lines were followed. Plain NumPy."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -81,3 +82,13 @@ def line_faults(run: Saved) -> Iterator[str]:
             for source, figure in given.items():
                 if not abs(figure - value) <= LENGTH_TOLERANCE:
                     yield f"{leg}: line_{name} is {figure:.1f} m in {source}, {value:.1f} m by the track"
+
+
+def line_of(names: list[str], leg: Leg) -> str:
+    """Return the survey line along which a leg leads from vertex to vertex, or an empty string."""
+    if max(leg.start, leg.goal) >= len(names):
+        return ""
+    first, last = (re.fullmatch(r"(.*)\[(\d+)\]", names[node], re.DOTALL) for node in (leg.start, leg.goal))
+    if first is None or last is None or first[1] != last[1] or abs(int(first[2]) - int(last[2])) != 1:
+        return ""
+    return first[1]

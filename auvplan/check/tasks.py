@@ -4,7 +4,6 @@ What a leg earned is worked out here, by this module's own rules: tasks at place
 the jobs that the run was planned for where it has some, else from the graph that the seed drew.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -12,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from auvplan.check.inputs import Job, job_faults, read_jobs, within
-from auvplan.check.lines import line_faults, share_of_line
+from auvplan.check.lines import line_faults, line_of, share_of_line
 from auvplan.check.saved import PLACE_TOLERANCE, TIME_TOLERANCE, Array, Leg, Saved, near
 from auvplan.runtime.files import MISSION, SUMMARY
 
@@ -281,7 +280,7 @@ def window_faults(run: Saved) -> Iterator[str]:
     for leg in run.legs:
         if not leg.arrived:
             continue
-        if (line := timed.get(_line_of(names, leg))) is not None:
+        if (line := timed.get(line_of(names, leg))) is not None:
             begins, ends = float(leg.times[0]), float(leg.times[-1]) + leg.t_task
             if leg.priority > 0.0 and not within(begins, ends, line.windows):
                 what = f"a part of line {line.name!r} from {begins:.0f} to {ends:.0f} s"
@@ -310,13 +309,3 @@ def _point_faults(run: Saved, leg: Leg, job: Job) -> Iterator[str]:
     if leg.priority > 0.0 and not within(begins, begins, job.windows):
         what = f"the task at {job.name!r} from {begins:.0f} to {begins + leg.t_task:.0f} s"
         yield f"{leg}: {what} is in none of its windows"
-
-
-def _line_of(names: list[str], leg: Leg) -> str:
-    """Return the survey line along which a leg leads from vertex to vertex, or an empty string."""
-    if max(leg.start, leg.goal) >= len(names):
-        return ""
-    first, last = (re.fullmatch(r"(.*)\[(\d+)\]", names[node], re.DOTALL) for node in (leg.start, leg.goal))
-    if first is None or last is None or first[1] != last[1] or abs(int(first[2]) - int(last[2])) != 1:
-        return ""
-    return first[1]

@@ -163,7 +163,7 @@ class PowerModel:
             takes by the metre of depth does.
         turning: J per rad of change of heading.
         task: W, in addition while a task is done or a survey line followed.
-        task_start: J, each time that a task is done.
+        task_start: J, each time that a task, or a survey line, is begun.
         battery: or None for one that is not known.
 
     Raises:

@@ -197,7 +197,7 @@ def energy_of_legs(
     """
     legs = [leg for leg in legs if len(leg.times)]
     moments = [float(leg.times[0]) - leg.t_hold for leg in legs[:1]] or [0.0]
-    rows, heading = list[dict[str, Array]](), np.nan
+    rows, heading, before = list[dict[str, Array]](), np.nan, None
 
     def stay(seconds: float, drift: float, task: bool = False) -> None:
         if seconds > 0.0:
@@ -224,10 +224,18 @@ def energy_of_legs(
             done = leg.priority > 0.0
             stay(leg.t_wait, drift)
             stay(leg.t_task, drift, task=done)
-            if done and rows:
+            if done and rows and not (before and _goes_on(leg, before)):
                 rows[-1]["tasks"][-1] += float(power.task_start)  # type: ignore[arg-type]
+        before = leg
     terms = {name: np.concatenate([np.zeros(0), *(row[name] for row in rows)]) for name in TERMS}
     return EnergyUse(np.asarray(moments), terms, power)
+
+
+def _goes_on(leg: "LegRecord", before: "LegRecord") -> bool:
+    """Return whether a leg goes on along a survey line that the one before it has begun."""
+    if leg.line is None or before.line is None:
+        return False
+    return before.arrived and before.priority > 0.0 and leg.line.start == before.line.end
 
 
 def _with_tasks(spent: dict[str, Any], tasks: Any) -> dict[str, Array]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Array, Mission
@@ -63,7 +64,8 @@ def _between(speed: float, knots: list[float], rates: list[Array]) -> Array:
 def _fixed(mission: Mission) -> Array:
     """Return J [N, N] of edges at any speed: of their change of depth, and of their tasks.
 
-    A vehicle that stays for a task keeps station in the current of now, or loiters.
+    A vehicle that stays for a task keeps station in the current of now, or loiters. A survey line starts with
+    the edge that leads to it, or from where the vehicle is, unless it is on the line.
     """
     context, graph = mission.context, mission.graph
     power, places = context.power, np.asarray(graph.positions)
@@ -74,7 +76,19 @@ def _fixed(mission: Mission) -> Array:
     if context.scenario.mission.wait == "loiter":
         drift = np.full(len(places), context.speed)
     staying = np.asarray(power.power(drift)) + power.task
-    return depth + graph.duration * staying + power.task_start * (graph.priority > 0.0)
+    return depth + graph.duration * staying + power.task_start * _starts(mission)
+
+
+def _starts(mission: Mission) -> NDArray[np.bool_]:
+    """Return which edges start a task, [N, N]."""
+    graph, along = mission.graph, np.zeros(mission.graph.adjacency.shape, bool)
+    for edge in mission.parts:
+        along[edge] = graph.adjacency[edge] and graph.priority[edge] > 0.0
+    found = ((graph.priority > 0.0) | along.any(axis=1)) & ~along
+    done = mission.run.done[-1:]
+    if not (done and done[0].line is not None and done[0].priority > 0.0 and done[0].goal == mission.here):
+        found[mission.here] |= along[mission.here]
+    return found
 
 
 def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:

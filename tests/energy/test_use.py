@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.energy import TERMS, Battery, PowerLaw, PowerModel, PowerTable, energy_along, energy_of_legs
+from auvplan.mission.survey import LinePart
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import Track, evaluate
@@ -100,6 +101,25 @@ def test_a_plain_walk_agrees(current, known):
     assert use.charge[0] == 1.0
     assert use.margin == pytest.approx(135.0 * 0.8 - spent, rel=1e-4)
     assert (np.diff(use.charge) < 0.0).all()
+
+
+def test_a_survey_line_starts_once_where_its_parts_follow_each_other():
+    places = (0.0, 0.0, 50.0), (100.0, 0.0, 50.0), (100.0, 90.0, 50.0)
+    first, second = winding_leg(), winding_leg(seed=8)
+    second.times = second.times + first.ends - second.times[0]
+    first.line, second.line = (LinePart(*ends, 5.0) for ends in pairwise(places))
+
+    def starts(*legs):
+        found = (
+            energy_of_legs(legs, replace(MODEL, task_start=joules), 1.3, known=True).totals["tasks"]
+            for joules in (3600.0, 0.0)
+        )
+        return next(found) - next(found)
+
+    assert starts(first, second) == pytest.approx(1.0)
+    assert [starts(first), starts(second)] == pytest.approx([1.0, 1.0])
+    assert starts(second, first) == pytest.approx(2.0), "it is come back to"
+    assert starts(replace(first, priority=0.0), second) == pytest.approx(1.0), "nothing was covered before"
 
 
 def powered(run, power=MODEL):

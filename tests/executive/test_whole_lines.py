@@ -89,3 +89,33 @@ def test_ways_off_a_line_stay_shut_and_a_line_is_offered_once(start):
     plan_routes([mission])
     assert mission.run.routes[-1].cause == "late"
     assert mission.run.routes[-1].priority <= 1.0, "the buoy alone is left"
+
+
+def test_a_line_of_two_parts_is_planned_with_one_start():
+    def begun(joules):
+        power = POWER | {"task_start": joules}
+        context = make_context(
+            settings("part", 5000.0).with_({"vehicle.power": power}), None, OperatingArea(jobs=JOBS)
+        )
+        mission = start_mission(context, 0, prng.single(seed_keys([0]))[0], 0)
+        time_edges([mission])
+        return mission
+
+    def starts(mission, names):
+        nodes = [mission.run.names.index(name) for name in names]
+        assert mission.timed.options is not None
+        return mission.timed.options.fixed[nodes[:-1], nodes[1:]].sum()
+
+    none, some = begun(0.0), begun(1000.0)
+    forth = "line[1]", "line[2]", "line[3]"
+    for route, count in (
+        (("start", *forth, "buoy", "goal"), 2),
+        (("start", "buoy", *forth[::-1], "goal"), 2),
+        (("start", *forth[1:], "goal"), 1),
+        (("start", "line[2]", "line[1]", "buoy", "line[3]", "line[2]"), 3),
+    ):
+        assert starts(some, route) - starts(none, route) == pytest.approx(1000.0 * count)
+    for mission in (none, some):
+        mission.here = mission.run.names.index("line[1]")
+        time_edges([mission])
+    assert starts(some, forth) - starts(none, forth) == pytest.approx(1000.0), "it has not begun"
