@@ -3,6 +3,10 @@
 `python -m benchmarks.gridded` plans one leg of 8 km past three obstacles in the default scenario's vortices
 and in fields sampled from them, which a tide turns about. The currents take turns in one process; ratios are
 of the shortest times, compilation apart.
+
+`--turning FIRST:END` plans instead legs of 1 to 60 km, one a seed, in tides that are the same everywhere and
+have periods of 0.25 to 20 times what the leg lasts in still water. One heading is best: the gap to it is
+known.
 """
 
 from functools import partial
@@ -16,7 +20,7 @@ import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.harness import launch, show, take_turns
+from benchmarks.harness import Array, figures, grouped, launch, show, take_turns, track
 from benchmarks.paths.problems import PRESETS
 
 ROUNDS = 15
@@ -80,7 +84,75 @@ def rows(presets: list[str], rounds: int) -> list[dict[str, Any]]:
     return found
 
 
-def main(preset: list[str], rounds: int) -> dict[str, Any]:
+#: Periods, in the times of legs in still water; nodes and time steps of the drift.
+_PERIODS, _NODES, _STEPS = (0.25, 20.0), 600, 200_001
+
+#: A row for each preset and span of periods.
+TURNING = {
+    "preset": "{preset}", "period, in times of the leg": "{periods}", "mean gap": "{mean:.3%}",
+    "95 %": "{p95:.3%}", "worst": "{worst:.2%}", "feasible": "{feasible} of {legs}",
+}  # fmt: skip
+
+
+def turning_leg(seed: int) -> tuple[ap.Environment, ap.Vehicle, Array, float, float]:
+    """Return a sea, a vehicle, the goal [2] m of a leg from the origin, its least time, s, and the period.
+
+    The period is in times of the leg in still water. The vehicle goes through the water as if that were at
+    rest, and both are carried on: the least time is the first at which it could be where the goal would be.
+    """
+    rng = np.random.default_rng([11, seed])
+    speed, length = rng.uniform(0.8, 2.0), np.exp(rng.uniform(*np.log([1e3, 60e3])))
+    straight, period = length / speed, np.exp(rng.uniform(*np.log(_PERIODS)))
+    turn, phases = rng.uniform(0.0, 2.0 * np.pi, 2), rng.uniform(0.0, 2.0 * np.pi, 2)
+    swings = speed * rng.uniform(0.05, 0.7) * np.array([1.0, rng.uniform()])
+    nodes = np.linspace(0.0, 5.0 * straight, _NODES)
+    angle = 2.0 * np.pi * nodes / (period * straight)
+    axes = np.array([[np.cos(turn[0]), -np.sin(turn[0])], [np.sin(turn[0]), np.cos(turn[0])]])
+    water = axes @ (swings[:, None] * np.cos(angle + phases[:, None]))
+    field = GriddedCurrent.from_arrays(
+        *(np.broadcast_to(part[:, None, None, None], (_NODES, 1, 3, 3)) for part in water),
+        origin=(-2.0 * length, -2.0 * length), spacing=2.0 * length, times=nodes,
+    )  # fmt: skip
+    goal = length * np.array([np.cos(turn[1]), np.sin(turn[1])])
+    moments = np.linspace(0.0, nodes[-1], _STEPS)
+    rates = np.stack([np.interp(moments, nodes, part) for part in water], axis=1)
+    drift = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * moments[1], axis=0)
+    lacks = np.linalg.norm(goal - drift, axis=1) - speed * moments[1:]
+    after = int(np.argmax(lacks <= 0.0))
+    least = moments[after] + moments[1] * lacks[after - 1] / (lacks[after - 1] - lacks[after])
+    corners = np.array([-2.0, -2.0, 0.0]) * length, np.array([2.0, 2.0, 0.0]) * length
+    vehicle = ap.Vehicle(speed, surge_max=9.0, sway_max=5.0)
+    return ap.Environment(field, lower=corners[0], upper=corners[1]), vehicle, goal, float(least), period
+
+
+def turning_rows(presets: list[str], seeds: range) -> list[dict[str, Any]]:
+    """Return a row for each preset and span of periods, of legs by seed."""
+    runs, start = [], (0.0, 0.0, 0.0)
+    for seed in track(seeds, "legs"):
+        env, vehicle, goal, least, period = turning_leg(seed)
+        for name in presets:
+            key, config = jax.random.key(seed), PRESETS[name]()
+            plan = ap.plan_path(start, (*goal, 0.0), env, vehicle, key=key, config=config)
+            gap = float(plan.travel_time) / least - 1.0 if plan.feasible else None
+            runs.append({"preset": name, "period": period, "gap": gap})
+    spans = {"0.25 to 1": (0.0, 1.0), "1 to 5": (1.0, 5.0), "5 to 20": (5.0, np.inf)}
+
+    def of(run: dict[str, Any]) -> list[tuple[str, str]]:
+        return [(run["preset"], name) for name, (low, high) in spans.items() if low <= run["period"] < high]
+
+    found = []
+    for (preset, periods), members in sorted(grouped(runs, of).items()):
+        gaps = [run["gap"] for run in members if run["gap"] is not None]
+        counts = {"feasible": len(gaps), "legs": len(members)}
+        found.append({"preset": preset, "periods": periods} | figures(gaps) | counts)
+    return found
+
+
+def main(preset: list[str], rounds: int, turning: range) -> dict[str, Any]:
+    if turning:
+        found = turning_rows(preset, turning)
+        show("Legs on which a tide turns: gap to the closed form", found, TURNING, names=2)
+        return {"turning": [turning.start, turning.stop], "rows": found}
     found = rows(preset, rounds)
     show(TITLE, found, COLUMNS, names=2, no_wrap=True)
     return {"rounds": rounds, "rows": found}
@@ -91,4 +163,5 @@ if __name__ == "__main__":
         main,
         preset=(tuple(PRESETS), "these alone", PRESETS),
         rounds=(ROUNDS, "turns that every current takes"),
+        turning=(range(0), "FIRST:END, the end left out: seeds of legs on which a tide turns"),
     )
