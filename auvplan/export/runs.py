@@ -21,18 +21,18 @@ def itinerary_of(
     site: Site | None = None,
     *,
     tolerance: float = 0.02,
-    margin: float = 10.0,
     slow: float = SLOW,
 ) -> Itinerary:
     """Return the itinerary of a run: of each leg that was finished the path it was begun with.
 
     Each leg's path was planned when the leg was begun, in the conditions of that time: where a leg before was
-    late or early, the planned times of both do not join.
+    late or early, the planned times of both do not join. Straight lines keep the distances of its `safety`,
+    or the path's where those are less.
 
     Args:
         run: as executed.
         site: where its local coordinates are; the run's own if absent.
-        tolerance, margin: of the thinning, see `thin`.
+        tolerance: of the thinning, see `thin`.
         slow: share of the speed through the water below which a leg is noted as slow over ground.
 
     Raises:
@@ -48,6 +48,7 @@ def itinerary_of(
     holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
     legs, energy = [], run.energy
     metered = energy is not None and energy.power.battery is not None
+    how = {"tolerance": tolerance, "margin": (run.safety.coast, run.safety.obstacles)}
     for number, leg in enumerate(done, 1):
         plan = leg.plans[leg.followed]
         whole = PlannedLeg.of(
@@ -56,9 +57,9 @@ def itinerary_of(
         )  # fmt: skip
         path = plan.positions, plan.times, _environment(leg, plan, run), run.vehicle_on(leg)
         if run.dives:
-            few = thin_between(turns(plan.positions), *path, tolerance=tolerance, margin=margin)
+            few = thin_between(turns(plan.positions), *path, **how)
         else:
-            few = thin(*path, tolerance=tolerance, margin=margin, line=leg.line)
+            few = thin(*path, **how, line=leg.line)
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
             clearance=few.clearance, speed=leg.speed, rise=rises[number - 1],

@@ -53,17 +53,17 @@ def thin(
     *,
     depart: float | None = None,
     tolerance: float = 0.02,
-    margin: float = 10.0,
+    margin: float | tuple[float, float] = 10.0,
     line: LinePart | None = None,
 ) -> Thinned:
     """Keep the fewest samples of a path whose straight lines take as long and keep as clear as the path does.
 
     Both the path and what is kept of it are timed again in the current as it is on arrival, in steps of at
     most 20 m, so that their times compare. Certified distances to the coast and to the obstacles' boundaries
-    are not below the smaller of `margin` and what the path itself has, altitudes above the sea bed not below
-    the smaller of its clearance and the path's; where the current lets the vehicle hold the path within its
-    limits, it lets it hold the straight lines too. Of each number of lines those are tried whose changes of
-    time, summed without regard to sign, are least.
+    are each not below the smaller of their `margin` and what the path itself has, altitudes above the sea bed
+    not below the smaller of its clearance and the path's; where the current lets the vehicle hold the path
+    within its limits, it lets it hold the straight lines too. Of each number of lines those are tried whose
+    changes of time, summed without regard to sign, are least.
 
     Args:
         positions: [S, 3] m, samples, at least two.
@@ -72,7 +72,7 @@ def thin(
         vehicle: speed and limits.
         depart: s since the epoch.
         tolerance: share by which the total time may change; a tenth of a second it always may.
-        margin: m.
+        margin: m, to the coast and areas that are closed, and to obstacles; one number stands for both.
         line: part of a survey line that the path follows: the straight lines cover as much of it.
 
     Raises:
@@ -86,8 +86,8 @@ def thin(
     start = float(np.asarray(times)[0]) if depart is None else float(depart)
     sea = Straights.through(env, vehicle)
     path_times, path_room = sea.arrivals(places, start)
-    distances = np.arange(len(path_room)) < DISTANCES
-    asked = np.where(distances, margin, 0.0)
+    distances, asked = np.arange(len(path_room)) < DISTANCES, np.zeros(len(path_room))
+    asked[: DISTANCES - 1] = margin
     if env.seabed is not None:
         asked[DISTANCES - 1] = float(env.seabed.clearance)
     least = np.minimum(asked, path_room) - np.where(distances, *_BLUR)

@@ -5,6 +5,7 @@ from itertools import combinations, pairwise
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -166,6 +167,30 @@ def test_a_path_nearer_than_the_margin_may_stay_as_near():
     few = thin(line, even_times(line), still(chart=Chart.from_mask(water, 10.0)), VEHICLE, margin=50.0)
     assert few.indices.tolist() == [0, 29]
     assert 10.0 < few.clearance < 25.0
+
+
+def round_both() -> tuple[np.ndarray, Environment]:
+    """A path [S, 3] m that passes an island and a rock, both round and of 100 m, in arcs 160 m off them."""
+    turn = np.linspace(0.0, np.pi, 31)
+    bend, run = 260.0 * np.sin(turn), -260.0 * np.cos(turn)
+    first, second = (np.stack([1000.0 + bend, 500.0 + run]), np.stack([1000.0 - bend, 2500.0 + run]))
+    level = np.concatenate([first, second], axis=1).T
+    north, east = np.meshgrid(*(5.0 + 10.0 * np.arange(count) for count in (200, 300)), indexing="ij")
+    water = np.hypot(north - 1000.0, east - 500.0) > 100.0
+    rock = Obstacles.create([[1000.0, 2500.0, 20.0]], [100.0])
+    world = still(chart=Chart.from_mask(water, 10.0), obstacles=rock)
+    return np.concatenate([level, np.full((len(level), 1), 20.0)], axis=1), world
+
+
+@pytest.mark.parametrize("margin", [(140.0, 20.0), (20.0, 140.0), (140.0, 140.0), (500.0, 500.0)])
+def test_coast_and_obstacles_have_each_a_margin_of_their_own(margin: tuple[float, float]):
+    path, world = round_both()
+    few = thin(path, even_times(path), world, VEHICLE, tolerance=0.5, margin=margin)
+    whole, lines = (shapely.LineString(places[:, :2]) for places in (path, few.positions))
+    for asked, east, pixels in zip(margin, (500.0, 2500.0), (10.0, 0.0), strict=True):
+        kept, own = (line.distance(shapely.Point(1000.0, east)) - 100.0 for line in (lines, whole))
+        assert kept > min(asked, own) - pixels - 0.2
+        assert (kept < 125.0) == (asked < 125.0)
 
 
 def test_lines_keep_the_altitude_over_a_bank():
