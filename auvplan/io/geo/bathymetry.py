@@ -15,7 +15,7 @@ from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.grid import Extent, LocalGrid
-from auvplan.io.geo.nodes import Source, View, bilinear, is_degrees, listed, placed
+from auvplan.io.geo.nodes import Source, View, bilinear, closer, is_degrees, least_around, listed, placed
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -42,7 +42,7 @@ class Bathymetry:
 
     Attributes:
         depth: [nx, ny] float32, m at pixel centres, positive down: negative above the sea, NaN where it
-            is not known.
+            is not known; bilinear between them, nowhere deeper than a source that is finer than the pixels.
         origin: (north, east) of the corner of pixel (0, 0), m.
         pixel_size: m.
         notes: what was taken for granted, a line each.
@@ -65,11 +65,14 @@ def read_bathymetry(
 ) -> Bathymetry:
     """Read the sea floor under a local rectangle; bilinear in the source's own coordinates.
 
+    Where the source is finer than the pixels, a pixel has the shallowest of all that is within one pixel to
+    every side of its centre, with a note: between centres no place is deeper than in the source.
+
     Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing gives it, values of both signs,
     or negative ones alone, in the area and 64 rows of the whole source are heights, with a note; else it is
-    asked for. Units are m, km, cm, fathoms or ft. A pixel is NaN where one of the values that bear on it is
-    missing. Of NetCDF only the window that is needed is read.
+    asked for. Units are m, km, cm, fathoms or ft. A pixel is NaN where one of the values that bear on its
+    centre is missing. Of NetCDF only the window that is needed is read.
 
     Args:
         source: a path of NetCDF-3 or -4, or of a raster of one band (`read_raster`); or an xarray object with
@@ -113,10 +116,18 @@ def read_bathymetry(
         if (metres := length_factor(unit.rstrip(".")) if unit else 1.0) is None:
             raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
         values = _without_sentinels(values * metres, notes)
-        depth = np.empty(grid.shape, np.float32)
-        for rows, north, east in grid.blocks():
+        depth, finer, inner = np.empty(grid.shape, np.float32), False, np.s_[1:-1, 1:-1]
+        nodes = (sense * values).astype(np.float32)
+        for rows, north, east in grid.blocks(around=True):
             row, column = view.find(north, east)
-            depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
+            row, column = row - window[0], column - window[2]
+            depth[rows] = sense * bilinear(values, row[inner], column[inner])
+            if (own := closer(row, column)).any():
+                finer = True
+                np.minimum(depth[rows], least_around(nodes, row, column), out=depth[rows], where=own)
+    if finer:
+        size = f"pixels of {grid.pixel_size:g} m"
+        notes.append(f"its data is finer than the {size}: each has the shallowest depth within a pixel of it")
     if unknown := int(np.isnan(depth).sum()):
         notes.append(f"{unknown} of {depth.size} pixels have no depth: NaN")
     if not (depth > 0.0).any():
@@ -225,7 +236,7 @@ def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> 
 def _window(path: str, view: View, grid: LocalGrid) -> tuple[int, int, int, int]:
     """First and last row, first and last column, of the nodes that bear on a grid."""
     spans = []
-    for _, north, east in grid.blocks():
+    for _, north, east in grid.blocks(around=True):
         row, column = view.find(north, east)
         if not np.isnan(row).all():
             spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))

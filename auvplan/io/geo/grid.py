@@ -72,15 +72,25 @@ class LocalGrid:
         )
         return site.to_geographic(*np.meshgrid(*axes, indexing="ij"))
 
-    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Rows of pixels, a block at a time: which rows, and north and east of their centres, m."""
-        step = max(_BLOCK // self.shape[1], 1)
-        east = self.lower[1] + (np.arange(self.shape[1]) + 0.5) * self.pixel_size
+    def blocks(self, around: bool = False) -> Iterator[tuple[slice, Array, Array]]:
+        """Rows of pixels, a block at a time: which rows, and north and east of their centres, m.
+
+        Args:
+            around: whether the centres on every side of a block are given as well; beyond the outer pixels
+                the edges of the rectangle asked for stand for them.
+        """
+        step, more = max(_BLOCK // self.shape[1], 1), 2 * around
+        north, east = (
+            low + (np.arange(count) + 0.5) * self.pixel_size
+            for low, count in zip(self.lower, self.shape, strict=True)
+        )
+        if around:
+            (south, west), (top, right) = self.lower, self.upper
+            north, east = np.r_[south, north, top], np.r_[west, east, right]
         for start in range(0, self.shape[0], step):
-            rows = np.arange(start, min(start + step, self.shape[0]))
-            north = self.lower[0] + (rows + 0.5) * self.pixel_size
-            n, e = np.meshgrid(north, east, indexing="ij")
-            yield slice(start, start + len(rows)), n, e
+            stop = min(start + step, self.shape[0])
+            n, e = np.meshgrid(north[start : stop + more], east, indexing="ij")
+            yield slice(start, stop), n, e
 
 
 class Extent(NamedTuple):

@@ -13,6 +13,7 @@ A coordinate `mask` (ROMS: `mask_rho`) on the same dimensions is 0 where values 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ Source = str | Path | xr.DataArray
 Find = Callable[[Array, Array], tuple[Array, Array]]
 
 _MASKS = ("mask", "mask_rho")
+#: Places that are less than this many times as far apart as nodes are as close: a map's metres are not exact.
+_STRETCH = 1.01
 
 
 @dataclass(frozen=True)
@@ -365,6 +368,63 @@ def bilinear(values: NDArray, row: Array, column: Array) -> Array:
     ):
         total += np.where(weight > 0.0, weight * at, 0.0)
     return total
+
+
+def closer(row: Array, column: Array) -> NDArray[np.bool_]:
+    """Return at which places [n, m] nodes lie closer to each other than places do.
+
+    Args:
+        row, column: [n + 2, m + 2], where the places [n, m] and those around them lie among the nodes.
+    """
+    per_place = []
+    for at in (row, column):
+        north, east = np.abs(np.diff(at[:, 1:-1], axis=0)), np.abs(np.diff(at[1:-1], axis=1))
+        # Those at the edges may be half a step away.
+        north, east = np.fmax(north[:-1], north[1:]), np.fmax(east[:, :-1], east[:, 1:])
+        per_place.append(np.hypot(north, east))
+    return np.fmax(*per_place) > _STRETCH
+
+
+def least_around(values: NDArray, row: Array, column: Array) -> NDArray:
+    """Least of the nodes on which anything bears between each place and those around it, [n, m].
+
+    Args:
+        values: [rows, columns]; NaN is left out.
+        row, column: [n + 2, m + 2], where the places [n, m] and those around them lie among the nodes.
+
+    Returns:
+        NaN where all nodes are NaN.
+    """
+    n, m = row.shape[0] - 2, row.shape[1] - 2
+    spans = []
+    for at, size in zip((row, column), values.shape, strict=True):
+        near = [at[i : i + n, j : j + m] for i in range(3) for j in range(3)]
+        ends = np.floor(reduce(np.fmin, near)), np.ceil(reduce(np.fmax, near))
+        spans.append([np.clip(np.nan_to_num(end), 0, size - 1).astype(int) for end in ends])
+    top = spans[0][0].min()
+    values, spans[0] = values[top : spans[0][1].max() + 1], [end - top for end in spans[0]]
+    # Of windows whose sides are powers of two four cover any rectangle.
+    sides = [np.frexp(last - first + 1)[1] - 1 for first, last in spans]
+    found = np.full((n, m), np.nan, values.dtype)
+    for tall in range(sides[0].max() + 1):
+        values = _doubled(values, tall)
+        windows, own = values.T, sides[0] == tall
+        for wide in range(sides[1].max(where=own, initial=-1) + 1):
+            windows = _doubled(windows, wide)
+            here = own & (sides[1] == wide)
+            if here.any():
+                i, j = (
+                    (first[here], last[here] + 1 - 2**side)
+                    for (first, last), side in zip(spans, (tall, wide), strict=True)
+                )
+                found[here] = reduce(np.fmin, [windows[b, a] for a in i for b in j])
+    return found
+
+
+def _doubled(windows: NDArray, power: int) -> NDArray:
+    """Return the least values in windows of 2**power rows from those in windows of half as many."""
+    half = 2**power // 2
+    return np.fmin(windows[:-half], windows[half:]) if half else windows
 
 
 def listed(names: Any) -> str:

@@ -5,9 +5,13 @@ import pytest
 import rasterio
 import rasterio.shutil
 import xarray as xr
-from pyproj import Transformer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import CRS, Transformer
+from scipy.ndimage import map_coordinates
 
 from auvplan.io.geo import GeoError, read_raster
+from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from tests.io.geo.files import geographic, write_geotiff
 from tests.io.geo.sea_floors import LATITUDE, LONGITUDE, SITE, expected, floor_of, grid, sea_floor, write_grid
@@ -255,3 +259,103 @@ def test_arrays_in_place_of_files(tmp_path):
         np.testing.assert_allclose(found.depth, wanted.depth, atol=0.05 if source is turned else 2e-3)
     missing = floor_of(plain.where(plain.lat < 56.43), 100.0)
     assert 0.3 < np.isnan(missing.depth).mean() < 0.8
+
+
+#: East and north of the site's local metres as x and y of a projection.
+LOCAL = CRS.from_user_input("+proj=aeqd +lat_0=56.43 +lon_0=-5.66 +x_0=1000 +y_0=2000 +datum=WGS84").to_wkt()
+
+
+def nodes_of(place, shape):
+    """[2, rows, columns] m north and east of a grid's nodes, by an affine map to east and north."""
+    rows, columns = np.indices(shape) + 0.5
+    return np.stack((place @ (columns, rows))[::-1])
+
+
+def turned_grid(values, place, form):
+    """A source of depths [rows, columns] whose nodes lie as `nodes_of` says."""
+    source = xr.DataArray(values, dims=("y", "x"), name="depth", attrs={"units": "m"})
+    if form == "pixels":
+        mapping = {"crs_wkt": LOCAL, "GeoTransform": " ".join(map(repr, place.to_gdal()))}
+        return source.assign_coords(spatial_ref=xr.Variable((), 0, mapping))
+    places = geographic(*nodes_of(place, values.shape), SITE)
+    return source.assign_coords(lon=(("y", "x"), places[..., 0]), lat=(("y", "x"), places[..., 1]))
+
+
+def bed_of(source, pixel_size, half):
+    """The bed that paths keep above, in a rectangle about (2000, 1000), and what is noted of it."""
+    found = floor_of(
+        source, pixel_size, lower=(2000 - half[0], 1000 - half[1]), upper=np.add((2000, 1000), half)
+    )
+    return Seabed.from_depth(found.depth, found.pixel_size, found.origin), found
+
+
+@pytest.mark.parametrize("form", ["pixels", "grid"])
+@pytest.mark.parametrize("width", [2, 6])
+def test_a_ridge_narrower_than_the_pixels_is_there(form, width):
+    """From 50 m up to 8 m, across the area, in a raster of 1 m on pixels of 10 m."""
+    values = np.full((120, 120), 50.0)
+    values[63 : 63 + width] = 8.0
+    place = rasterio.Affine(1.0, 0.0, 940.0, 0.0, -1.0, 2060.0)
+    bed, found = bed_of(turned_grid(values, place, form), None, (40.0, 40.0))
+    assert found.pixel_size == 10.0
+    assert found.notes == (
+        "its data is finer than the pixels of 10 m: each has the shallowest depth within a pixel of it",
+    )
+    crest, east = np.meshgrid(2060.0 - 63.5 - np.arange(width), np.linspace(960.0, 1040.0, 50))
+    assert float(bed.depth_at(crest, east).max()) <= 8.0
+    assert float(bed.depth_at(1970.0, 1000.0)) == 50.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.integers(0, 10**6), st.sampled_from([0.0, 20.0, 45.0, 77.0]), st.floats(1.5, 13.0),
+    st.floats(1.5, 9.8), st.sampled_from([10.0, 10.0, 23.0]), st.sampled_from(["pixels", "grid"]),
+)  # fmt: skip
+def test_nowhere_is_a_bed_deeper_than_its_finer_source(seed, angle, across, down, pixel_size, form):
+    """Nor shallower than all around. The source is turned, and has pinnacles of one value."""
+    rng = np.random.default_rng(seed)
+    half = rng.uniform(15.0, 50.0, 2)
+    shape = np.ceil(2.0 * (np.hypot(*half) + 20.0) / np.array([down, across])).astype(int)
+    values = np.where(rng.random(shape) < 0.02, 5.0, rng.uniform(40.0, 60.0, shape)).astype(np.float32)
+    place = rasterio.Affine.translation(1000.0, 2000.0) @ rasterio.Affine.rotation(angle)
+    place = place @ rasterio.Affine.scale(across, -down) @ rasterio.Affine.translation(*(-shape[::-1] / 2))
+    bed, found = bed_of(turned_grid(values, place, form), pixel_size, half)
+    assert any("finer than the pixels" in note for note in found.notes)
+    low, high = (np.array([[2000.0], [1000.0]]) + sign * half[:, None] for sign in (-1.0, 1.0))
+    nodes = nodes_of(place, shape).reshape(2, -1)
+    inside = ((low <= nodes) & (nodes <= high)).all(axis=0)
+    for north, east in (nodes[:, inside], rng.uniform(low, high, (2, 300))):
+        column, row = ~place @ (east, north)
+        true = map_coordinates(values, [row - 0.5, column - 0.5], order=1, mode="nearest", output=float)
+        read = np.asarray(bed.depth_at(north, east))
+        assert (read <= true + 1e-3).all()
+    apart = np.maximum(np.abs(nodes[0] - north[:, None]), np.abs(nodes[1] - east[:, None]))
+    reach = 3.0 * pixel_size + np.hypot(across, down)
+    assert (read >= np.where(apart < reach, values.ravel(), np.inf).min(axis=1) - 1e-3).all()
+
+
+@pytest.mark.parametrize("pixel_size", [None, 37.0, 100.0, 400.0])
+def test_a_bed_as_coarse_as_its_pixels_is_bilinear_to_the_bit(monkeypatch, pixel_size):
+    """Of 400 m, also where metres of its projection are a little shorter than ours."""
+    values = np.random.default_rng(3).uniform(-10.0, 90.0, (30, 30))
+    values[4, 7] = np.nan
+    place = rasterio.Affine(398.0, 0.0, -5000.0, 0.0, -398.0, 8000.0)
+    read = [floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down")]
+    monkeypatch.setattr("auvplan.io.geo.bathymetry.closer", lambda row, column: np.zeros(1, bool))
+    read.append(floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down"))
+    assert read[0].depth.tobytes() == read[1].depth.tobytes()
+    assert read[0].notes == read[1].notes
+    assert not any("finer" in note for note in read[0].notes)
+
+
+def test_what_a_finer_source_does_not_know_stays_as_it_is():
+    """Where the middle of a pixel is unknown it is; a value missing elsewhere is no shoal."""
+    values = np.full((260, 260), 50.0)
+    values[100:140, 100:140], values[30, 34] = np.nan, np.nan
+    place = rasterio.Affine(1.0, 0.0, 870.0, 0.0, -1.0, 2130.0)
+    _, found = bed_of(turned_grid(values, place, "pixels"), 10.0, (120.0, 120.0))
+    unknown = np.isnan(found.depth)
+    north, east = 10.0 * np.indices(unknown.shape) + np.array([1885.0, 885.0])[:, None, None]
+    inside = (np.abs(north - 2010.0) < 21.0) & (np.abs(east - 990.0) < 21.0)
+    np.testing.assert_array_equal(unknown, inside)
+    assert (found.depth[~unknown] == 50.0).all()
