@@ -338,7 +338,8 @@ def _least(passability: NDArray, view: View, grid: LocalGrid, nothing: float) ->
 
     Where there is no pixel within `_SLACK` it is `nothing`.
     """
-    nodes, ratio = view.nodes, grid.pixel_size / np.hypot(*view.steps().T)
+    # Over how many rows and columns a pixel of the chart reaches, which may lie across them.
+    nodes, ratio = view.nodes, grid.pixel_size * np.abs(np.linalg.inv(view.steps().T)).sum(axis=1)
     # A tenth of a pixel more or less, as between two projections, is no reason to look at its neighbours.
     window = tuple(2 * max(int(np.ceil((r - 1.0) / 2.0 - 0.1)), 0) + 1 for r in ratio)
     if max(window) > 1:

@@ -85,6 +85,22 @@ def test_small_land_is_not_lost_between_coarse_pixels(tmp_path):
         assert chart.shares()["coast"] * np.prod(chart.shape) <= max(9, 150.0**2 / size**2)
 
 
+@pytest.mark.parametrize("angle", [0.0, 20.0, 30.0, 45.0])
+def test_land_is_not_lost_in_the_corners_of_pixels_that_lie_across_a_raster(tmp_path, angle):
+    """Islets of 2 m in a raster of about 1 m that is turned: a pixel that each reaches into is coast."""
+    north_west = np.random.default_rng(0).integers(95, 205, (300, 2)) * 2
+    corners = north_west[:, None] + np.stack(np.meshgrid([0, 1], [0, 1]), axis=-1).reshape(1, 4, 2)
+    values = np.full((600, 600), 2, np.uint8)
+    values[corners[..., 0], corners[..., 1]] = 0
+    place = rasterio.Affine.translation(SITE.longitude, SITE.latitude) @ rasterio.Affine.rotation(angle)
+    place = place @ rasterio.Affine.scale(1e-5, -1e-5) @ rasterio.Affine.translation(-300.0, -300.0)
+    path = write_geotiff(tmp_path / "c.tif", values, transform=place)
+    extent = Extent((-190.0, -190.0), (190.0, 190.0), 10.0)
+    chart = chart_from_raster(path, SITE, extent, classes=MEANINGS)
+    land = SITE.to_local(*(place @ (corners[..., 1] + 0.5, corners[..., 0] + 0.5)))
+    assert not np.asarray(chart.is_water(*land)).all(axis=1).any()
+
+
 @pytest.mark.parametrize(
     ("lower", "upper", "words"),
     [
