@@ -74,7 +74,7 @@ class PowerSettings(Section):
     )
     turning: NotNegative | None = optional("J per rad of change of heading; default 0")
     task: NotNegative | None = optional("W, in addition during tasks and along survey lines; default 0")
-    task_start: NotNegative | None = optional("J, each time that a task, or a survey line, is begun; default 0")
+    task_start: NotNegative | None = optional("J, whenever a task, or a survey line, is begun; default 0")
     battery: BatterySettings | None = optional("energy is not limited if absent")
 
     def _check(self) -> None:
