@@ -123,6 +123,7 @@ class MissionContext:
         speeds: [K] m/s through the water among which the speed of each leg is chosen; that of the vehicle
             alone where its battery is limited and its speed is not free; None where energy does not count.
         saw_tooth: that paths become, for which the vehicle is that of `SawTooth.for_planning`; or None.
+        circle: m that the vehicle circles off the place of a task.
         left: share of time and energy that plans keep back for `planning.promise`, where it is the same for
             all missions; None before it is known.
     """
@@ -143,6 +144,7 @@ class MissionContext:
     fixes: NavigationSettings | None = None
     speeds: Array | None = None
     saw_tooth: SawTooth | None = None
+    circle: float = 0.0
     left: float | None = None
 
     @cached_property

@@ -122,20 +122,24 @@ def unfit(mission: Mission) -> str:
     """Return why a mission's leg cannot be begun whatever time is left, or an empty string.
 
     That is a limit that its path breaks, a position that is not known well enough at its end, or a known
-    obstacle that comes to its goal during its task.
+    obstacle that comes to its goal during its task, or is on the circle that the vehicle makes there.
     """
     context, leg = mission.context, mission.active_leg
     if why := refusal(leg, context.epoch) or lost(mission):
         return why
     record, timetable, margin = leg.record, mission.graph.timetable, context.scenario.safety.obstacles
-    for obstacle in (known for known in context.area.obstacles if known.moves):
+    circle = context.circle if record.t_task > 0.0 else 0.0
+    for obstacle in (known for known in context.area.obstacles if known.moves or circle):
         arrives = float(leg.followed.times[-1])
         begins = arrives if timetable is None else timetable.begins(record.start, record.goal, arrives)
         ends = (begins if np.isfinite(begins) else arrives) + record.t_task
         when, apart = obstacle.closest(leg.target, arrives, ends)
-        if apart < margin:
-            where = f"{obstacle.name} comes within {margin:g} m of its goal"
-            return f"{where} {context.moment(when)}, while the vehicle is there"
+        if apart < margin + circle:
+            near = "comes" if obstacle.moves else "is"
+            where = f"{obstacle.name} {near} within {margin + circle:g} m of its goal"
+            if circle:
+                where += f", which the vehicle circles at {circle:g} m"
+            return f"{where} {context.moment(when)}, while the vehicle is there" if obstacle.moves else where
     return ""
 
 

@@ -99,7 +99,14 @@ def thin(
     i, j = i[covers], j[covers]
     passing = path_times[j] - path_times[i]
     lines, room = sea.pass_lines(places[i], places[j], path_times[i], passing)
-    admitted = (room >= least[:, None]).all(axis=0) | (j == i + 1)
+    # What a line may come to is what the path has where the line stands for it.
+    alone, own = j == i + 1, np.full((len(least), len(places), len(places)), np.inf)
+    own[:, i[alone], j[alone]] = room[:, alone]
+    for width in range(2, len(places)):
+        at = np.arange(len(places) - width)
+        own[:, at, at + width] = np.minimum(own[:, at, at + width - 1], own[:, at + width - 1, at + width])
+    kept = np.minimum(asked[:, None], own[:, i, j]) - np.where(distances, *_BLUR)[:, None]
+    admitted = (room >= kept).all(axis=0) | alone
     change = np.full((len(places), len(places)), np.inf)
     change[i, j] = np.where(admitted, lines - passing, np.inf)
     for chain in _chains(np.abs(change)):

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.export.imc import plan_identifier, plan_specification, stay_specification
+from auvplan.export.imc import RADIUS, plan_identifier, plan_specification, stay_specification
 from auvplan.export.markup import Element
 from auvplan.link.limits import Allowance, Limits
 from auvplan.link.listening import ListeningLink
@@ -163,7 +163,7 @@ class ImcVehicle(ListeningLink):
     by_legs = True
     #: DUNE is 10.3 s longer at a task than commanded, 0.5 s of them as IMC has whole seconds, and ends the
     #: way there 5 s ahead of it (docs/execution.md); `auvplan.export.imc` has the rest.
-    allowance = Allowance(task=6.8)
+    allowance = Allowance(task=6.8, circle=RADIUS)
 
     def __init__(
         self,

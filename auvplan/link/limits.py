@@ -73,6 +73,7 @@ class Allowance:
         stop: s at the end of every leg, to come to rest and to get under way again.
         by_speed: s more for every m/s of its speed.
         task: s more at the end of a leg that has a task.
+        circle: m that it circles off the place of a task.
     """
 
     start: float = 0.0
@@ -80,6 +81,7 @@ class Allowance:
     stop: float = 0.0
     by_speed: float = 0.0
     task: float = 0.0
+    circle: float = 0.0
 
     def begins(self, depth: float) -> float:
         """Return s, when the first leg begins at a depth, m."""

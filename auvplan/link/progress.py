@@ -144,8 +144,9 @@ class Progress:
                 return
             gone = float(np.linalg.norm(place - before))
             holds = any(passed.hold for passed in self.upload.steps[step : self.ahead])
-            if not holds and gone > _STANDS * self.step.pace * taken:
-                self.pace = self.pace.after(self.counted * (now - late - planned), taken)
+            onward = now - late - planned  # less than none where the vehicle was put back, as by a restart
+            if not holds and onward >= 0.0 and gone > _STANDS * self.step.pace * taken:
+                self.pace = self.pace.after(self.counted * onward, taken)
         self.sight = self.ahead, now - late, now, place
 
     @property

@@ -162,6 +162,7 @@ class RollingPlan:
         own = float(np.asarray(self.run.vehicle.speed))
         fastest = max((self.run.scenario.get("vehicle") or {}).get("speed_range") or [own])
         self._stop, self._task = allowance.ends(fastest), allowance.task
+        self._context.circle = allowance.circle
         first.now = away + allowance.begins(float(graph.positions[first.here][2]))
         more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
         first.graph = replace(graph, duration=graph.duration + more)

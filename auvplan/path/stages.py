@@ -586,7 +586,7 @@ def _begin(
             population = population.at[-count:].set(through)
         pace, missed = None, jnp.zeros(())
         if is_quasi_steady(problem.env.current):
-            pace, missed = _pace(problem, own)
+            pace, missed = _pace(problem, own, population[-count:])
         return jnp.clip(population, lower, upper), Bounds(lower, upper, pace), missed
 
     return batch.over_legs(one, keys, populations, found)
@@ -597,18 +597,21 @@ def _keys(key: jax.Array) -> jax.Array:
     return jax.random.split(key)
 
 
-def _pace(problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+def _pace(problem: Problem, config: PathConfig, likely: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the pace [S - 1] of the straight line, m/s over ground, and what sweeps from still water miss.
 
-    That is a share of the line's time: how well `PacedCurrent` serves here.
+    That is the greatest share of the time of the line and of likely paths, habitats [R, 3 n]: how well
+    `PacedCurrent` serves here.
     """
-    line = tracks(habitats.straight_line(*problem.ends, config)[None], problem, config)
+    line = habitats.straight_line(*problem.ends, config)[None]
+    paths = tracks(jnp.concatenate([line, likely]), problem, config)
     bare = replace(problem.env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
-    gap, speed = norm(*line.way)[:, 0], problem.vehicle.speed
-    worlds = bare, replace(bare, current=PacedCurrent(bare.current, jnp.broadcast_to(speed, gap.shape)))
-    exact, swept = (evaluate(line, problem.depart, env, problem.vehicle, config) for env in worlds)
-    pace = jnp.maximum(gap / jnp.diff(exact.times[:, 0]), _SLOWEST * speed)
-    return pace, jnp.abs(swept.travel_time / exact.travel_time - 1.0)[0]
+    gap, speed = norm(*paths.way), problem.vehicle.speed
+    still = PacedCurrent(bare.current, jnp.broadcast_to(speed, gap.shape[:1]))
+    worlds = bare, replace(bare, current=still)
+    exact, swept = (evaluate(paths, problem.depart, env, problem.vehicle, config) for env in worlds)
+    pace = jnp.maximum(gap[:, 0] / jnp.diff(exact.times[:, 0]), _SLOWEST * speed)
+    return pace, jnp.abs(swept.travel_time / exact.travel_time - 1.0).max()
 
 
 @partial(compiled, static_argnames=("config",), wide=True)

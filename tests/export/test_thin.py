@@ -193,6 +193,21 @@ def test_coast_and_obstacles_have_each_a_margin_of_their_own(margin: tuple[float
         assert (kept < 125.0) == (asked < 125.0)
 
 
+def test_lines_come_as_near_as_the_path_only_where_it_does():
+    """A quay 6 m off its start is no leave to pass a headland, which it rounds at 60 m, as near."""
+    north, east = np.meshgrid(*(2.0 * np.arange(2000) - 999.0,) * 2, indexing="ij")
+    quay = (north < -3.0) & (np.abs(east) < 200.0)
+    headland = (north > 1000.0) & (north < 1400.0) & (east > -600.0) & (east < 0.0)
+    corners = np.array([[3.0, -150.0], [1000.0, 60.0], [1400.0, 60.0], [2400.0, -300.0]])
+    level = np.stack([np.interp(np.linspace(0.0, 3.0, 61), range(4), axis) for axis in corners.T])
+    path = np.concatenate([level, np.full((1, 61), 5.0)]).T
+    world = still(chart=Chart.from_mask(~(quay | headland), 2.0, (-1000.0, -1000.0)))
+    few = thin(path, even_times(path), world, VEHICLE, margin=(50.0, 10.0))
+    land = shapely.box(1000.0, -600.0, 1400.0, 0.0)
+    assert shapely.LineString(few.positions[:, :2]).distance(land) > 50.0
+    assert few.clearance == pytest.approx(6.0, abs=2.0)
+
+
 def test_lines_keep_the_altitude_over_a_bank():
     depth = np.full((150, 60), 80.0)
     depth[70:80] = 30.0  # across the way, from 1.4 to 1.6 km

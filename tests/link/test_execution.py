@@ -727,6 +727,18 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
 
 
+def test_a_task_with_an_obstacle_on_the_circle_of_the_vehicle_is_left_out():
+    plan, _ = made()
+    assert plan.plan()
+    leg = next(leg for leg in plan.legs if leg.t_task > 0.0 and leg.goal != plan.run.goal)
+    north, east, _ = map(float, plan.run.graph.positions[leg.goal])
+    reach = plan.margin + 3.0
+    plan.add_obstacle(KnownObstacle("rig", (north, east - reach - 20.0), 20.0))
+    for circle, done in ((0.0, True), (10.0, False)):
+        assert plan.plan(Allowance(circle=circle))
+        assert (leg.goal in [other.goal for other in plan.legs if other.priority > 0.0]) == done
+
+
 def test_a_vehicle_that_is_shut_in_waits_before_it_goes_home():
     """Obstacles lie over both ends of its leg; as long as there are time and patience, they may go away."""
     plan, _ = made()

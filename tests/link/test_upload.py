@@ -156,6 +156,19 @@ def test_a_vehicle_that_stands_still_has_no_other_pace(upload):
     assert progress.pace.share == 1.0
 
 
+def test_a_vehicle_that_is_put_back_has_no_other_pace(upload):
+    """As by a restart, which leaves it at the beginning of its leg."""
+    first = upload.steps[1].left_at
+    until = max(step.time for step in upload.steps if step.leg == 1) - 10.0
+    progress = under_way(upload, 1.0, until)
+    step, now = progress.step, until + 20.0
+    for planned in np.arange(step.left_at, step.time, 5.0):
+        share = (planned - step.left_at) / (step.time - step.left_at)
+        progress.time_pace(step.left + share * (step.position - step.left), now + planned - step.left_at)
+    assert until - first > 60.0
+    assert progress.pace.share == 1.0
+
+
 def test_at_a_task_the_track_ahead_stays_for_what_is_left_of_it(upload):
     progress = Progress(upload)
     ahead = next(k for k, step in enumerate(upload.steps) if step.hold > 0.0)

@@ -432,6 +432,27 @@ def test_legs_on_which_a_gridded_current_turns_are_planned_to_the_closed_form_op
     assert float(plan.travel_time) == pytest.approx(least, rel=5e-4)
 
 
+def test_a_tide_beside_a_calm_line_is_met_at_its_times(monkeypatch):
+    """The straight line says nothing of it; the paths that an island sends there do."""
+    period, nodes = 2400.0, np.linspace(-6000.0, 6000.0, 49)
+    times = np.arange(0.0, 48_000.0, period / 24.0)
+    beside = np.clip((np.abs(nodes) - 150.0) / 300.0, 0.0, 1.0) * np.ones((49, 1))
+    north = 0.9 * np.cos(2.0 * np.pi * times / period)[:, None, None] * beside
+    field = ap.GriddedCurrent.from_arrays(
+        north[:, None], 0.0 * north[:, None], origin=(-6000.0, -6000.0), spacing=250.0, times=times
+    )
+    x, y = np.meshgrid(*(-6000.0 + 20.0 * (np.arange(600) + 0.5),) * 2, indexing="ij")
+    chart = ap.Chart.from_mask(~((np.abs(x) < 1500.0) & (np.abs(y) < 700.0)), 20.0, (-6000.0, -6000.0))
+    env = ap.Environment(field, chart, lower=(-6000, -6000, 0), upper=(6000, 6000, 0))
+    how = {"key": jax.random.key(0), "depart": 500.0, "config": ap.PathConfig.quick()}
+    ends, vehicle = ((-4000.0, 0.0, 0.0), (4000.0, 0.0, 0.0)), ap.Vehicle(1.2, surge_max=9.0, sway_max=5.0)
+    found = ap.plan_path(*ends, env, vehicle, **how)
+    monkeypatch.setattr(stages, "_MISSED", -1.0)
+    in_turn = ap.plan_path(*ends, env, vehicle, **how)
+    assert float(found.travel_time) == pytest.approx(float(in_turn.travel_time), rel=1e-3)
+    assert bool(found.feasible)
+
+
 @pytest.mark.parametrize("period", [40.0, 90.0])
 def test_travel_times_hold_where_the_current_changes_within_segments(period):
     """A tide of seconds, walked along the plan in steps far shorter than its segments."""

@@ -375,7 +375,7 @@ def _between(box: _Box, depths: Array, columns: tuple[Array, Array, Array]) -> A
     last = np.where(there, np.arange(len(levels))[:, None], 0).max(axis=0)
     places = np.concatenate([np.where(there, levels, np.nan), floor[None]])
     values = np.concatenate([current, np.take_along_axis(current, last[None, None], axis=1)], axis=1)
-    while True:
+    while len(depths) > 1:
         found = np.stack([at_depth(tuple(current), levels, np.full(1, d), floor) for d in depths], axis=1)
         dry = np.isnan(found)
         found[:, 1:] = np.where(dry[:, 1:] & ~dry[:, :-1], found[:, :-1], found[:, 1:])
@@ -385,15 +385,15 @@ def _between(box: _Box, depths: Array, columns: tuple[Array, Array, Array]) -> A
         off = np.linalg.norm((1.0 - share) * upper + share * lower - values, axis=0)
         worst = np.zeros(len(depths) - 1)
         np.maximum.at(worst, k, np.where((share <= 1.0) & np.isfinite(off), off, 0.0))
+        worst[depths[1:] <= box.low[2]] = 0.0
         wanting = np.flatnonzero((worst > _BETWEEN) & (np.diff(depths) > _NEAREST))
         wanting = wanting[np.argsort(-worst[wanting], kind="stable")][: _MOST - len(depths)]
         if not len(wanting):
+            if (most := float(worst.max())) > 2.0 * _BETWEEN:
+                off_by = f"the current is off by up to {most:.2f} m/s"
+                box.notes.append(f"between the {len(depths)} depths read {off_by}")
             break
         depths = np.sort(np.concatenate([depths, 0.5 * (depths[wanting] + depths[wanting + 1])]))
-    if (most := float(worst.max())) > 2.0 * _BETWEEN:
-        box.notes.append(
-            f"between the {len(depths)} depths that were read the current is off by up to {most:.2f} m/s"
-        )
     return depths
 
 

@@ -151,8 +151,8 @@ def test_where_rows_are_not_even_nodes_are_denser():
     assert found.spacing == pytest.approx((4000 / 29, 3000 / 22), rel=0.03)
 
 
-def layers(thick):
-    """Water to the north above 31 m and to the south below, on 40 levels that follow a bed of 45 to 52 m."""
+def layers(thick, top=31.0):
+    """Water to the north above a depth and to the south below, on 40 levels above a bed of 45 to 52 m."""
     sigma, longitude, latitude = (
         (np.arange(40) + 0.5) / 40.0 - 1.0,
         LON + 0.01 * np.arange(8),
@@ -160,7 +160,7 @@ def layers(thick):
     )
     floor = np.broadcast_to(45.0 + np.arange(8.0), (6, 8))
     depth = -sigma[:, None, None] * floor
-    north = np.interp(depth, [31.0, 31.0 + thick], [0.4, -0.3])[None]
+    north = np.interp(depth, [top, top + thick], [0.4, -0.3])[None]
     dims = "time", "sigma", *DIMS[2:]
     return xr.Dataset(
         {"uo": (dims, 0.0 * north, EAST), "vo": (dims, north, NORTH), "h": (dims[2:], floor, {"units": "m"})},
@@ -181,6 +181,17 @@ def test_between_depths_the_current_is_the_files_down_to_the_bed(thick):
     assert np.hypot(found.field(x, y, z, 0.0)[0] - north, found.field(x, y, z, 0.0)[1] - east).max() < 0.05
     assert len(found.field.depths) <= 32
     assert not any("off by" in note for note in found.notes)
+
+
+def test_depths_are_added_where_the_box_is():
+    for least in (0, 30):
+        found = read_current(layers(2.0, 12.0), SITE, lower=(-1500, -1000, least), upper=(1500, 1000, 44))
+        assert (len(found.field.depths) > 8) == (least == 0)
+
+
+def test_at_the_surface_alone_levels_that_follow_the_bed_are_read():
+    found = read_current(layers(5.0), SITE, lower=(-1500, -1000, 0), upper=(1500, 1000, 0))
+    np.testing.assert_allclose(found.field.u, 0.4, rtol=1e-6)
 
 
 def test_depths_that_were_asked_for_are_kept():
