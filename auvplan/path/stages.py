@@ -56,8 +56,8 @@ _MARGINS = "coast_margin", "obstacle_margin", "uncertain_price"
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
-#: Share of the straight line's time that sweeps may miss, see `_pace`, where times of paths that are compared
-#: are settled so; else these are timed segment by segment.
+#: Share of a time that sweeps may miss, see `_pace`, where times of paths that are compared are settled so;
+#: else these are timed segment by segment.
 _MISSED = 1e-3
 
 #: Passages of denser fields that are polished with fine settings.
@@ -586,7 +586,7 @@ def _begin(
             population = population.at[-count:].set(through)
         pace, missed = None, jnp.zeros(())
         if is_quasi_steady(problem.env.current):
-            pace, missed = _pace(problem, own, population[-count:])
+            pace, missed = _pace(problem, own, population[-count:] if count else population[:1])
         return jnp.clip(population, lower, upper), Bounds(lower, upper, pace), missed
 
     return batch.over_legs(one, keys, populations, found)
