@@ -90,7 +90,8 @@ def thin(
     asked[: DISTANCES - 1] = margin
     if env.seabed is not None:
         asked[DISTANCES - 1] = float(env.seabed.clearance)
-    least = np.minimum(asked, path_room) - np.where(distances, *_BLUR)
+    blur = np.where(distances, *_BLUR)
+    least = np.minimum(asked, path_room) - blur
     total = path_times[-1] - path_times[0]
     allowed = max(tolerance * total, _SHORT)
 
@@ -105,8 +106,8 @@ def thin(
     for width in range(2, len(places)):
         at = np.arange(len(places) - width)
         own[:, at, at + width] = np.minimum(own[:, at, at + width - 1], own[:, at + width - 1, at + width])
-    kept = np.minimum(asked[:, None], own[:, i, j]) - np.where(distances, *_BLUR)[:, None]
-    admitted = (room >= kept).all(axis=0) | alone
+    kept = np.minimum(asked[:, None], own[:, i, j])
+    admitted = (room >= kept - blur[:, None]).all(axis=0) | alone
     change = np.full((len(places), len(places)), np.inf)
     change[i, j] = np.where(admitted, lines - passing, np.inf)
     for chain in _chains(np.abs(change)):

@@ -27,8 +27,8 @@ FLOW_UNITS = 10**6
 EDGES_PER_NODE = 12
 MOST_STEPS = 1e6
 
-#: Share of all priority that single precision tells apart together with the time of a route.
-RESOLVED = 2.0**-12
+#: Share of all priority that single precision resolves beside the time of a route.
+_RESOLVED = 2.0**-12
 
 
 def upper_bound(
@@ -332,7 +332,7 @@ def least_difference(
         return np.inf
     most = np.zeros(len(priority))
     np.maximum.at(most, edges[1], worth[:, 0])
-    return float(min(values.min(), max(common_step(values), RESOLVED * most.sum())))
+    return float(min(values.min(), max(common_step(values), _RESOLVED * most.sum())))
 
 
 def common_step(values: Any) -> float:

@@ -79,8 +79,8 @@ class Trajectory:
     Attributes:
         x, y, z: [S, P] m, positions of the samples.
         times: [S, P] s since the epoch, arrival at each sample; differentiable in track, departure, vehicle
-            and current, but for what `PacedCurrent` holds fixed. The first is the departure: it answers to
-            nothing else, and later ones to it by a second a second besides the change of the way's duration.
+            and current. The first is the departure: it answers to nothing else, and later ones to it by a
+            second a second besides the change of the way's duration.
         travel_time: [P] s (Eq. 11), with more digits than `times` have days after the epoch.
         length: [P] m.
         water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment, or

@@ -351,12 +351,9 @@ def _depths(box: _Box, grid: _Grid, frames: slice, depths: ArrayLike | None) -> 
 def _columns(source: OceanData, grid: _Grid, frames: slice) -> tuple[Array, Array, Array]:
     """Return east and north [2, K, C] m/s, depths [K, C] m and the sea bed [C] m of some of the columns."""
     points = np.unique(grid.weights.index)
-    points = points[:: -(-len(points) // _COLUMNS)]
-    found = []
+    window, found = source.geometry.window(points[:: -(-len(points) // _COLUMNS)]), []
     for frame in np.unique(np.linspace(frames.start, frames.stop - 1, _MOMENTS).astype(int)):
-        window = source.geometry.window(points)
-        block = source.part(slice(frame, frame + 1), window).block
-        chosen = window.index
+        block, chosen = source.part(slice(frame, frame + 1), window).block, window.index
         assert block.floor is not None
         current = np.stack([block.east[0][:, chosen], block.north[0][:, chosen]])
         found.append((current, block.depths[0][:, chosen], block.floor[0][chosen]))
