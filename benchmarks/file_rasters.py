@@ -153,7 +153,8 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
 
 
 def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
-    return read_bathymetry(path, box.site, Extent(**box.corners, pixel_size=box.pixel), **options).depth
+    extent = Extent(**box.corners, pixel_size=box.pixel)
+    return read_bathymetry(path, box.site, extent, keep_shoals=False, **options).depth
 
 
 def tiff_classes(path: Path, box: Box) -> np.ndarray:

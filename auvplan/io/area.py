@@ -436,9 +436,14 @@ class AreaFiles:
                 )
             with error_context("bathymetry", "pixel_size"):
                 grid = self._extent(settings.pixel_size or min(current.spacing) / 2.0).grid()
-            depth = current.source.sea_floor(*map(np.ravel, grid.degrees(current.site)))
+            centres = [axis.ravel() for axis in grid.degrees(current.site)]
+            depth = current.source.sea_floor(*centres)
             assert depth is not None
             depth, size, corner = depth.reshape(grid.shape), grid.pixel_size, grid.lower
+            longitude, latitude, least = current.source.soundings(*centres)
+            north, east = current.site.to_local(longitude, latitude)
+            i, j = ((at - low) / size - 0.5 for at, low in zip((north, east), corner, strict=True))
+            depth = depth - geo.fall(depth, i, j, least)
         clearance = self.scenario.safety.seabed
         return Seabed.from_depth(depth + low, size, np.asarray(corner), clearance=clearance), notes
 

@@ -70,6 +70,37 @@ def test_an_area_of_objects_is_that_of_the_files(site):
     assert [zone.name for zone in of_objects.zones] == [zone.name for zone in of_files.zones]
 
 
+@pytest.mark.parametrize("pixel_size", [None, 110.0, 400.0])
+@pytest.mark.parametrize("mesh", [False, True])
+def test_the_bed_of_a_current_keeps_its_shoals(mesh, pixel_size):
+    """Pinnacles of one point, where points are as far apart as pixels, farther, or nearer."""
+    axes = {"lat": 50.0 + np.linspace(-0.02, 0.02, 25), "lon": np.linspace(-0.03, 0.03, 25)}
+    floor = np.where(np.random.default_rng(4).random((25, 25)) < 0.05, 6.0, 60.0)
+    time = ("time", np.array(["2026-03-01T00", "2026-03-02T00"], "datetime64[ns]"))
+    flow = {name: (("time", *axes), np.full((2, 25, 25), 0.1), {"units": "m s-1"}) for name in ("uo", "vo")}
+    bed = ("lat", "lon"), floor, {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
+    data = xr.Dataset({**flow, "deptho": bed}, {"time": time, **axes})
+    data["lat"].attrs, data["lon"].attrs = {"units": "degrees_north"}, {"units": "degrees_east"}
+    if mesh:
+        data = data.stack(node=["lat", "lon"]).reset_index("node").reset_coords(["lat", "lon"])
+    scenario = ap.Scenario.model_validate(
+        {
+            "site": {"longitude": 0.0, "latitude": 50.0, "departure": "2026-03-01T03:00:00Z"},
+            "area": {"lower": [-1500, -1500, 0], "upper": [1500, 1500, 50]},
+            "chart": {"source": "none"},
+            "bathymetry": {"source": "current", "pixel_size": pixel_size},
+            "current": {"source": "file", "files": "given.nc"},
+        }
+    )
+    area = ap.load_area(scenario, given={"current.files": data})
+    latitude, longitude = np.meshgrid(*axes.values(), indexing="ij")
+    north, east = area.site.to_local(longitude, latitude)
+    among = (np.abs(north) < 1500 - 200) & (np.abs(east) < 1500 - 200)
+    assert (np.asarray(area.seabed.depth_at(north, east)) <= floor + 1e-3)[among].all()
+    assert float(area.seabed.depth.max()) == 60.0
+    assert float(area.seabed.depth.min()) > 0.0
+
+
 def test_what_is_wrong_with_an_object_names_it(site):
     scenario = ap.load_scenario(site.folder / "scenario.yaml")
     words, box = "the given dict: 'Box' is no type of GeoJSON", {"chart.file": {"type": "Box"}}

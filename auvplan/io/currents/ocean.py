@@ -15,7 +15,7 @@ from xarray.core import indexing
 
 from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
-from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix
+from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, bounds, mix, offset
 from auvplan.io.currents.model import Model, Part, find_model
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
@@ -235,6 +235,22 @@ class OceanData(AbstractContextManager):
         window = self.geometry.window(weights.index)
         (depth,) = mix(weights.weight, self.part(slice(0, 1), window).floor[0][window.index])
         return np.where(weights.outside, np.nan, depth)
+
+    def soundings(self, longitude: Array, latitude: Array) -> tuple[Array, Array, Array]:
+        """Return the points among some places, and the depth that the source has there.
+
+        Returns:
+            Longitude and latitude [P], degrees; m below the datum, NaN on land.
+        """
+        points = np.arange(int(np.prod(self.geometry.shape)))
+        middle, apart = bounds(longitude, latitude)
+        away = np.abs(offset(middle, *self.geometry.places(points)))
+        points = points[(away <= apart[:, None]).all(axis=0)]
+        if not len(points):
+            return np.empty(0), np.empty(0), np.empty(0)
+        window = self.geometry.window(points)
+        floor = self.part(slice(0, 1), window).floor[0]
+        return *self.geometry.places(points), floor[window.index]
 
     def frames(self, first: float, last: float) -> slice:
         """Return the times that span two moments, s since 1970; the nearest where they lie outside."""

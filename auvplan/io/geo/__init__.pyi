@@ -12,6 +12,7 @@ from .error import GeoError as GeoError
 from .grid import Extent as Extent
 from .grid import LocalGrid as LocalGrid
 from .jobs import read_jobs as read_jobs
+from .nodes import fall as fall
 from .obstacles import read_obstacles as read_obstacles
 from .raster import pixel_size as pixel_size
 from .raster import read_raster as read_raster
@@ -28,6 +29,7 @@ __all__ = [
     "chart_from_polygons",
     "chart_from_raster",
     "closures_of",
+    "fall",
     "pixel_size",
     "read_bathymetry",
     "read_cells",

@@ -15,7 +15,17 @@ from auvplan.io.currents.files import open_lazily
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.grid import Extent, LocalGrid
-from auvplan.io.geo.nodes import Source, View, bilinear, closer, is_degrees, least_around, listed, placed
+from auvplan.io.geo.nodes import (
+    Source,
+    View,
+    bilinear,
+    closer,
+    fall_between,
+    is_degrees,
+    least_around,
+    listed,
+    placed,
+)
 from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -42,7 +52,7 @@ class Bathymetry:
 
     Attributes:
         depth: [nx, ny] float32, m at pixel centres, positive down: negative above the sea, NaN where it
-            is not known; bilinear between them, nowhere deeper than a source that is finer than the pixels.
+            is not known; bilinear between them, and there nowhere deeper than the source.
         origin: (north, east) of the corner of pixel (0, 0), m.
         pixel_size: m.
         notes: what was taken for granted, a line each.
@@ -62,11 +72,13 @@ def read_bathymetry(
     variable: str | None = None,
     positive: str | None = None,
     crs: Any = None,
+    keep_shoals: bool = True,
 ) -> Bathymetry:
     """Read the sea floor under a local rectangle; bilinear in the source's own coordinates.
 
-    Where the source is finer than the pixels, a pixel has the shallowest of all that is within one pixel to
-    every side of its centre, with a note: between centres no place is deeper than in the source.
+    Between pixels' centres no place is deeper than in the source: pixels around a shoal are shallower by what
+    would be missed of it (`fall_between`). Where the source is finer than the pixels, a pixel has the
+    shallowest of all that is within one pixel to every side of its centre, with a note.
 
     Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing gives it, values of both signs,
@@ -84,6 +96,7 @@ def read_bathymetry(
         variable: name of the variable in a NetCDF file or dataset.
         positive: "up" or "down", which way the values count, where the source does not give it.
         crs: coordinate reference system of x and y where the source has none.
+        keep_shoals: False for what is interpolated at the pixels' centres and nothing else.
 
     Raises:
         GeoError: one line; what is wrong with the source, that the sense of its values is not known, or on
@@ -116,16 +129,20 @@ def read_bathymetry(
         if (metres := length_factor(unit.rstrip(".")) if unit else 1.0) is None:
             raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
         values = _without_sentinels(values * metres, notes)
-        depth, finer, inner = np.empty(grid.shape, np.float32), False, np.s_[1:-1, 1:-1]
-        nodes = (sense * values).astype(np.float32)
+        depth, finer = np.empty(grid.shape, np.float32), np.zeros(grid.shape, bool)
+        nodes = sense * values
         for rows, north, east in grid.blocks(around=True):
             row, column = view.find(north, east)
             row, column = row - window[0], column - window[2]
-            depth[rows] = sense * bilinear(values, row[inner], column[inner])
-            if (own := closer(row, column)).any():
-                finer = True
+            depth[rows] = bilinear(nodes, row[1:-1, 1:-1], column[1:-1, 1:-1])
+            if keep_shoals and (own := closer(row, column)).any():
+                finer[rows] = own
                 np.minimum(depth[rows], least_around(nodes, row, column), out=depth[rows], where=own)
-    if finer:
+        if keep_shoals and not finer.all():
+            first, last, left, right = window
+            own = np.meshgrid(np.arange(first, last + 1), np.arange(left, right + 1), indexing="ij")
+            depth -= np.where(finer, 0.0, fall_between(depth, *view.pixels(grid, *own), nodes))
+    if finer.any():
         size = f"pixels of {grid.pixel_size:g} m"
         notes.append(f"its data is finer than the {size}: each has the shallowest depth within a pixel of it")
     if unknown := int(np.isnan(depth).sum()):

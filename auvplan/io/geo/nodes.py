@@ -11,9 +11,10 @@ A coordinate `mask` (ROMS: `mask_rho`) on the same dimensions is 0 where values 
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,15 @@ Array = NDArray[np.floating]
 #: A file, or an array in the form above.
 Source = str | Path | xr.DataArray
 Find = Callable[[Array, Array], tuple[Array, Array]]
+Index = NDArray[np.integer]
 
 _MASKS = ("mask", "mask_rho")
 #: Places that are less than this many times as far apart as nodes are as close: a map's metres are not exact.
 _STRETCH = 1.01
+#: Values that differ by less are the same, m.
+_SAME = 1e-3
+#: Depth of water that stays water, m.
+_AWASH = 0.1
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ class Nodes:
 
     #: Longitude and latitude, degrees, to row and column, whole at the nodes (pixels' centres); else NaN.
     find: Find
+    #: Row and column, whole, to longitude and latitude.
+    at: Callable[[Index, Index], tuple[Array, Array]]
     shape: tuple[int, int]  # rows and columns
     #: Longitude of their middle, degrees, where columns go by longitude: it decides which of the longitudes
     #: that name one place is meant. None in projected coordinates.
@@ -71,6 +79,12 @@ class View:
         row, column = self.nodes.find(near, latitude)
         finite = np.isfinite(row) & np.isfinite(column)
         return np.where(finite, row, np.nan), np.where(finite, column, np.nan)
+
+    def pixels(self, grid: LocalGrid, row: Index, column: Index) -> tuple[Array, Array]:
+        """Row and column, whole, to those among the centres of a grid's pixels, continuous."""
+        north, east = self._site.to_local(*self.nodes.at(row, column))
+        (south, west), size = grid.lower, grid.pixel_size
+        return (north - south) / size - 0.5, (east - west) / size - 0.5
 
     def steps(self) -> Array:
         """[2, 2] m: displacement (north, east) of one row, and of one column, in the middle of the grid."""
@@ -200,15 +214,18 @@ def _on_axes(
             raise GeoError(f"{what}: {name} neither rises nor falls throughout")
     if system is None and np.abs(y).max() > 90.001:
         raise GeoError(f"{what}: latitude reaches beyond 90 degrees")
-    forward = _forward(system)
+    forward, backward = _forward(system), _backward(system)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         at_x, at_y = forward(longitude, latitude)
         return _index(y, at_y), _index(x, at_x)
 
+    def at(row: Index, column: Index) -> tuple[Array, Array]:
+        return backward(x[column % x.size], y[row])
+
     step = abs(x[-1] - x[0]) / (x.size - 1)
     cyclic = degrees and bool(abs(step * x.size - 360.0) < 0.01 * step)
-    return array, Nodes(find, (y.size, x.size), float(x[0] + x[-1]) / 2 if degrees else None, cyclic)
+    return array, Nodes(find, at, (y.size, x.size), float(x[0] + x[-1]) / 2 if degrees else None, cyclic)
 
 
 def _on_pixels(what: object, array: xr.DataArray, system: CRS) -> Nodes:
@@ -217,16 +234,21 @@ def _on_pixels(what: object, array: xr.DataArray, system: CRS) -> Nodes:
     matrix = np.array([[a, b], [d, e]])
     if not np.isfinite((*matrix.flat, c, f)).all() or not abs(np.linalg.det(matrix)) > 0.0:
         raise GeoError(f"{what}: its pixels have no size: {matrix.tolist()}")
-    inverse, forward = np.linalg.inv(matrix), _forward(system)
+    inverse, forward, backward = np.linalg.inv(matrix), _forward(system), _backward(system)
 
     def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
         x, y = forward(longitude, latitude)
         column, row = (by_x * (x - c) + by_y * (y - f) - 0.5 for by_x, by_y in inverse)
         return row, column
 
+    def at(row: Index, column: Index) -> tuple[Array, Array]:
+        return backward(
+            *(a * (column + 0.5) + b * (row + 0.5) + c for (a, b), c in zip(matrix, (c, f), strict=True))
+        )
+
     rows, columns = array.shape
     middle = float(a * columns / 2 + b * rows / 2 + c)
-    return Nodes(find, (rows, columns), middle if _in_degrees(system) else None)
+    return Nodes(find, at, (rows, columns), middle if _in_degrees(system) else None)
 
 
 def _in_degrees(system: CRS | None) -> bool:
@@ -244,6 +266,13 @@ def _forward(system: CRS | None) -> Find:
         return x + 360.0 * np.round((longitude - x) / 360.0) if degrees else x, y
 
     return forward
+
+
+def _backward(system: CRS | None) -> Find:
+    """Coordinates of a system to longitude and latitude, degrees."""
+    if system is None or system == CRS.from_epsg(4326):
+        return lambda longitude, latitude: (longitude, latitude)
+    return Transformer.from_crs(system, "EPSG:4326", always_xy=True).transform
 
 
 def agreed_crs(what: object, own: CRS | None, given: Any) -> CRS | None:
@@ -336,7 +365,10 @@ def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, g
         found = lookup(*site.to_local(longitude, latitude))
         return found[..., 0], found[..., 1]
 
-    return Nodes(find, longitude.shape)  # type: ignore[arg-type]
+    def at(row: Index, column: Index) -> tuple[Array, Array]:
+        return longitude[row, column], latitude[row, column]
+
+    return Nodes(find, at, longitude.shape)  # type: ignore[arg-type]
 
 
 def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
@@ -351,23 +383,27 @@ def bilinear(values: NDArray, row: Array, column: Array) -> Array:
 
     NaN where a node that bears on the place is NaN: a missing value spreads, it is never guessed.
     """
-    rows, columns = values.shape
     nowhere = np.isnan(row) | np.isnan(column)
-    row = np.clip(np.where(nowhere, 0.0, row), 0, rows - 1)
-    column = np.clip(np.where(nowhere, 0.0, column), 0, columns - 1)
+    total = np.where(nowhere, np.nan, 0.0)
+    for weight, corner in _corners(values.shape, np.where(nowhere, 0.0, row), np.where(nowhere, 0.0, column)):
+        total += np.where(weight > 0.0, weight * values[corner], 0.0)
+    return total
+
+
+def _corners(shape: tuple[int, ...], row: Array, column: Array) -> list[tuple[Array, tuple[Index, Index]]]:
+    """Weights of a bilinear interpolation, held beyond the outer nodes, and the nodes that they are of."""
+    rows, columns = shape
+    row, column = np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)
     i = np.minimum(np.floor(row).astype(int), max(rows - 2, 0))
     j = np.minimum(np.floor(column).astype(int), max(columns - 2, 0))
     a, b = row - i, column - j
     up, right = np.minimum(i + 1, rows - 1), np.minimum(j + 1, columns - 1)
-    total = np.where(nowhere, np.nan, 0.0)
-    for weight, at in (
-        ((1 - a) * (1 - b), values[i, j]),
-        ((1 - a) * b, values[i, right]),
-        (a * (1 - b), values[up, j]),
-        (a * b, values[up, right]),
-    ):
-        total += np.where(weight > 0.0, weight * at, 0.0)
-    return total
+    return [
+        ((1 - a) * (1 - b), (i, j)),
+        ((1 - a) * b, (i, right)),
+        (a * (1 - b), (up, j)),
+        (a * b, (up, right)),
+    ]
 
 
 def closer(row: Array, column: Array) -> NDArray[np.bool_]:
@@ -425,6 +461,78 @@ def _doubled(windows: NDArray, power: int) -> NDArray:
     """Return the least values in windows of 2**power rows from those in windows of half as many."""
     half = 2**power // 2
     return np.fmin(windows[:-half], windows[half:]) if half else windows
+
+
+def fall(own: Array, i: Array, j: Array, most: Array) -> Array:
+    """By how much nodes are to fall for their bilinear interpolation not to exceed values at places, [n, m].
+
+    What is too much at a place is taken from the nodes around it in proportion to their weights, but no node
+    that is water becomes land as long as the value is water. Each falls by the most that is asked of it.
+
+    Args:
+        own: [n, m] m below the surface, of the nodes; one that is NaN asks nothing of those around it.
+        i, j: [P], where the places lie among the nodes; those beyond the outer ones ask nothing.
+        most: [P] m below the surface; NaN asks nothing.
+    """
+    found, inside = np.zeros(own.shape), np.isfinite(most)
+    for at, count in zip((i, j), own.shape, strict=True):
+        inside &= (at >= -1e-6) & (at <= count - 1 + 1e-6)
+    most, corners = most[inside], _corners(own.shape, i[inside], j[inside])
+    weights = np.stack([weight for weight, _ in corners])
+    nodes = np.stack([own[corner] for _, corner in corners])
+    over = np.sum(weights * nodes, axis=0) - most
+    asked = over > _SAME
+    weights, nodes, over, most = weights[:, asked], nodes[:, asked], over[asked], most[asked]
+    farthest = np.where(weights > 0.0, nodes - np.minimum(np.minimum(nodes.min(axis=0), most), _AWASH), 0.0)
+    share = weights * over / np.sum(weights**2, axis=0)
+    # At each round one more node may have fallen as far as it can.
+    for _ in range(3):
+        free = share < farthest
+        left = over - np.sum(weights * farthest, axis=0, where=~free)
+        pace = left / np.maximum(np.sum(weights**2, axis=0, where=free), 1e-30)
+        share = np.minimum(np.where(free, weights * pace, farthest), farthest)
+    for one, (_, (row, column)) in zip(share, corners, strict=True):
+        np.maximum.at(found, (row[asked], column[asked]), one)
+    return found
+
+
+def fall_between(own: Array, i: Array, j: Array, values: NDArray) -> Array:
+    """By how much places [n, m] are to fall for their interpolation to exceed that of nodes nowhere.
+
+    Both are bilinear. Where places and nodes lie in rows and columns along each other, the first exceeds the
+    second most at a node, or where a line between two nodes crosses one between places; where they are turned
+    it is compared at every quarter of the nodes' cells as well. A plane stays as it is.
+
+    Args:
+        own: [n, m] m below the surface, interpolated between the nodes.
+        i, j: [rows, columns], where the nodes lie among the places; NaN where that is not known.
+        values: [rows, columns] m below the surface, of the nodes.
+    """
+    return reduce(np.maximum, (fall(own, *places) for places in _compared(np.stack([i, j, values]))))
+
+
+def _compared(nodes: Array) -> Iterator[Array]:
+    """Where `fall_between` compares: [3, P], i, j and value, from those of the nodes [3, rows, columns]."""
+    yield nodes.reshape(3, -1)
+    turned, (a, b) = False, (nodes.shape[1] - 1, nodes.shape[2] - 1)
+    for one, other in ((nodes[..., :b], nodes[..., 1:]), (nodes[:, :a], nodes[:, 1:])):
+        start, step = one.reshape(3, -1), (other - one).reshape(3, -1)
+        known = np.isfinite(step).all(axis=0)
+        start, step = start[:, known], step[:, known]
+        far = np.abs(step[:2])
+        turned |= bool((far.min(axis=0) > 0.03 * far.max(axis=0)).any())
+        for axis in range(2):
+            first = np.floor(np.minimum(start[axis], start[axis] + step[axis])) + 1.0
+            for line in range(int(np.ceil(far[axis].max(initial=0.0)))):
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    t = (first + line - start[axis]) / step[axis]
+                met = (t > 0.0) & (t < 1.0)
+                yield start[:, met] + t[met] * step[:, met]
+    if turned:
+        corners = np.stack([nodes[:, m : m + a, n : n + b] for m in (0, 1) for n in (0, 1)])
+        for s, t in product(np.arange(5) / 4, repeat=2):
+            shares = np.array([(1 - s) * (1 - t), (1 - s) * t, s * (1 - t), s * t])
+            yield np.tensordot(shares, corners, axes=1).reshape(3, -1)
 
 
 def listed(names: Any) -> str:
