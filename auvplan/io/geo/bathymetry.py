@@ -20,6 +20,7 @@ from auvplan.io.geo.nodes import (
     View,
     bilinear,
     closer,
+    fall,
     fall_between,
     is_degrees,
     least_around,
@@ -77,8 +78,9 @@ def read_bathymetry(
     """Read the sea floor under a local rectangle; bilinear in the source's own coordinates.
 
     Between pixels' centres no place is deeper than in the source: pixels around a shoal are shallower by what
-    would be missed of it (`fall_between`). Where the source is finer than the pixels, a pixel has the
-    shallowest of all that is within one pixel to every side of its centre, with a note.
+    would be missed of it (`fall_between`), outer ones by what the bed rises up to the area's edge. Where the
+    source is finer than the pixels, a pixel has the shallowest of all that is within one pixel to every side
+    of its centre, with a note.
 
     Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing gives it, values of both signs,
@@ -141,7 +143,13 @@ def read_bathymetry(
         if keep_shoals and not finer.all():
             first, last, left, right = window
             own = np.meshgrid(np.arange(first, last + 1), np.arange(left, right + 1), indexing="ij")
-            depth -= np.where(finer, 0.0, fall_between(depth, *view.pixels(grid, *own), nodes))
+            lower = fall_between(depth, *view.pixels(grid, *own), nodes)
+            # The outer pixels hold up to the edges of the area.
+            sides = grid.outline(centres=True)
+            row, column = view.find(*sides)
+            i, j = ((x - low) / grid.pixel_size - 0.5 for x, low in zip(sides, grid.lower, strict=True))
+            edge = fall(depth, i, j, bilinear(nodes, row - first, column - left))
+            depth -= np.where(finer, 0.0, np.maximum(lower, edge))
     if finer.any():
         size = f"pixels of {grid.pixel_size:g} m"
         notes.append(f"its data is finer than the {size}: each has the shallowest depth within a pixel of it")

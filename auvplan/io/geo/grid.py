@@ -52,12 +52,25 @@ class LocalGrid:
         upper = (self.upper[0] + more * self.pixel_size, self.upper[1] + more * self.pixel_size)
         return LocalGrid(lower, upper, self.pixel_size, (self.shape[0] + 2 * more, self.shape[1] + 2 * more))
 
-    def outline(self) -> tuple[Array, Array]:
-        """North and east of points around the rectangle asked for, m."""
+    def outline(self, centres: bool = False) -> tuple[Array, Array]:
+        """North and east of points around the rectangle asked for, m: even, or by the pixels' centres."""
         (south, west), (north, east) = self.lower, self.upper
-        n, e, along = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE), np.ones(OUTLINE)
-        rows, columns = [n, n, south * along, north * along], [west * along, east * along, e, e]
-        return np.concatenate(rows), np.concatenate(columns)
+        n, e = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE)
+        if centres:
+            n, e = self._axes(around=True)
+        rows = [n, n, np.full(e.size, south), np.full(e.size, north)]
+        return np.concatenate(rows), np.concatenate([np.full(n.size, west), np.full(n.size, east), e, e])
+
+    def _axes(self, around: bool) -> tuple[Array, Array]:
+        """North and east of the pixels' centres, and of the edges of the rectangle asked for, m."""
+        north, east = (
+            low + (np.arange(count) + 0.5) * self.pixel_size
+            for low, count in zip(self.lower, self.shape, strict=True)
+        )
+        if around:
+            (south, west), (top, right) = self.lower, self.upper
+            north, east = np.r_[south, north, top], np.r_[west, east, right]
+        return north, east
 
     def degrees(self, site: Site, offset: float = 0.5) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """[nx, ny] longitude and latitude, degrees, of pixels' centres; [nx + 1, ny + 1] of corners.
@@ -80,13 +93,7 @@ class LocalGrid:
                 the edges of the rectangle asked for stand for them.
         """
         step, more = max(_BLOCK // self.shape[1], 1), 2 * around
-        north, east = (
-            low + (np.arange(count) + 0.5) * self.pixel_size
-            for low, count in zip(self.lower, self.shape, strict=True)
-        )
-        if around:
-            (south, west), (top, right) = self.lower, self.upper
-            north, east = np.r_[south, north, top], np.r_[west, east, right]
+        north, east = self._axes(around)
         for start in range(0, self.shape[0], step):
             stop = min(start + step, self.shape[0])
             n, e = np.meshgrid(north[start : stop + more], east, indexing="ij")

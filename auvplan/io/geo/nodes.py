@@ -471,12 +471,13 @@ def fall(own: Array, i: Array, j: Array, most: Array) -> Array:
 
     Args:
         own: [n, m] m below the surface, of the nodes; one that is NaN asks nothing of those around it.
-        i, j: [P], where the places lie among the nodes; those beyond the outer ones ask nothing.
+        i, j: [P], where the places lie among the nodes; those half a node beyond the outer ones, whose values
+            hold there, ask too, those farther out nothing.
         most: [P] m below the surface; NaN asks nothing.
     """
     found, inside = np.zeros(own.shape), np.isfinite(most)
     for at, count in zip((i, j), own.shape, strict=True):
-        inside &= (at >= -1e-6) & (at <= count - 1 + 1e-6)
+        inside &= (at >= -0.5 - 1e-6) & (at <= count - 0.5 + 1e-6)
     most, corners = most[inside], _corners(own.shape, i[inside], j[inside])
     weights = np.stack([weight for weight, _ in corners])
     nodes = np.stack([own[corner] for _, corner in corners])
@@ -501,17 +502,19 @@ def fall_between(own: Array, i: Array, j: Array, values: NDArray) -> Array:
 
     Both are bilinear. Where places and nodes lie in rows and columns along each other, the first exceeds the
     second most at a node, or where a line between two nodes crosses one between places; where they are turned
-    it is compared at every quarter of the nodes' cells as well. A plane stays as it is.
+    it is compared at every quarter of the nodes' cells as well. A plane stays as it is, but for its outermost
+    places, which hold for half a place beyond.
 
     Args:
         own: [n, m] m below the surface, interpolated between the nodes.
         i, j: [rows, columns], where the nodes lie among the places; NaN where that is not known.
         values: [rows, columns] m below the surface, of the nodes.
     """
-    return reduce(np.maximum, (fall(own, *places) for places in _compared(np.stack([i, j, values]))))
+    places = _compared(np.stack([i, j, values]), own.shape)
+    return reduce(np.maximum, (fall(own, *part) for part in places))
 
 
-def _compared(nodes: Array) -> Iterator[Array]:
+def _compared(nodes: Array, shape: tuple[int, ...]) -> Iterator[Array]:
     """Where `fall_between` compares: [3, P], i, j and value, from those of the nodes [3, rows, columns]."""
     yield nodes.reshape(3, -1)
     turned, (a, b) = False, (nodes.shape[1] - 1, nodes.shape[2] - 1)
@@ -523,9 +526,10 @@ def _compared(nodes: Array) -> Iterator[Array]:
         turned |= bool((far.min(axis=0) > 0.03 * far.max(axis=0)).any())
         for axis in range(2):
             first = np.floor(np.minimum(start[axis], start[axis] + step[axis])) + 1.0
-            for line in range(int(np.ceil(far[axis].max(initial=0.0)))):
+            between = (first + line for line in range(int(np.ceil(far[axis].max(initial=0.0)))))
+            for line in (*between, -0.5, shape[axis] - 0.5):
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    t = (first + line - start[axis]) / step[axis]
+                    t = (line - start[axis]) / step[axis]
                 met = (t > 0.0) & (t < 1.0)
                 yield start[:, met] + t[met] * step[:, met]
     if turned:

@@ -35,8 +35,11 @@ def write_grid(path, name="elevation", *, form=None, **options):
     return path
 
 
-def floor_of(source, pixel_size=None, site=SITE, lower=AREA["lower"], upper=AREA["upper"], **options):
-    """What is read of a source."""
+def floor_of(
+    source, pixel_size=None, site=SITE, lower=AREA["lower"], upper=AREA["upper"], keep_shoals=False, **options
+):
+    """What is interpolated at the centres of pixels."""
+    options["keep_shoals"] = keep_shoals
     return read_bathymetry(source, site, Extent(lower, upper, pixel_size), **options)
 
 

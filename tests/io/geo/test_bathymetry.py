@@ -285,9 +285,8 @@ def turned_grid(values, place, form):
 
 def bed_of(source, pixel_size, half):
     """The bed that paths keep above, in a rectangle about (2000, 1000), and what is noted of it."""
-    found = floor_of(
-        source, pixel_size, lower=(2000 - half[0], 1000 - half[1]), upper=np.add((2000, 1000), half)
-    )
+    box = {"lower": np.subtract((2000, 1000), half), "upper": np.add((2000, 1000), half)}
+    found = floor_of(source, pixel_size, keep_shoals=True, **box)
     return Seabed.from_depth(found.depth, found.pixel_size, found.origin), found
 
 
@@ -342,13 +341,13 @@ def test_a_bed_as_coarse_as_its_pixels_is_no_finer_source(monkeypatch, pixel_siz
     values = np.random.default_rng(3).uniform(-10.0, 90.0, (30, 30))
     values[4, 7] = np.nan
     place = rasterio.Affine(398.0, 0.0, -5000.0, 0.0, -398.0, 8000.0)
-    read = [floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down")]
+    read = [floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down", keep_shoals=True)]
     monkeypatch.setattr("auvplan.io.geo.bathymetry.closer", lambda row, column: np.zeros(1, bool))
-    read.append(floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down"))
+    read.append(floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down", keep_shoals=True))
     assert read[0].depth.tobytes() == read[1].depth.tobytes()
     assert read[0].notes == read[1].notes
     assert not any("finer" in note for note in read[0].notes)
-    plain = floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down", keep_shoals=False)
+    plain = floor_of(turned_grid(values, place, "pixels"), pixel_size, positive="down")
     axes = (
         (np.arange(n) + 0.5) * plain.pixel_size + at
         for n, at in zip(plain.depth.shape, plain.origin, strict=True)
@@ -379,16 +378,14 @@ def test_nowhere_is_a_bed_deeper_than_its_coarser_source(seed, angle, stretch, p
     place = place @ rasterio.Affine.scale(spacing[1], -spacing[0])
     place = place @ rasterio.Affine.translation(*(rng.uniform(-0.5, 0.5, 2) - shape[::-1] / 2))
     box = {"lower": np.subtract((2000, 1000), half), "upper": np.add((2000, 1000), half)}
-    found = floor_of(turned_grid(values, place, form), pixel_size, **box)
+    found = floor_of(turned_grid(values, place, form), pixel_size, keep_shoals=True, **box)
     assert not any("finer" in note for note in found.notes)
 
     def read(bed, north, east):
         at = [(x - low) / bed.pixel_size - 0.5 for x, low in zip((north, east), bed.origin, strict=True)]
-        return map_coordinates(bed.depth, at, order=1, output=float)
+        return map_coordinates(bed.depth, at, order=1, mode="nearest", output=float)
 
     low, high = (np.array([[2000.0], [1000.0]]) + sign * half[:, None] for sign in (-1.0, 1.0))
-    # Beyond the outer pixels' centres their depth is held.
-    low, high = low + found.pixel_size / 2, high - found.pixel_size / 2
     nodes = nodes_of(place, shape).reshape(2, -1)
     inside = ((low <= nodes) & (nodes <= high)).all(axis=0)
     # Of turned ones a tenth of what nodes are apart.
@@ -398,10 +395,15 @@ def test_nowhere_is_a_bed_deeper_than_its_coarser_source(seed, angle, stretch, p
         true = map_coordinates(values, [row - 0.5, column - 0.5], order=1, mode="nearest")
         # Axes of degrees and of metres part by centimetres, where the bed rises by 0.6 m a metre.
         assert (read(found, north, east) <= true + 0.05 + slack).all()
-    level = floor_of(turned_grid(plane, place, form), pixel_size, **box)
+    level = floor_of(turned_grid(plane, place, form), pixel_size, keep_shoals=True, **box)
     column, row = ~place @ (east, north)
-    sloping = 200.0 + 0.7 * (row - 0.5) - 1.3 * (column - 0.5)
-    np.testing.assert_allclose(read(level, north, east), sloping, atol=0.01)
+    off = read(level, north, east) - (200.0 + 0.7 * (row - 0.5) - 1.3 * (column - 0.5))
+    assert off.max() < 0.01
+    # Outer pixels hold for half a pixel: they are shallower by what the plane rises in it.
+    size = level.pixel_size
+    inner = (np.abs(north - 2000.0) < half[0] - 1.5 * size) & (np.abs(east - 1000.0) < half[1] - 1.5 * size)
+    np.testing.assert_allclose(off[inner], 0.0, atol=0.01)
+    assert off.min() > -2.0 * size * np.hypot(0.7 / spacing[0], 1.3 / spacing[1]) - 0.01
 
 
 def test_values_that_places_between_are_not_to_exceed():
