@@ -231,7 +231,9 @@ def step(missions: list[Mission]) -> None:
     waiting = [mission for mission in missions if mission.leg is None]
     for mission in waiting:  # what is decided without its planner would be decided for the wrong time
         mission.charge(mission.faults.left(PlannerOut, mission.now))
-        _require_open(mission)
+        first, place = not (mission.run.legs or mission.run.routes), mission.graph.positions[mission.here]
+        if first and (why := shut_in(np.asarray(place), mission.context.area, mission.now)):
+            mission.end(f"{mission.run.place(mission.here)} {why}: depart later, or start elsewhere")
     waiting = [mission for mission in waiting if not mission.ended]
     _update_edge_times(waiting)
     plan_routes([mission for mission in waiting if mission.cause])
@@ -244,15 +246,6 @@ def step(missions: list[Mission]) -> None:
     for mission in under_way:
         if not mission.active_leg.under_way:
             _judge(mission)
-
-
-def _require_open(mission: Mission) -> None:
-    """End a mission that would begin in an area while that is closed."""
-    if mission.run.legs or mission.run.routes:
-        return
-    place = np.asarray(mission.graph.positions[mission.here])
-    if why := shut_in(place, mission.context.area, mission.now):
-        mission.end(f"{mission.run.place(mission.here)} {why}: depart later, or start elsewhere")
 
 
 def complete(mission: Mission, progress: Callable[[float, str], None] | None = None) -> None:
@@ -409,8 +402,11 @@ def _judge(mission: Mission) -> None:
     run, context, leg = mission.run, mission.context, mission.active_leg
     record, planning = leg.record, context.rules
     finish(leg)
-    if mission.navigation is not None and record.arrived:
-        _navigate(mission)
+    if mission.navigation is not None and record.arrived:  # how well it knows where it is, what it risked
+        met = None if leg.stays else exposed(leg.followed)
+        mission.navigate(mission.known if met is None else met.end)
+        record.position_std = float(np.asarray(mission.navigation.std))
+        record.risk = 0.0 if met is None else met.risk
     if isinstance(mission.sea, ModelSea):
         record.current_difference = mission.sea.difference(record.positions, record.times)
         record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
@@ -437,15 +433,6 @@ def _judge(mission: Mission) -> None:
         mission.end("")
     elif decision.act is Act.REPLAN_REST:
         mission.cause = decision.why
-
-
-def _navigate(mission: Mission) -> None:
-    """Keep how well the vehicle knows where it is at the end of its leg, and what it risked on the way."""
-    leg, record = mission.active_leg, mission.active_leg.record
-    met = None if leg.stays else exposed(leg.followed)
-    mission.navigate(mission.known if met is None else met.end)
-    record.position_std = float(np.asarray(mission.navigation.std))  # type: ignore[union-attr]
-    record.risk = 0.0 if met is None else met.risk
 
 
 def _await_window(mission: Mission, record: LegRecord) -> None:

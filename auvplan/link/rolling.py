@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
-from auvplan.executive.evasion import escape_track
-from auvplan.executive.legs import finish, go_as_planned, plan_first_paths, set_out, unfit
+from auvplan.executive.legs import escape_track, finish, go_as_planned, plan_first_paths, set_out, unfit
 from auvplan.executive.loop import seed_keys, settle, step
 from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.executive.surfacing import after_fix

@@ -4,14 +4,13 @@ It loads what drawing needs while the mission is planned. Nothing that takes lon
 """
 
 import os
-from collections import deque
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from enum import StrEnum
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 from pathlib import Path
-from threading import Thread
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from auvplan.runtime import cores
@@ -36,46 +35,37 @@ class Painter:
     """Draws the pictures of one run: ``with Painter() as painter``, then `begin` and `finish`.
 
     Where there is a second core, a process beside this one loads what drawing needs from the beginning, and
-    the two of them draw: whoever is free takes the next picture.
+    draws from `begin` on; what it has not begun by `finish` is drawn here.
     """
 
     def __init__(self, choice: Pictures = Pictures.ALL):
         """Draw all pictures, that of the mission alone, or none."""
         self._choice = choice
-        self.process = None
-        self.server: Thread | None = None
-        self._drawn: list[Path] = []
-        self._error: Exception | None = None
+        self._pool: ProcessPoolExecutor | None = None
+        self.process: BaseProcess | None = None
 
     def __enter__(self) -> Self:
         if self._choice == Pictures.ALL and cores.count() > 1:
-            context = get_context("spawn")
-            self._pipe, other = context.Pipe()
-            self.process = context.Process(target=_paint, args=(other,), daemon=True)
+            self._pool, before = ProcessPoolExecutor(1, get_context("spawn")), set(active_children())
             with cores.ignoring_interrupts():
-                self.process.start()
-            other.close()
+                self._pool.submit(_load)
+            (self.process,) = set(active_children()) - before
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, place: TracebackType | None
-    ) -> None:
-        if self.process is not None:
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None and self.process is not None:
             self.process.kill()
-            self.process.join()
-            if self.server is not None:
-                self.server.join()
-            self._pipe.close()
+            self._pool.shutdown()
 
     def begin(self, run: "MissionRun", folder: Path) -> None:
         """Begin to draw where that goes on beside other work."""
         self._run, self._folder = run, folder
         every = _NAMES if run.energy is not None else _NAMES[:-1]
-        wanted = {Pictures.ALL: every, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
-        self._left = deque(wanted)
-        if self.process is not None:
-            self.server = Thread(target=self._serve, daemon=True)
-            self.server.start()
+        self._wanted = {Pictures.ALL: every, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
+        self._begun: dict[str, Future[list[Path]]] = {}
+        with suppress(BrokenProcessPool):  # it has ended before its time
+            for name in self._wanted if self._pool is not None else ():
+                self._begun[name] = self._pool.submit(_draw, run, folder, name)
 
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
@@ -83,61 +73,26 @@ class Painter:
         Raises:
             OutputError: as `draw_run`.
         """
-        self._draw_what_is_left()
-        if self.server is not None:
-            self.server.join()
-            self._draw_what_is_left()  # what the process had begun where it ended early
-        if self._error is not None:
-            raise self._error
-        return sorted(self._drawn, key=lambda path: _NAMES.index(path.name))
-
-    def _draw_what_is_left(self) -> None:
-        while self._error is None and (name := _next(self._left)):
-            from auvplan.plot.run import draw_run
-
-            self._drawn += draw_run(self._run, self._folder, [name])
-
-    def _serve(self) -> None:
-        """Hand the process one picture after the other, in a thread."""
-        name = None
-        try:
-            self._pipe.send((self._run, self._folder))
-            while self._pipe.recv():  # it is ready for one
-                name = _next(self._left)
-                self._pipe.send(name)
-                if name is None:
-                    return
-                outcome = self._pipe.recv()
-                if isinstance(outcome, Exception):
-                    self._error = outcome
-                    return
-                self._drawn += outcome
-        except (EOFError, OSError):  # it has ended before its time
-            if name is not None:
-                self._left.append(name)
+        drawn: dict[str, list[Path]] = {}
+        for name in reversed(self._wanted):  # the process begins with the first
+            if name not in self._begun or self._begun[name].cancel():
+                drawn[name] = _draw(self._run, self._folder, name)
+        for name in self._wanted:
+            if name not in drawn:
+                try:
+                    drawn[name] = self._begun[name].result()
+                except BrokenProcessPool:
+                    drawn[name] = _draw(self._run, self._folder, name)
+        return [path for name in self._wanted for path in drawn[name]]
 
 
-def _next(names: deque[str]) -> str | None:
-    try:
-        return names.popleft()
-    except IndexError:
-        return None
-
-
-def _paint(pipe: Connection) -> None:
-    """Draw what is asked for; the other side's end ends it."""
+def _load() -> None:
+    """Load what drawing needs, in the process that draws."""
     os.environ["JAX_PLATFORMS"] = "cpu"
+    import auvplan.plot.run  # noqa: F401
+
+
+def _draw(run: "MissionRun", folder: Path, name: str) -> list[Path]:
     from auvplan.plot.run import draw_run
 
-    with suppress(EOFError, OSError):
-        run, folder = pipe.recv()
-        while True:
-            pipe.send(True)
-            name = pipe.recv()
-            if name is None:
-                return
-            try:
-                pipe.send(draw_run(run, folder, [name]))
-            except Exception as error:  # reported to those who asked for the pictures
-                pipe.send(error)
-                return
+    return draw_run(run, folder, [name])

@@ -10,7 +10,7 @@ import pytest
 import auvplan as ap
 from auvplan.executive.belief import ObstacleBelief, as_obstacles
 from auvplan.executive.context import make_context
-from auvplan.executive.evasion import ESCAPE_SPEED, escape_track
+from auvplan.executive.legs import ESCAPE_SPEED, escape_track
 from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.ocean import CurrentUpdate, Seabed
 from auvplan.path.motion import Motion

@@ -9,7 +9,7 @@ import pytest
 import auvplan as ap
 from auvplan.check.run import check_dataset
 from auvplan.executive.belief import ObstacleBelief
-from auvplan.executive.evasion import ESCAPE_SPEED, escape_track
+from auvplan.executive.legs import ESCAPE_SPEED, escape_track
 from auvplan.executive.loop import start_mission, step
 from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.replans import hazard
