@@ -8,7 +8,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.energy import EnergyUse, energy_of_legs
 from auvplan.mission import MissionGraph, MissionRoute, trail_bound, upper_bound
@@ -20,12 +19,11 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import ReprMixin, between, figure, rounded_up
 from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
-
-Array = NDArray[np.floating]
 
 #: Share of the time available by which a mission that uses it up may seem to exceed it.
 _ROUNDING = 1e-6

@@ -95,8 +95,8 @@ def options(
         logging.getLogger("auvplan").setLevel(logging.INFO)
 
 
-def _shorten_warnings() -> None:
-    """Show what a scenario warns of as one line without a place in the code."""
+def main() -> None:
+    """Entry point: bad input is one line and exit status 2, as is what a scenario warns of."""
     usual = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
@@ -107,15 +107,10 @@ def _shorten_warnings() -> None:
             usual(message, category, *place, **more)
 
     warnings.showwarning = show
-
-
-def main() -> None:
-    """Entry point: bad input is one line and exit status 2."""
     # Most objects of a command live as long as it: to look through them for garbage so often takes long.
     gc.freeze()
     gc.set_threshold(_GARBAGE)
     atexit.register(gc.freeze)  # nor when the process ends, which frees them all
-    _shorten_warnings()
     try:
         app()
     except AuvplanError as error:

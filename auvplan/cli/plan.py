@@ -218,7 +218,7 @@ def rehearse(
     from auvplan.report import write_study_report
     from auvplan.runtime.files import REHEARSAL, write_json
     from auvplan.study import Design
-    from auvplan.study.rehearsal import rehearsal_of, require_one_sea
+    from auvplan.study.statistics import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room
 
     if not (resume or force):

@@ -1,8 +1,6 @@
 """Commands for many missions."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -116,31 +114,24 @@ def run_with_bar(design: "Design", out: Path, quiet: bool, **options: Any) -> "x
     from auvplan.study import run_study
     from auvplan.study.store import is_unfinished
 
+    begun: list[tuple[int, float]] = []
+
+    def advance(done: int, total: int, share: float) -> None:
+        if not begun:  # a study that is resumed has some done
+            begun.append((done, time.monotonic()))
+        fresh, elapsed = done - begun[0][0], time.monotonic() - begun[0][1]
+        text = f"{done:,} of {counted(total, 'mission')}"
+        if fresh and elapsed > 0.0:
+            left = (total - done) * elapsed / fresh
+            minutes = round(left / 60.0)
+            wait = f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+            wait = f"{left:.0f} s" if left < 60.0 else wait
+            text += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
+        move(share, text)
+
     try:
-        with _mission_bar(quiet) as progress:
-            return run_study(design, out, progress=progress, **options)
+        with shared.progress_bar("compiling", quiet, of=None) as move:
+            return run_study(design, out, progress=advance, **options)
     except KeyboardInterrupt:
         text = "interrupted: the same command with --resume goes on from there"
         raise KeyboardInterrupt(text if is_unfinished(out) else "interrupted") from None
-
-
-@contextmanager
-def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
-    """Progress over missions: how many are done, their rate, the time left."""
-    with shared.progress_bar("compiling", quiet, of=None) as move:
-        begun: list[tuple[int, float]] = []
-
-        def advance(done: int, total: int, share: float) -> None:
-            if not begun:  # a study that is resumed has some done
-                begun.append((done, time.monotonic()))
-            fresh, elapsed = done - begun[0][0], time.monotonic() - begun[0][1]
-            text = f"{done:,} of {counted(total, 'mission')}"
-            if fresh and elapsed > 0.0:
-                left = (total - done) * elapsed / fresh
-                minutes = round(left / 60.0)
-                wait = f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-                wait = f"{left:.0f} s" if left < 60.0 else wait
-                text += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
-            move(share, text)
-
-        yield advance

@@ -244,8 +244,12 @@ def check(
         runs = saved_runs(folder)
     for run in runs:
         report = reports[run.name] = check_run(run, sources)
+        counts = (report.legs, "leg"), (report.collisions, "collision"), (len(report.faults), "fault")
+        legs, met, faults = (counted(*count) for count in counts)
+        faults = f"{faults}, first: {report.faults[0]}" if report.faults else "no faults"
+        line = f"{run.name}: {legs}, {report.length:,.0f} m, {met}, {faults}"
         if verbose:
-            shared.say(f"{run.name}: {_in_a_line(report)}" if study else str(report))
+            shared.say(line if study else str(report))
     faulty = sum(not report.ok for report in reports.values())
     length, collisions = (sum(getattr(r, of) for r in reports.values()) for of in ("length", "collisions"))
     if as_json:
@@ -257,14 +261,6 @@ def check(
         shared.say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
     if faulty:
         raise typer.Exit(1)
-
-
-def _in_a_line(report: "CheckReport") -> str:
-    """Return what was found in one run of a study."""
-    met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {counted(report.collisions, 'collision')}"
-    if report.ok:
-        return f"{met}, no faults"
-    return f"{met}, {counted(len(report.faults), 'fault')}, first: {report.faults[0]}"
 
 
 def kept(clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False) -> None:

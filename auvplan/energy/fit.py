@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar, nnls
 
 from auvplan.energy.power import PowerLaw
 from auvplan.errors import AuvplanError
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import counted
-
-Array = NDArray[np.floating]
 
 #: Exponents that are looked for: power grows no slower than drag's linear part, no faster than waves let it.
 EXPONENTS = 1.0, 4.5

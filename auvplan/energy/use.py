@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR, PowerModel
+from auvplan.runtime.arrays import Array
 
 if TYPE_CHECKING:
     from auvplan.path.cost import Trajectory
     from auvplan.path.plan import PathPlan
     from auvplan.records import LegRecord
     from auvplan.vehicle import Vehicle
-
-Array = NDArray[np.floating]
 
 #: What energy is spent on.
 TERMS = ("hotel", "payload", "propulsion", "dive", "climb", "turning", "tasks")

@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.obstacles import CONFIDENCE, Obstacles, closest_approach
+from auvplan.runtime.arrays import Array
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.world import KNOWN, TrueObstacles
-
-Array = NDArray[np.floating]
 
 
 class ObstacleBelief:

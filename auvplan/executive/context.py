@@ -28,6 +28,7 @@ from auvplan.path import PathConfig, PathPlan
 from auvplan.path.saw_tooth import SawTooth
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import compilations, compile_seconds
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder
@@ -40,8 +41,6 @@ from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import TrueObstacles, make_vehicle
 from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
-
-Array = NDArray[np.floating]
 
 #: s without compilation from which on a planning call is not made again to be timed.
 _LONG = 2.0

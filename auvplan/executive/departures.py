@@ -265,17 +265,13 @@ def _why_no_route(mission: Mission, forecast: Current) -> str:
         return f"no way through the graph leads from waypoint {mission.here} to the destination"
     for i, j in pairwise(nodes):
         if not timed.adjacency[i, j]:
-            why = _line_fault(mission, (i, j), forecast)
+            context, (start, goal) = mission.context, mission.graph.positions[[i, j]]
+            env, config = context.environment(forecast), effort(context.path_config).path
+            line = straight_plan(start, goal, mission.now, Conditions(env, context.vehicle, config))
+            # The limit that the straight line breaks most, where and when.
+            why = "an end lies outside the area"
+            if not line.feasible:
+                why = line.explain(line.broken()[0], context.epoch)
             return f"there is no path on leg {run.called(i)} to {run.called(j)}: {why}"
     left, cost = run.t_available - mission.now, float(times[nodes[:-1], nodes[1:]].sum())
     return f"the shortest way to the destination takes {cost:.0f} s, {left:.0f} s are available"
-
-
-def _line_fault(mission: Mission, edge: tuple[int, int], forecast: Current) -> str:
-    """Return the limit that the straight line of an edge breaks most, where and when."""
-    context, (start, goal) = mission.context, mission.graph.positions[list(edge)]
-    env, config = context.environment(forecast), effort(context.path_config).path
-    line = straight_plan(start, goal, mission.now, Conditions(env, context.vehicle, config))
-    if line.feasible:
-        return "an end lies outside the area"
-    return line.explain(line.broken()[0], context.epoch)

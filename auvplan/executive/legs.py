@@ -20,12 +20,11 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.motion import Motion
 from auvplan.records import LegRecord
 from auvplan.runtime import cache, cores
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import compiling_ahead
 from auvplan.simulation.faults import HeldUp, Obstacle, PlannerOut, SensorOut, absent, appear
 from auvplan.simulation.simulator import TIME_STEP, Course, Transit, over_ground, simulate
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
-
-Array = NDArray[np.floating]
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import jax
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.executive.context import Followed, Mission, MissionContext
 from auvplan.mission import MissionGraph
@@ -19,10 +18,10 @@ from auvplan.path.sensitivity import Conditions
 from auvplan.path.straight import Straights
 from auvplan.records import LegRecord
 from auvplan.runtime import prng
+from auvplan.runtime.arrays import Array
 from auvplan.scenario.lines import SurveyPart, is_shut, standing, survey_parts
 from auvplan.simulation.sea import stacked
 
-Array = NDArray[np.floating]
 Edge = tuple[int, int]
 
 #: Number that is folded into a mission's key for the paths that lines are priced by.

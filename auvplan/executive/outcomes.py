@@ -18,10 +18,9 @@ from auvplan.mission.timetable import ALWAYS
 from auvplan.path.outlook import Chain, Drawn, chain_times, leg_times, ruled_times
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.intervals import wilson
-from auvplan.simulation.draws import drawn_seas
-
-Array = NDArray[np.floating]
+from auvplan.simulation.world import drawn_seas
 
 #: Seas that a promise is judged in.
 SEAS = 1000

@@ -311,6 +311,12 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
     reserve = share * planning.reserve
     longer = np.asarray([1.0 + share * mission.allowance for mission in missions])
     left = (np.asarray([mission.run.t_available - mission.now for mission in missions]) - reserve) / longer
+    energy = None  # J that may be taken by the power models
+    if context.speeds is not None:
+        energy = np.asarray([max(one.energy_left, 0.0) / drawn(one) for one in missions]) / longer
+        if share == 0.0:  # where no slack is kept any more, the way home is gone whatever is left
+            homes = [way_home(one) if one.route is not None else 0.0 for one in missions]
+            energy = np.maximum(energy, 1.02 * np.asarray(homes))
     populations = np.stack([mission.last_route.population for mission in missions]) if kept else None
     routes, seconds = context.clock.time(
         partial(
@@ -320,7 +326,7 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
             speed=context.vehicle.speed,
-            energy_available=None if context.speeds is None else _energy_available(missions, share, longer),
+            energy_available=energy,
             key=prng.stacked([prng.folded(mission.key, 0, len(mission.run.routes)) for mission in missions]),
             population=populations,
             config=config,
@@ -335,18 +341,6 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
             mission.no_route += ", by the currents of that time"
         if route.feasible:
             _take(mission, route, seconds / len(missions))
-
-
-def _energy_available(missions: list[Mission], share: float, longer: Array) -> Array:
-    """Return J that the missions may plan to take by their power models, beyond what `longer` keeps.
-
-    Under way, where no slack is kept any more, that is what the way home takes, whatever is left.
-    """
-    available = np.asarray([max(one.energy_left, 0.0) / drawn(one) for one in missions]) / longer
-    if share == 0.0:
-        homes = [way_home(one) if one.route is not None else 0.0 for one in missions]
-        available = np.maximum(available, 1.02 * np.asarray(homes))
-    return available
 
 
 def _take(mission: Mission, route: MissionRoute, seconds: float) -> None:

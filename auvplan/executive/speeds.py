@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Array, Mission
@@ -76,19 +75,14 @@ def _fixed(mission: Mission) -> Array:
     if context.scenario.mission.wait == "loiter":
         drift = np.full(len(places), context.speed)
     staying = np.asarray(power.power(drift)) + power.task
-    return depth + graph.duration * staying + power.task_start * _starts(mission)
-
-
-def _starts(mission: Mission) -> NDArray[np.bool_]:
-    """Return which edges start a task, [N, N]."""
-    graph, along = mission.graph, np.zeros(mission.graph.adjacency.shape, bool)
+    along = np.zeros(graph.adjacency.shape, bool)
     for edge in mission.parts:
         along[edge] = graph.adjacency[edge] and graph.priority[edge] > 0.0
-    found = ((graph.priority > 0.0) | along.any(axis=1)) & ~along
+    starts = ((graph.priority > 0.0) | along.any(axis=1)) & ~along
     done = mission.run.done[-1:]
     if not (done and done[0].line is not None and done[0].priority > 0.0 and done[0].goal == mission.here):
-        found[mission.here] |= along[mission.here]
-    return found
+        starts[mission.here] |= along[mission.here]
+    return depth + graph.duration * staying + power.task_start * starts
 
 
 def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from auvplan.executive.context import Mission
 from auvplan.mission import MissionGraph
@@ -13,8 +12,7 @@ from auvplan.mission.fixes import Order, surfacings
 from auvplan.navigation import AT_SURFACE, Navigation
 from auvplan.path.clearance import distance_to_land
 from auvplan.path.risk import exposed
-
-Array = NDArray[np.floating]
+from auvplan.runtime.arrays import Array
 
 #: Places on the straight line between two waypoints at which it is asked whether there is bottom lock.
 _PROBES = 16

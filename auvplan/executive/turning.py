@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
@@ -20,8 +19,7 @@ from auvplan.executive.legs import begin_legs, finish, go_as_planned, unfit
 from auvplan.executive.outcomes import Outcomes, Rule, Ruled, Ways
 from auvplan.records import LegRecord, MissionRun, TurnBack
 from auvplan.runtime import prng
-
-Array = NDArray[np.floating]
+from auvplan.runtime.arrays import Array
 
 #: What coming late costs, in shares of a plan's priority, that rules are made with.
 _COSTS = tuple((0.03 * 2.0 ** np.arange(11)).tolist())

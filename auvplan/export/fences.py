@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from auvplan.ocean.chart import Chart
-
-Array = NDArray[np.floating]
+from auvplan.runtime.arrays import Array
 
 #: m around the paths within which coast and obstacles are fenced in.
 REACH = 1000.0

@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from auvplan.export.fences import Circle
 from auvplan.export.itinerary import DEGREES, Itinerary, elevation, geographic, moment, waypoints
 from auvplan.export.speeds import ground_share
+from auvplan.runtime.arrays import Array
 from auvplan.site import Site
-
-Array = NDArray[np.floating]
 
 
 def geojson_text(itinerary: Itinerary) -> bytes:

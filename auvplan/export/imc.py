@@ -17,15 +17,13 @@ from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import Geod
 
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, geographic, metres, stays_for
 from auvplan.export.markup import Element, child, xml_text
 from auvplan.export.speeds import LEAST, Stretch, approach, speed_note, stretches
+from auvplan.runtime.arrays import Array
 from auvplan.site import as_utc
-
-Array = NDArray[np.floating]
 
 #: Definitions that the fields are from.
 VERSION = "5.4.11"

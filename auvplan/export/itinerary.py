@@ -14,11 +14,10 @@ from auvplan.export.fences import Fence, fences_around, nearest_fences
 from auvplan.ocean.chart import Chart
 from auvplan.path.motion import Motion
 from auvplan.records import TurnBack
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import between, counted, figure, plain
 from auvplan.site import Site, as_utc
 from auvplan.view.timeline import END_BEHAVIOURS
-
-Array = NDArray[np.floating]
 
 #: Points of fences that autopilots hold at least: corners, and one for a circle.
 FENCE_POINTS = 70

@@ -9,14 +9,13 @@ from functools import partial
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.export.fences import Circle
 from auvplan.export.itinerary import Itinerary, degrees, geographic, metres, moment, waypoints
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import plain
 from auvplan.site import Site
 
-Array = NDArray[np.floating]
 Element = ElementTree.Element
 
 _GPX = "http://www.topografix.com/GPX/1/1"

@@ -6,11 +6,11 @@ surface, so that altitude is minus depth.
 
 import json
 import math
-from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import (
@@ -182,79 +182,55 @@ def validate_plan(plan: Any) -> None:
     Raises:
         ExportError: one line that names the first field at fault.
     """
-    _check(plan, "plan", _PLAN)
-    if not plan["mission"]["items"]:
-        raise ExportError("plan.mission.items: cannot be []")
+    _check(_Plan, plan, "plan")
     for k, item in enumerate(plan["mission"]["items"]):
-        wanted: dict[str, Any] = {"doJumpId": (k + 1).__eq__}
-        if item["command"] != _CHANGE_SPEED:
-            wanted |= {
-                "params": lambda value: _is_place(value[4:6], 2), "AltitudeMode": _is_count,
-                "Altitude": lambda value, params=item["params"]: _is_number(value) and value == params[6],
-                "AMSLAltAboveTerrain": lambda value: value is None or _is_number(value),
-            }  # fmt: skip
-        _check(item, f"plan.mission.items[{k}]", wanted)
+        name, placed = f"plan.mission.items[{k}]", item["command"] != _CHANGE_SPEED
+        _check(_Placed if placed else _Item, item, name)
+        for field, wanted in [("doJumpId", k + 1), *[("Altitude", item["params"][6])] * placed]:
+            if item[field] != wanted:
+                raise ExportError(f"{name}.{field}: cannot be {item[field]!r}")
 
 
-def _check(found: Any, name: str, wanted: Any) -> None:
-    """Check a value: a mapping's fields, each item of a list, or what anything else must fulfil."""
-    if isinstance(wanted, dict):
-        if not isinstance(found, dict):
-            raise ExportError(f"{name}: must be a mapping, got {type(found).__name__}")
-        for field, inner in wanted.items():
-            if field not in found:
-                raise ExportError(f"{name}.{field}: is missing")
-            _check(found[field], f"{name}.{field}", inner)
-    elif isinstance(wanted, list) and isinstance(found, list):
-        for k, item in enumerate(found):
-            _check(item, f"{name}[{k}]", wanted[0])
-    elif isinstance(wanted, list) or wanted(found) is not True:
-        raise ExportError(f"{name}: cannot be {found!r}")
+def _check(fields: type[BaseModel], found: Any, name: str) -> None:
+    try:
+        fields.model_validate_json(json.dumps(found))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
+        raise ExportError(f"{name}{where}: {fault['msg']}") from None
 
 
-def _is(kind: type) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, kind)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _is_place(value: Any, length: int) -> bool:
-    """Latitude, longitude and perhaps altitude."""
-    if not (isinstance(value, list) and len(value) == length and all(map(_is_number, value))):
-        return False
-    return abs(value[0]) <= 90.0 and abs(value[1]) <= 180.0
+def _fields(name: str, base: type[BaseModel] | None = None, **kinds: Any) -> Any:
+    """Return a model whose fields, beside those of its base, are all required, as JSON has them."""
+    config = None if base else ConfigDict(strict=True, allow_inf_nan=False)
+    required: dict[str, Any] = {field: (kind, ...) for field, kind in kinds.items()}
+    return create_model(name, __base__=base, __config__=config, **required)
 
 
 #: What every field must fulfil.
-_FENCE: dict[str, Any] = {"version": (1).__eq__, "inclusion": _is(bool)}
-_PLAN: dict[str, Any] = {
-    "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is(str),
-    "mission": {
-        "version": 2 .__eq__, "firmwareType": _is_count, "vehicleType": _is_count,
-        "globalPlanAltitudeMode": _is_count, "cruiseSpeed": _is_number, "hoverSpeed": _is_number,
-        "plannedHomePosition": lambda value: _is_place(value, 3),
-        "items": [{
-            "type": "SimpleItem".__eq__, "autoContinue": _is(bool), "command": _is_count, "frame": _is_count,
-            "params": lambda value: isinstance(value, list) and len(value) == 7
-            and all(v is None or _is_number(v) for v in value),
-        }],
-    },
-    "geoFence": {
-        "version": 2 .__eq__,
-        "circles": [_FENCE | {"circle": {
-            "center": lambda value: _is_place(value, 2),
-            "radius": lambda value: _is_number(value) and value > 0,
-        }}],
-        "polygons": [_FENCE | {
-            "polygon": lambda value: isinstance(value, list) and len(value) >= 3
-            and all(_is_place(v, 2) for v in value),
-        }],
-    },
-    "rallyPoints": {"version": 2 .__eq__, "points": _is(list)},
-}  # fmt: skip
+_Count = Annotated[int, Field(ge=0)]
+_Latitude, _Longitude = Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]
+_Item = _fields(
+    "Item", type=Literal["SimpleItem"], autoContinue=bool, command=_Count, frame=_Count, doJumpId=_Count,
+    params=Annotated[list[float | None], Field(min_length=7, max_length=7)],
+)  # fmt: skip
+_Placed = _fields(
+    "Placed", _Item, Altitude=float, AltitudeMode=_Count, AMSLAltAboveTerrain=float | None,
+    params=tuple[float, float, float, float | None, _Latitude, _Longitude, float],
+)  # fmt: skip
+_Mission = _fields(
+    "Mission", version=Literal[2], firmwareType=_Count, vehicleType=_Count, globalPlanAltitudeMode=_Count,
+    cruiseSpeed=float, hoverSpeed=float, plannedHomePosition=tuple[_Latitude, _Longitude, float],
+    items=Annotated[list[_Item], Field(min_length=1)],
+)  # fmt: skip
+_Fence = _fields("Fence", version=Literal[1], inclusion=bool)
+_Round = _fields("Round", center=tuple[_Latitude, _Longitude], radius=Annotated[float, Field(gt=0)])
+_Corners = Annotated[list[tuple[_Latitude, _Longitude]], Field(min_length=3)]
+_Fences = _fields(
+    "Fences", version=Literal[2], circles=list[_fields("Circle", _Fence, circle=_Round)],
+    polygons=list[_fields("Polygon", _Fence, polygon=_Corners)],
+)  # fmt: skip
+_Plan = _fields(
+    "Plan", fileType=Literal["Plan"], version=Literal[1], groundStation=str, mission=_Mission,
+    geoFence=_Fences, rallyPoints=_fields("Rally", version=Literal[2], points=list[Any]),
+)  # fmt: skip

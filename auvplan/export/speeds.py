@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.runtime.arrays import Array
+
 if TYPE_CHECKING:
     from auvplan.export.itinerary import Itinerary, PlannedLeg
-
-Array = NDArray[np.floating]
 
 #: m/s, least that is asked for: ArduSub takes no less (AC_WPNav), and to DUNE less is to stop
 #: (Control/AUV/Speed).

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from auvplan.mission.survey import LinePart
 from auvplan.ocean.environment import Environment
 from auvplan.path.straight import DISTANCES, Straights
+from auvplan.runtime.arrays import Array
 from auvplan.vehicle import Vehicle
-
-Array = NDArray[np.floating]
 
 #: By how much certified distances, m, and speeds, m/s, may seem less for the steps that a line is cut into.
 _BLUR = 0.1, 0.01

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from auvplan.executive.decide import Act, Decision, Facts, Phase, Waiting, after, decide
 from auvplan.export.itinerary import ExportError
@@ -23,9 +23,8 @@ from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
 from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
 from auvplan.records import LegRecord
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import counted
-
-Array = NDArray[np.floating]
 
 _log = logging.getLogger(__name__)
 
@@ -331,8 +330,8 @@ class _Executor:
         progress = self._progress
         if place is None or progress.over or progress.leaves_task(place):
             return True
-        near = 10.0 + 3.0 * self._limits.reply * self._link.rate
-        return progress.step.hold > 0.0 and progress.time_to_step(place) < near
+        near, step = 10.0 + 3.0 * self._limits.reply * self._link.rate, progress.step
+        return step.hold > 0.0 and float(np.linalg.norm(step.position - place)) / step.pace < near
 
     def _is_blocked(self, place: Array) -> bool:
         """Return whether the vehicle meets an obstacle within the next minutes, seen now and then."""

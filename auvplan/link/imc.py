@@ -17,17 +17,12 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from auvplan.export.imc import RADIUS, plan_identifier, plan_specification, stay_specification
 from auvplan.export.markup import Element
 from auvplan.link.limits import Allowance, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, State, Upload
 from auvplan.site import Site
-
-Array = NDArray[np.floating]
 
 #: Identifiers of control stations among IMC's addresses, beyond those that Neptus takes from its own address;
 #: who is meant before the vehicle is known.
@@ -375,11 +370,6 @@ class ImcVehicle(ListeningLink):
             raise Refused(f"{self.name} refuses {what}: {answer.info}")
         return answer
 
-    def _executes(self, identifier: str) -> bool:
-        control = self._control
-        executing = self._imc.PlanControlState.StateEnum.EXECUTING
-        return control is not None and control.state == executing and control.plan_id == identifier
-
     def start(self, step: int = 0) -> None:
         """Execute the last upload from a step on."""
         plan = self._upload
@@ -395,9 +385,13 @@ class ImcVehicle(ListeningLink):
         self._check_goes_on()
         self._started_plans.add(identifier)
         operation = self._imc.PlanControl.OperationEnum.START
-        answer = self._ask(
-            self._imc.PlanControl, operation, identifier, plan, what, lambda: self._executes(identifier)
-        )
+        executing = self._imc.PlanControlState.StateEnum.EXECUTING
+
+        def executes() -> bool:
+            control = self._control
+            return control is not None and (control.state, control.plan_id) == (executing, identifier)
+
+        answer = self._ask(self._imc.PlanControl, operation, identifier, plan, what, executes)
         if self._ended:  # the start may have come after the abort
             self.surface()
         self._check_goes_on()
@@ -419,10 +413,11 @@ class ImcVehicle(ListeningLink):
             self._control = None  # what it says from then on counts
             self._send(self._imc.Abort())
 
-        self._asked_until(
+        self._asked(
             abort,
-            lambda: self._control is not None and self._control.state != executing,
+            lambda _: False,
             "goes on after an abort",
+            done=lambda: self._control is not None and self._control.state != executing,
         )
         self._aborted = True
 

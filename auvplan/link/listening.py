@@ -10,13 +10,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.link.limits import Limits
 from auvplan.link.vehicle import Lost, Refused, Report, State, VehicleLink
+from auvplan.runtime.arrays import Array
 from auvplan.site import Site
-
-Array = NDArray[np.floating]
 
 _log = logging.getLogger(__name__)
 
@@ -151,14 +149,6 @@ class ListeningLink(VehicleLink):
             ask()
             if (answer := self._answer(fits, look, done)) is not None or done():
                 return answer
-        raise Lost(f"{self.name}: {lost}")
-
-    def _asked_until(self, ask: Callable[[], None], done: Callable[[], bool], lost: str) -> None:
-        """Ask until the vehicle is seen to have done it."""
-        for _ in range(self._limits.attempts):
-            ask()
-            if self._until(done, self._limits.reply):
-                return
         raise Lost(f"{self.name}: {lost}")
 
     @property

@@ -12,6 +12,7 @@ import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -493,25 +494,23 @@ class MavlinkVehicle(ListeningLink):
         """Return the items that the vehicle holds."""
         self._expect(_READ)
 
-        def count(message: Any) -> bool:
-            return message.get_type() == "MISSION_COUNT" and getattr(message, "mission_type", 0) == kind
+        def says(message: Any, item: int = -1) -> bool:
+            """Return whether a message is the number of items, or the one of them that is asked for."""
+            asked = message.get_type() == "MISSION_COUNT" or message.seq == item
+            return asked and getattr(message, "mission_type", 0) == kind
 
-        found = self._tell(lambda mav: mav.mission_request_list_send(*self._target, kind), count)
+        found = self._tell(lambda mav: mav.mission_request_list_send(*self._target, kind), says)
         items: list[Item] = []
         begun = 1
         while len(items) < found.count:
             number = len(items)
-
-            def wanted(message: Any, number: int = number) -> bool:
-                is_item = message.get_type() == "MISSION_ITEM_INT" and message.seq == number
-                return count(message) or (is_item and getattr(message, "mission_type", 0) == kind)
-
             item = self._tell(
-                lambda mav, number=number: mav.mission_request_int_send(*self._target, number, kind), wanted
+                lambda mav, number=number: mav.mission_request_int_send(*self._target, number, kind),
+                partial(says, item=number),
             )
             if begun > self._limits.attempts:
                 raise Lost(f"{self.name}: begins again and again to say what it holds")
-            if count(item):  # a doubled request made the vehicle begin again
+            if says(item):  # a doubled request made the vehicle begin again
                 items, begun = [], begun + 1
                 continue
             params = float(item.param1), float(item.param2), float(item.param3), float(item.param4)
@@ -661,10 +660,11 @@ class MavlinkVehicle(ListeningLink):
             self._send(lambda mav: mav.mission_set_current_send(*self._target, item))
 
         # A vehicle that is held cannot have come further, and says what it was set to.
-        self._asked_until(
+        self._asked(
             ask,
-            lambda: heard.current == item or (heard.current > item and passes),
+            lambda _: False,
             f"no answer to item {item} as the next",
+            done=lambda: heard.current == item or (heard.current > item and passes),
         )
 
     def hold(self) -> None:

@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.link.vehicle import one_line
 from auvplan.ocean.known import KnownObstacle
+from auvplan.runtime.arrays import Array
 from auvplan.site import Site
-
-Array = NDArray[np.floating]
 
 _PLACE = "longitude", "latitude", "north", "east"
 

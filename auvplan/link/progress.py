@@ -4,13 +4,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.executive.context import HORIZON
 from auvplan.link.limits import Limits
 from auvplan.link.vehicle import Report, State, Step, Upload
-
-Array = NDArray[np.floating]
+from auvplan.runtime.arrays import Array
 
 #: m from the place of a task within which the vehicle is taken to be at it.
 _AT_TASK = 15.0
@@ -266,10 +264,6 @@ class Progress:
             places.append(places[-1] + share * (step.position - places[-1]))
             times.append(times[-1] + share * gap / pace)
         return np.asarray(places), np.asarray(times)
-
-    def time_to_step(self, place: Array) -> float:
-        """Return s from a place [3] m to the step ahead."""
-        return float(np.linalg.norm(self.step.position - place)) / self.step.pace
 
 
 def staying(place: Array, seconds: float) -> tuple[Array, Array]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.executive.context import Mission
@@ -29,14 +28,13 @@ from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
 from auvplan.ocean.perturbed import perturbed
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import MemberSettings
 from auvplan.simulation.sea import Sea
 from auvplan.site import Site
-
-Array = NDArray[np.floating]
 
 #: Of a vehicle that keeps to its paths.
 _NONE = Allowance()

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.executive.context import Leg, Stretch, make_context
 from auvplan.executive.legs import encounter, finish, let_appear, look
@@ -18,6 +17,7 @@ from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
+from auvplan.runtime.arrays import Array
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.faults import (
@@ -33,8 +33,6 @@ from auvplan.simulation.faults import (
 )
 from auvplan.simulation.simulator import TIME_STEP, Course, over_ground, simulate
 from auvplan.simulation.world import KNOWN, TrueObstacles
-
-Array = NDArray[np.floating]
 
 #: m/s at which the vehicle comes up when it surfaces.
 _RISE = 0.5
@@ -185,13 +183,6 @@ class SimulatedVehicle(VehicleLink):
         return self._mission.active_leg
 
     @property
-    def _rises(self) -> bool:
-        """Whether it surfaces, or is there."""
-        plan = self._plan
-        over = self._state is State.FINISHED and plan is not None and plan.itinerary.end == "surface"
-        return over or self._state in (State.SURFACING, State.FAULT)
-
-    @property
     def _is_silent(self) -> bool:
         return self._faults.left(LinkOut, self.now) > 0.0
 
@@ -215,10 +206,12 @@ class SimulatedVehicle(VehicleLink):
 
     def _move(self, end: float) -> None:
         """Pass time up to `end`, or up to the end of what the vehicle does now."""
-        if self._rises:
+        plan = self._plan
+        over = self._state is State.FINISHED and plan is not None and plan.itinerary.end == "surface"
+        if over or self._state in (State.SURFACING, State.FAULT):
             depth = max(self._place[2] - _RISE * (end - self.now), 0.0)
             return self._pass(end, np.asarray([*self._place[:2], depth]))
-        if self._state is not State.EXECUTING or self._plan is None or self._faults.left(HeldUp, self.now):
+        if self._state is not State.EXECUTING or plan is None or self._faults.left(HeldUp, self.now):
             self._ahead = None
             return self._pass(end, self._place)
         if self._stays > 0.0:
@@ -229,7 +222,7 @@ class SimulatedVehicle(VehicleLink):
                 self._complete()
             return None
         if self._ahead is None:
-            self._ahead = self._stretch(self._plan.steps[self._done])
+            self._ahead = self._stretch(plan.steps[self._done])
         times, places, arrives = self._ahead
         until = min(end, float(times[-1]))
         self._pass(until, np.asarray([np.interp(until, times, axis) for axis in places.T]))
@@ -238,7 +231,7 @@ class SimulatedVehicle(VehicleLink):
         if until == times[-1]:
             self._ahead = None
             if arrives:
-                self._stays = self._plan.steps[self._done].hold
+                self._stays = plan.steps[self._done].hold
                 if self._stays <= 0.0:
                     self._complete()
 

@@ -6,13 +6,11 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.export.itinerary import Itinerary, waypoints
 from auvplan.export.speeds import led
 from auvplan.link.limits import Allowance
-
-Array = NDArray[np.floating]
+from auvplan.runtime.arrays import Array
 
 
 def one_line(text: str) -> str:

@@ -17,14 +17,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from auvplan.plot import style
 from auvplan.plot.maps import Map
 from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.files import output_folder
 from auvplan.runtime.formatting import counted
 from auvplan.runtime.formatting import figure as number_in_words
 from auvplan.study import statistics
 from auvplan.study.table import flag_names, study_chart
 from auvplan.view.scene import window
-
-Array = style.Array
 
 #: Missions that get boxes of their own.
 _BOXES = 25

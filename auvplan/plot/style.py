@@ -18,9 +18,8 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.files import write_atomically
-
-Array = NDArray[np.floating]
 
 DPI = 150
 

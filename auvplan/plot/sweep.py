@@ -11,10 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from auvplan.plot import style
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import counted
 from auvplan.study import statistics
-
-Array = style.Array
 
 #: Lines of a second setting, in turn.
 _COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.RED, style.SKY, style.BLACK

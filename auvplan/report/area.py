@@ -13,10 +13,9 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import MissionRun
 from auvplan.report.page import packed
+from auvplan.runtime.arrays import Array
 from auvplan.site import Site
 from auvplan.view.section import PARTS, run_sections, true_current
-
-Array = NDArray[np.floating]
 
 #: Coast and uncertain area on light and on dark pages; water is transparent.
 _COLOURS = {"light": ("#c9b98f", "#eae1c6"), "dark": ("#5a5038", "#37342a")}

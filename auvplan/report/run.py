@@ -12,14 +12,13 @@ from auvplan.mission.graph import shortest_times
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import hours
 from auvplan.scenario.provenance import changed_settings
 from auvplan.view import scene
 from auvplan.view.margins import Margins
 from auvplan.view.sheet import leg_depths, sheet_of
 from auvplan.view.timeline import Bar, closed_areas, doings, executed_bars, lateness, planned_bars
-
-Array = NDArray[np.floating]
 
 #: Records of the track in a page at most; of longer ones some are left out.
 _RECORDS = 20_000

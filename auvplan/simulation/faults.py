@@ -12,14 +12,12 @@ from typing import TypeVar
 
 import jax
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current
 from auvplan.ocean.perturbed import perturbed
+from auvplan.runtime.arrays import Array
 from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import KINDS, TrueObstacles
-
-Array = NDArray[np.floating]
 
 #: Depth, m, at which obstacles wait that have not appeared yet.
 _FAR_BELOW = 1e6

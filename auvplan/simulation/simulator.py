@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current, combine, partition
 from auvplan.ocean.vortices import rounded_up
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import padded_batches
 from auvplan.simulation.sea import stacked
 from auvplan.vehicle import Vehicle, along_track
-
-Array = NDArray[np.floating]
 
 #: Seconds between two recorded positions.
 TIME_STEP = 3.0

@@ -5,13 +5,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from auvplan.check.track import Coast, SampledTrack
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.arrays import Array
 from auvplan.view.scene import FAR, true_obstacles
-
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import Chart
@@ -13,12 +13,11 @@ from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import CONFIDENCE, closest_approach
 from auvplan.records import LegRecord, MissionRun
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import counted
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.simulator import TIME_STEP
 from auvplan.simulation.world import KNOWN
-
-Array = NDArray[np.floating]
 
 #: m; what is farther away is not there. The simulator puts obstacles that find no room out of the way.
 FAR = 1e5

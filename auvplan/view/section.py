@@ -4,17 +4,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.plan import PathPlan
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.runtime.arrays import Array
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.world import KNOWN
 from auvplan.view.scene import as_filed, grown, planned_obstacles, shown_obstacles, track_at, true_obstacles
 
-Array = NDArray[np.floating]
 Velocity = Callable[..., Sequence[Array]]
 
 #: Rows of the raster, its columns in all and on a path at least, and places to a column.

@@ -126,13 +126,12 @@ def spans_in_words(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str
     end = max(run.t_available, run.t_mission)
     before, after = [span for span in stated if span[1] < 0.0], [span for span in stated if span[0] > end]
     touching = [span for span in stated if span[1] >= 0.0 and span[0] <= end]
-    return ", ".join(_span_in_words(run, *span) for span in touching or [*before[-1:], *after[:1]])
-
-
-def _span_in_words(run: MissionRun, opens: float, closes: float) -> str:
-    first = "" if np.isinf(opens) else time_in_words(run, opens)
-    last = "" if np.isinf(closes) else time_in_words(run, closes, opens if first else 0.0)
-    return f"{first}-{last}"
+    words = []
+    for opens, closes in touching or [*before[-1:], *after[:1]]:
+        first = "" if np.isinf(opens) else time_in_words(run, opens)
+        last = "" if np.isinf(closes) else time_in_words(run, closes, opens if first else 0.0)
+        words.append(f"{first}-{last}")
+    return ", ".join(words)
 
 
 def time_in_words(run: MissionRun, seconds: float, since: float = 0.0) -> str:

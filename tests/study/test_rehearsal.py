@@ -12,7 +12,7 @@ from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.runtime.files import write_dataset
 from auvplan.scenario import Scenario
 from auvplan.study import Design
-from auvplan.study.rehearsal import rehearsal_of, require_one_sea
+from auvplan.study.statistics import rehearsal_of, require_one_sea
 from auvplan.study.table import row_of, table
 from tests.executive.tide import CHANNEL, channel, tidal_area
 from tests.io.sample_run import make_run
