@@ -170,16 +170,8 @@ def name_page(page: Path) -> None:
 
 def print_json(data: Any) -> None:
     """Print one JSON object and nothing else; what is no number, such as no clearance at all, is null."""
-    typer.echo(json.dumps(_finite(data), indent=2, allow_nan=False))
-
-
-def _finite(data: Any) -> Any:
-    """Plain data without infinities and NaN, which JSON does not know."""
-    if isinstance(data, dict):
-        return {str(name): _finite(value) for name, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+    finite = json.loads(json.dumps(data), parse_constant=lambda _: None)
+    typer.echo(json.dumps(finite, indent=2, allow_nan=False))
 
 
 @contextmanager

@@ -6,16 +6,7 @@ from typing import Any
 
 from auvplan.records import MissionRun
 from auvplan.report.page import write_page
-from auvplan.runtime.files import (
-    DEPARTURES,
-    MISSION,
-    REHEARSAL,
-    REPORT,
-    ResultError,
-    is_study,
-    read_json,
-    read_summary,
-)
+from auvplan.runtime import files
 
 
 def write_report(folder: str | Path) -> Path:
@@ -26,16 +17,16 @@ def write_report(folder: str | Path) -> Path:
         OutputError: the page cannot be written; one line that names it.
     """
     target = Path(folder)
-    if (target / MISSION).is_file():
+    if (target / files.MISSION).is_file():
         from auvplan.io.restore import restore_run
 
-        return write_run_report(restore_run(target), read_summary(target), target)
-    if is_study(target):
+        return write_run_report(restore_run(target), files.read_summary(target), target)
+    if files.is_study(target):
         return write_study_report(target)
-    if (target / DEPARTURES).is_file():
+    if (target / files.DEPARTURES).is_file():
         return write_departures_report(target)
     missing = "no run, study or departures in it" if target.is_dir() else "no such folder"
-    raise ResultError(f"{folder}: {missing}; give the folder that --out named")
+    raise files.ResultError(f"{folder}: {missing}; give the folder that --out named")
 
 
 def write_run_report(run: MissionRun, summary: Mapping[str, Any], folder: str | Path) -> Path:
@@ -53,7 +44,7 @@ def write_run_report(run: MissionRun, summary: Mapping[str, Any], folder: str | 
 
     data = run_data(run, summary)
     title = f"{data['name']}, {data['kind']}, seed {run.seed}"
-    return write_page("run", title, data, Path(folder) / REPORT)
+    return write_page("run", title, data, Path(folder) / files.REPORT)
 
 
 def write_study_report(folder: str | Path) -> Path:
@@ -62,10 +53,11 @@ def write_study_report(folder: str | Path) -> Path:
     from auvplan.study.store import RUNS, load_study
 
     target = Path(folder)
-    rehearsal = read_json(target, REHEARSAL) if (target / REHEARSAL).is_file() else None
-    runs = sorted(path.parent.name for path in (target / RUNS).glob(f"*/{MISSION}"))
+    rehearsed = (target / files.REHEARSAL).is_file()
+    rehearsal = files.read_json(target, files.REHEARSAL) if rehearsed else None
+    runs = sorted(path.parent.name for path in (target / RUNS).glob(f"*/{files.MISSION}"))
     data = study_data(load_study(target), rehearsal, runs)
-    return write_page("study", f"{data['name']}, {data['kind']}", data, target / REPORT)
+    return write_page("study", f"{data['name']}, {data['kind']}", data, target / files.REPORT)
 
 
 def write_departures_report(folder: str | Path) -> Path:
@@ -73,4 +65,4 @@ def write_departures_report(folder: str | Path) -> Path:
     from auvplan.report.departures import departures_data, read_departures
 
     data = departures_data(*read_departures(folder))
-    return write_page("departures", f"{data['name']}, departures", data, Path(folder) / REPORT)
+    return write_page("departures", f"{data['name']}, departures", data, Path(folder) / files.REPORT)

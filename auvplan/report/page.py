@@ -3,7 +3,6 @@
 import base64
 import html
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -87,16 +86,5 @@ def script_json(data: Any) -> str:
 
 def plain(data: Any) -> Any:
     """Return data of Python's own types, seven digits of every number; what is no number is None."""
-    if isinstance(data, dict):
-        return {str(name): plain(value) for name, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [plain(value) for value in data]
-    if isinstance(data, np.ndarray):
-        return plain(data.tolist())
-    if isinstance(data, np.generic):
-        return plain(data.item())
-    if isinstance(data, float):
-        return float(f"{data:.7g}") if math.isfinite(data) else None
-    if isinstance(data, datetime):
-        return data.isoformat()
-    return data
+    text = json.dumps(data, default=lambda x: x.isoformat() if isinstance(x, datetime) else x.tolist())
+    return json.loads(text, parse_float=lambda x: float(f"{float(x):.7g}"), parse_constant=lambda _: None)

@@ -10,18 +10,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.errors import StudyError
-from auvplan.runtime.files import (
-    DESIGN,
-    REHEARSAL,
-    REPORT,
-    ResultError,
-    output_folder,
-    read_dataset,
-    require_kind,
-    write_atomically,
-    write_dataset,
-    write_json,
-)
+from auvplan.runtime import files
 from auvplan.runtime.formatting import counted
 from auvplan.scenario.provenance import changed_source, source_digests
 from auvplan.study.design import Design
@@ -71,27 +60,27 @@ class Store:
         if resume:
             self._resume(plain)
             return
-        require_kind(folder, "study")
+        files.require_kind(folder, "study")
         if not force:
             require_room(folder)
         # In this order: whenever it is broken off, the folder can be resumed or begun again.
-        output_folder(self.folder)
+        files.output_folder(self.folder)
         self._drop_results()
         for name in (PIECES, RUNS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
-        write_json(self.folder / DESIGN, plain | {"sources": self._sources()})
-        output_folder(self.folder / PIECES)
+        files.write_json(self.folder / files.DESIGN, plain | {"sources": self._sources()})
+        files.output_folder(self.folder / PIECES)
 
     def _resume(self, plain: dict[str, Any]) -> None:
         """Continue the study, whose missions become pieces again where it is finished and more are wanted.
 
         Its steps are in an order that can be broken off anywhere, and the folder resumed.
         """
-        known = _same(self.folder / DESIGN, plain)
+        known = _same(self.folder / files.DESIGN, plain)
         kept = int(known["count"])
         for case in self.design.cases if "sources" in known else ():
             if changed := changed_source(known["sources"], case.model_dump(mode="json"), self._home):
-                raise StudyError(f"{self.folder / DESIGN}: {changed}; run it in another folder")
+                raise StudyError(f"{self.folder / files.DESIGN}: {changed}; run it in another folder")
         if self.finished:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)  # broken off while it cleaned up
         if kept == plain["count"]:
@@ -101,7 +90,7 @@ class Store:
             for task, row in zip(done.tasks, rows_of(load_study(self.folder)), strict=True):
                 self.add(*task, row)
             self._drop_results()
-        write_json(self.folder / DESIGN, known | plain)
+        files.write_json(self.folder / files.DESIGN, known | plain)
 
     def _sources(self) -> list[dict[str, Any]]:
         """Return digests of the files that the scenarios of all cases name."""
@@ -112,7 +101,7 @@ class Store:
         return found
 
     def _drop_results(self) -> None:
-        for name in (SUMMARY, DATASET, REHEARSAL, REPORT):
+        for name in (SUMMARY, DATASET, files.REHEARSAL, files.REPORT):
             (self.folder / name).unlink(missing_ok=True)
 
     @property
@@ -128,8 +117,8 @@ class Store:
 
     def add(self, case: int, seed: int, row: Row) -> None:
         """Write one mission."""
-        output_folder(self.folder / PIECES)
-        write_atomically(self._piece(case, seed), lambda path: np.savez_compressed(path, **row))  # type: ignore[arg-type]
+        files.output_folder(self.folder / PIECES)
+        files.write_atomically(self._piece(case, seed), lambda path: np.savez_compressed(path, **row))  # type: ignore[arg-type]
 
     def rows(self) -> list[Row]:
         """Return all missions, in the order of `Design.tasks`.
@@ -141,8 +130,8 @@ class Store:
 
     def finish(self, dataset: xr.Dataset, summary: dict[str, Any]) -> None:
         """Write the results in place of the missions one by one."""
-        write_dataset(dataset, self.folder / DATASET)
-        write_json(self.folder / SUMMARY, summary)
+        files.write_dataset(dataset, self.folder / DATASET)
+        files.write_json(self.folder / SUMMARY, summary)
         shutil.rmtree(self.folder / PIECES, ignore_errors=True)
 
     def _piece(self, case: int, seed: int) -> Path:
@@ -185,19 +174,19 @@ def load_study(folder: str | Path) -> xr.Dataset:
     Raises:
         ResultError: one line that names the file and what is wrong with it.
     """
-    dataset = read_dataset(folder, DATASET)
+    dataset = files.read_dataset(folder, DATASET)
     lead = dataset["success"].dims if "success" in dataset else ("mission",)
     wanted = {name: (*lead, *variable.dims) for name, variable in VARIABLES.items()} | {"seed": ("mission",)}
     for name, dims in wanted.items():
         if name not in dataset and name in _UNSHOWN:
             continue
         if name not in dataset:
-            raise ResultError(f"{Path(folder) / DATASET}: variable {name} is missing")
+            raise files.ResultError(f"{Path(folder) / DATASET}: variable {name} is missing")
         there, kind = dataset[name].dims, dataset[name].dtype.kind
         if there != dims or "mission" not in there:
-            raise ResultError(f"{Path(folder) / DATASET}: variable {name} has dimensions {there}")
+            raise files.ResultError(f"{Path(folder) / DATASET}: variable {name} has dimensions {there}")
         if name != "reason" and kind not in "iufb":
-            raise ResultError(f"{Path(folder) / DATASET}: variable {name} holds no numbers")
+            raise files.ResultError(f"{Path(folder) / DATASET}: variable {name} holds no numbers")
     return dataset
 
 
@@ -242,4 +231,6 @@ def _read(path: Path) -> Row:
             return {name: piece[name] for name in VARIABLES}
     except Exception as error:
         line = " ".join(str(error).split()) or type(error).__name__
-        raise ResultError(f"{path}: not a readable mission ({line}); remove it and use --resume") from None
+        raise files.ResultError(
+            f"{path}: not a readable mission ({line}); remove it and use --resume"
+        ) from None
