@@ -285,12 +285,13 @@ def _drawn(
     error, count = scenario.mission.duration_error, len(legs)
     size = count + -count % _LEGS
     until = max(run.t_available, legs[-1].ends) if legs else begins
-    for seas in drawn_seas(scenario, context.area, forecast, sea_key, SEAS, begins, until):
-        factors, late = np.ones((2, kinds, seas.count, size), np.float32)
+    whole = scenario, context.area, forecast, sea_key, SEAS, begins, until
+    for shared, own, seas in drawn_seas(*whole):
+        factors, late = np.ones((2, kinds, seas, size), np.float32)
         for kind in range(kinds):
-            factors[kind] = np.maximum(1.0 + error * rng.standard_normal((seas.count, size)), 0.0)
-            late[kind] = detour * rng.standard_exponential((seas.count, size)) * (np.arange(size) < count)
-        yield Drawn(forecast, seas.shared, seas.own, vehicle), factors, late
+            factors[kind] = np.maximum(1.0 + error * rng.standard_normal((seas, size)), 0.0)
+            late[kind] = detour * rng.standard_exponential((seas, size)) * (np.arange(size) < count)
+        yield Drawn(forecast, shared, own, vehicle), factors, late
 
 
 class _Draw(NamedTuple):

@@ -28,12 +28,13 @@ def geojson_text(itinerary: Itinerary) -> bytes:
             "ground_speed_share": round(ground_share(leg, itinerary.through_water(leg)), 3),
             **_speed(leg.speed),
         } | _times(leg.times, site))  # fmt: skip
+    speeds = {leg.number: leg.speed for leg in itinerary.legs}
     for sequence, row in enumerate(waypoints(itinerary), 1):
         place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
         add("waypoint", {"type": "Point", "coordinates": place}, {
             "sequence": sequence, "leg": row.leg, "name": row.name, "depth_m": row.depth,
             "hold_s": row.hold, "priority": row.priority, "task": row.task,
-            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds), **_speed(row.speed),
+            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds), **_speed(speeds[row.leg]),
         } | ({} if np.isnan(row.charge) else {"charge": round(row.charge, 4)}))  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
         add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))

@@ -1,7 +1,7 @@
 """A planned and executed mission as plain data, and its waypoints: what every format is written from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC
 from importlib.metadata import version as installed_version
 from typing import NamedTuple
@@ -316,13 +316,15 @@ class Waypoint:
         longitude, latitude: degrees.
         seconds: since the epoch, when the planned path is there, as on the mission sheet. Straight lines take
             a little more or less; by how much, the leg's note says.
+        left: [3] m, where the straight line to it begins; its own place where it is the first.
+        left_at, time: s since the epoch, when that is left, and planned arrival along straight lines.
+        speed: m/s through the water that is planned on the line to it.
         hold: s, of the task and the waiting there, or of a rest under way; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
         yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
         charge: share of the battery's usable energy that is left; NaN where not known.
-        speed: m/s through the water of the leg; None where it is the vehicle's.
         wait, onward, rise: s of the hold, see `PlannedLeg`.
     """
 
@@ -332,17 +334,31 @@ class Waypoint:
     longitude: float
     latitude: float
     seconds: float
-    hold: float = 0.0
-    priority: float = 0.0
-    ends_leg: bool = False
-    yaw: float = np.nan
-    pitch: float = np.nan
-    body_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
-    charge: float = np.nan
-    speed: float | None = None
+    left: Array
+    left_at: float
+    time: float
+    speed: float
+    hold: float
+    priority: float
+    ends_leg: bool
+    yaw: float
+    pitch: float
+    body_velocity: Array
+    charge: float
     wait: float = 0.0
     onward: float = 0.0
     rise: float = 0.0
+
+    @property
+    def pace(self) -> float:
+        """M/s over ground that are planned on the line to it, or through the water where that is none."""
+        way, seconds = float(np.linalg.norm(self.position - self.left)), self.time - self.left_at
+        return way / seconds if way > 0.0 and seconds > 0.0 else self.speed
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What distinguishes it from waypoints of other places and legs."""
+        return self.leg, *self.position.tolist()
 
     @property
     def depth(self) -> float:
@@ -386,6 +402,8 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             between = f"leg {leg.number}, {k}"
             name = leg.start_name if k == 0 else leg.goal_name if k == last else between
             longitude, latitude = places[k, :2].tolist()
+            before, speed = max(k - 1, 0), itinerary.through_water(leg)
+            line = leg.waypoints[before], float(leg.kept_times[before]), float(leg.kept_times[k]), speed
             hold, priority = (leg.hold, leg.priority) if k == last else (0.0, 0.0)
             if k < last and not (leg.waypoints[k + 1] - place).any():
                 hold = float(leg.kept_times[k + 1] - leg.kept_times[k])
@@ -393,8 +411,8 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
             seconds = float(leg.times[leg.kept[k]])
             charge = np.nan if leg.charge is None else float(leg.charge[leg.kept[k]])
             rows.append(Waypoint(
-                leg.number, name, place, longitude, latitude, seconds, hold, priority, k == last, yaw, pitch,
-                body[k], charge, leg.speed, *((leg.wait, leg.onward, leg.rise) if k == last else ()),
+                leg.number, name, place, longitude, latitude, seconds, *line, hold, priority, k == last,
+                yaw, pitch, body[k], charge, *((leg.wait, leg.onward, leg.rise) if k == last else ()),
             ))  # fmt: skip
     return rows
 

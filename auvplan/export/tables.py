@@ -48,7 +48,7 @@ def csv_text(itinerary: Itinerary) -> bytes:
             *(_known(value, 2) for value in (row.yaw, row.pitch)),
             *(_known(value, 3) for value in row.body_velocity),
             *[_known(row.charge, 4)] * charged,
-            *[f"{itinerary.speed if row.speed is None else row.speed:.4f}"] * paced,
+            *[f"{row.speed:.4f}"] * paced,
         ))  # fmt: skip
     return text.getvalue().encode()
 

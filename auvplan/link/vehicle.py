@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from auvplan.export.itinerary import Itinerary, waypoints
+from auvplan.export.itinerary import Itinerary, Waypoint, waypoints
 from auvplan.export.speeds import led
 from auvplan.link.limits import Allowance
 from auvplan.runtime.arrays import Array
@@ -78,42 +78,8 @@ class Report:
             object.__setattr__(self, "position", None)
 
 
-@dataclass(frozen=True)
-class Step:
-    """A place that the vehicle goes to, and what it does there.
-
-    Attributes:
-        leg: number of the leg that ends there or passes it, from 1.
-        position: [3] m north, east, depth.
-        hold: s that it stays.
-        ends_leg: whether the leg, and with it its task, is done after it.
-        time: s since the epoch, planned arrival along straight lines.
-        name: of the waypoint.
-        left: [3] m, where the straight line to it begins; its own place where it is the first.
-        left_at: s since the epoch, when that is left.
-        speed: m/s through the water that is planned on the line to it.
-    """
-
-    leg: int
-    position: Array
-    hold: float
-    ends_leg: bool
-    time: float
-    name: str
-    left: Array
-    left_at: float
-    speed: float
-
-    @property
-    def pace(self) -> float:
-        """M/s over ground that are planned on the line to it, or through the water where that is none."""
-        way, seconds = float(np.linalg.norm(self.position - self.left)), self.time - self.left_at
-        return way / seconds if way > 0.0 and seconds > 0.0 else self.speed
-
-    @property
-    def key(self) -> tuple[float, ...]:
-        """What distinguishes it from steps of other places and legs."""
-        return self.leg, *self.position.tolist()
+#: A place that the vehicle goes to, and what it does there.
+Step = Waypoint
 
 
 @dataclass(frozen=True)
@@ -134,20 +100,10 @@ class Upload:
     steps: tuple[Step, ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
-        rows, steps = waypoints(self.itinerary), []
-        for leg in self.itinerary.legs:
-            own = [row for row in rows if row.leg == leg.number]
-            begin = len(leg.kept) - len(own)
-            for k, row in enumerate(own, begin):
-                before = max(k - 1, 0)
-                place, left = np.asarray(row.position, float), np.asarray(leg.waypoints[before], float)
-                begun = left, float(leg.kept_times[before])
-                if not steps and self.origin is not None:
-                    begun = self.origin
-                time = float(leg.kept_times[k])
-                speed = self.itinerary.through_water(leg)
-                steps.append(Step(leg.number, place, row.hold, row.ends_leg, time, row.name, *begun, speed))
-        object.__setattr__(self, "steps", tuple(steps))
+        first, *rest = waypoints(self.itinerary)
+        if self.origin is not None:
+            first = replace(first, left=self.origin[0], left_at=self.origin[1])
+        object.__setattr__(self, "steps", (first, *rest))
 
     @property
     def name(self) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -148,20 +148,6 @@ def current_update(scenario: Scenario) -> CurrentUpdate:
     )
 
 
-class DrawnSeas(NamedTuple):
-    """Seas of one forecast.
-
-    Attributes:
-        shared: what they have in common, or None.
-        own: of each one; leaves have a leading axis. None where they do not differ.
-        count: of seas.
-    """
-
-    shared: Current | None
-    own: Current | None
-    count: int
-
-
 def drawn_seas(
     scenario: Scenario,
     area: OperatingArea,
@@ -170,8 +156,11 @@ def drawn_seas(
     count: int,
     begins: float,
     ends: float,
-) -> Iterator[DrawnSeas]:
+) -> Iterator[tuple[Current | None, Current | None, int]]:
     """Yield `count` seas that may be the true one, those of one member together.
+
+    It is what they have in common, or None; what each has of its own, leaves with a leading axis, None where
+    they do not differ; and how many they are.
 
     Vortices differ from their forecast by its stated error, and change at every update by Eq. 2. Other
     currents are each of the members, the forecast among them, with a random error of the stated size. Where
@@ -205,7 +194,7 @@ def drawn_seas(
             steps=steps,
             count=count,
         )
-        yield DrawnSeas(None, own, count)
+        yield None, own, count
         return
     known, _ = partition(forecast)
     assert known is not None
@@ -215,7 +204,7 @@ def drawn_seas(
         own = None
         if errs is not None and errs.error > 0.0:
             own = random_fields(part, share, errs.error, errs.length, errs.duration)
-        yield DrawnSeas(member, own, share)
+        yield member, own, share
 
 
 def draw_obstacles(
