@@ -189,7 +189,8 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
     from auvplan.runtime.compiled import listening
 
     share_done, announced = None, False
-    with _moving(title, of) as move:
+    shown = _bar if errors.is_terminal and not errors.is_dumb_terminal else _lines
+    with shown(title, of) as move:
 
         def advance(share: float | None, text: str) -> None:
             nonlocal share_done
@@ -210,12 +211,8 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
 
 
 @contextmanager
-def _moving(title: str, of: str | None) -> Iterator[Advance]:
-    """A bar on a terminal, else lines."""
-    if not errors.is_terminal or errors.is_dumb_terminal:
-        with _lines(title, of) as move:
-            yield move
-        return
+def _bar(title: str, of: str | None) -> Iterator[Advance]:
+    """Progress as a bar, on a terminal."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = [SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]

@@ -55,15 +55,19 @@ HORIZON = 180.0
 class Clock:
     """Times planning calls without compilation: a short call that compiled is made again, and that is timed.
 
+    One that is not `timed` makes no call twice: plans are the same to the last bit.
+
     Attributes:
         compile_seconds: s of all calls that compiled something; of long ones what compilation took.
     """
 
-    def __init__(self) -> None:
-        self.compile_seconds = 0.0
+    def __init__(self, timed: bool = True) -> None:
+        self._timed, self.compile_seconds = timed, 0.0
 
     def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
-        """Return the call's result and its wall-clock seconds, free of compilation."""
+        """Return the call's result and its wall-clock seconds, free of compilation; 0 if not timed."""
+        if not self._timed:
+            return call(), 0.0
         before, waited = compilations(), compile_seconds()
         result, seconds = _timed(call)
         if compilations() == before:
@@ -81,14 +85,6 @@ def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
     result = call()
     jax.block_until_ready(result)
     return result, time.perf_counter() - begin
-
-
-class Untimed(Clock):
-    """Times nothing and makes no call twice: plans are the same to the last bit."""
-
-    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
-        """Return the call's result and no time at all."""
-        return call(), 0.0
 
 
 class Followed(NamedTuple):

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from auvplan.executive import surfacing
-from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
+from auvplan.executive.context import Clock, Mission, MissionContext, make_context
 from auvplan.executive.decide import Act, Facts, decide
 from auvplan.executive.legs import (
     advance,
@@ -212,7 +212,7 @@ def settle(mission: Mission) -> None:
         return
     left = context.left
     if left is None:
-        planned = replace(context, simulated=False, clock=Untimed(), faults=())
+        planned = replace(context, simulated=False, clock=Clock(timed=False), faults=())
         sea = Sea(copy(mission.sea).forecast())
         ahead = mission.fork(context=planned, sea=sea, faults=Faults(), learnt={})
         ahead.run.simulated = False

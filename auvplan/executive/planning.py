@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import ScenarioError
-from auvplan.executive.context import Mission, MissionContext, Untimed, make_context
+from auvplan.executive.context import Clock, Mission, MissionContext, make_context
 from auvplan.executive.loop import complete, seed_keys, start_mission
 from auvplan.executive.promise import planned, surer_plans
 from auvplan.ocean.gridded import GriddedCurrent
@@ -145,7 +145,7 @@ def planning_context(
     # Planning is done before the departure: it costs the mission no time.
     planning = scenario.planning.model_copy(update={"charge_compute": False})
     context = make_context(scenario.model_copy(update={"planning": planning}), folder, area, ahead, False)
-    context.clock = Untimed()
+    context.clock = Clock(timed=False)
     return context
 
 

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -16,13 +17,7 @@ from auvplan.scenario.provenance import source_files
 from auvplan.site import Site
 
 
-def itinerary_of(
-    run: MissionRun,
-    site: Site | None = None,
-    *,
-    tolerance: float = 0.02,
-    slow: float = SLOW,
-) -> Itinerary:
+def itinerary_of(run: MissionRun, site: Site | None = None, *, slow: float = SLOW) -> Itinerary:
     """Return the itinerary of a run: of each leg that was finished the path it was begun with.
 
     Each leg's path was planned when the leg was begun, in the conditions of that time: where a leg before was
@@ -32,7 +27,6 @@ def itinerary_of(
     Args:
         run: as executed.
         site: where its local coordinates are; the run's own if absent.
-        tolerance: of the thinning, see `thin`.
         slow: share of the speed through the water below which a leg is noted as slow over ground.
 
     Raises:
@@ -41,30 +35,26 @@ def itinerary_of(
     site = site or run.site
     if site is None:
         raise ExportError("the scenario has no section site: add one to export geographic formats")
-    done = run.done
-    # The wait before the next leg is spent where the vehicle is.
-    onward = [leg.t_hold for leg in done[1:]] + [0.0]
-    rises = [leg.t_fix or 0.0 for leg in done[1:]] + [0.0]
-    holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
-    legs, energy = [], run.energy
+    legs, energy, margin = [], run.energy, (run.safety.coast, run.safety.obstacles)
     metered = energy is not None and energy.power.battery is not None
-    how = {"tolerance": tolerance, "margin": (run.safety.coast, run.safety.obstacles)}
-    for number, leg in enumerate(done, 1):
-        plan = leg.plans[leg.followed]
+    for number, (leg, later) in enumerate(zip_longest(run.done, run.done[1:]), 1):
+        # The wait before the next leg is spent where the vehicle is.
+        onward, rise = (0.0, 0.0) if later is None else (later.t_hold, later.t_fix or 0.0)
+        plan, hold = leg.plans[leg.followed], leg.t_wait + leg.t_task + onward
         whole = PlannedLeg.of(
             number, leg.start, leg.goal, plan.positions, plan.times,
-            names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
+            names=run.names, hold=hold, priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
         path = plan.positions, plan.times, _environment(leg, plan, run), run.vehicle_on(leg)
         if run.dives:
-            few = thin_between(turns(plan.positions), *path, **how)
+            few = thin_between(turns(plan.positions), *path, margin=margin)
         else:
-            few = thin(*path, **how, line=leg.line)
+            few = thin(*path, margin=margin, line=leg.line)
         legs.append(replace(
             whole, kept=few.indices, kept_times=few.times, time_change=few.time_change,
-            clearance=few.clearance, speed=leg.speed, rise=rises[number - 1],
-            wait=leg.t_wait, onward=onward[number - 1],
-            fix=max(rises[number - 1] - sum(run.vehicle.vertical_times(float(plan.positions[-1, 2]))), 0.0),
+            clearance=few.clearance, speed=leg.speed, rise=rise,
+            wait=leg.t_wait, onward=onward,
+            fix=max(rise - sum(run.vehicle.vertical_times(float(plan.positions[-1, 2]))), 0.0),
             charge=energy.charge_at(whole.times) if energy is not None and metered else None,
         ))  # fmt: skip
     executed = run.legs if run.simulated else []

@@ -8,17 +8,8 @@ from typing import Any
 from auvplan.runtime.files import DEPARTED, DEPARTURES, ResultError, read_json
 from auvplan.scenario.provenance import changed_settings
 
-#: Columns of numbers, of those that a table of departures may have.
-_NUMBERS = (
-    "departure_s",
-    "time_s",
-    "tasks",
-    "total_priority",
-    "length_m",
-    "clearance_m",
-    "energy_wh",
-    "current_m_s",
-)
+#: Columns of a table of departures that hold no numbers.
+_WORDS = "departure_utc", "reason", "feasible", "best", "waypoints"
 
 #: What a page takes from beside the table.
 _KINDS: dict[str, type] = {"scenario": dict, "files": list, "notes": list, "versions": dict}
@@ -55,7 +46,7 @@ def read_departures(folder: str | Path) -> tuple[list[dict[str, Any]], dict[str,
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = [_row(row) for row in csv.DictReader(file)]
-    except (OSError, ValueError, KeyError, csv.Error) as error:
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "not a table of departures"
         raise ResultError(f"{path}: {reason}; `auvplan departures` writes one") from None
     if not rows:
@@ -73,5 +64,5 @@ def _row(cells: dict[str, str]) -> dict[str, Any]:
     """Return a departure from its cells: numbers, truth values and texts."""
     row: dict[str, Any] = {name: cells[name] for name in ("departure_utc", "reason")}
     row |= {name: cells[name] == "true" for name in ("feasible", "best")}
-    row |= {name: float(cells[name]) if cells[name] else None for name in _NUMBERS if name in cells}
+    row |= {name: float(cell) if cell else None for name, cell in cells.items() if name not in _WORDS}
     return row | {"waypoints": cells.get("waypoints", "")}
