@@ -347,7 +347,7 @@ def stop_here(*_, **__):
 def test_a_study_broken_off_while_its_folder_was_made_can_be_begun(three, tmp_path, monkeypatch):
     design = Design(small(), 3)
     with monkeypatch.context() as patch:
-        patch.setattr("auvplan.study.store.write_json", stop_here)
+        patch.setattr("auvplan.study.store.files.write_json", stop_here)
         with pytest.raises(KeyboardInterrupt):
             run_here(design, tmp_path)
     assert_same(run_here(design, tmp_path), three[1])
