@@ -1,6 +1,7 @@
 """The figures of a run."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -70,17 +71,15 @@ def draw_run(
     wanted = list(every if names is None else names)
     if not shown:
         wanted = [name for name in wanted if name == MAP]
-    drawn: list[tuple[str, Callable[[], Any]]] = []
+    drawn: dict[str, Callable[[], Any]] = {}
     for name in wanted:
         if name in _OF_RUN:
-            drawn.append((name, lambda plot=_OF_RUN[name]: plot(run)))
-            continue
-        for ending, one in shown.items():
+            drawn[name] = partial(_OF_RUN[name], run)
+        for ending, one in shown.items() if name in _OF_LEG else ():
             if name != "convergence.png" or all(plan.history for plan in one.plans):
-                named = name.replace(".png", f"{ending}.png")
-                drawn.append((named, lambda plot=_OF_LEG[name], one=one: plot(run, one)))
+                drawn[name.replace(".png", f"{ending}.png")] = partial(_OF_LEG[name], run, one)
     written = []
-    for number, (name, draw) in enumerate(drawn):
+    for number, (name, draw) in enumerate(drawn.items()):
         progress(number / len(drawn), name)
         written.append(save(draw(), target / name))
     return written

@@ -229,6 +229,14 @@ def test_the_sheet_says_of_a_job_that_fits_what_was_missed(jobs):
     assert "lose 5 of their priority" in left.reason
 
 
+def planned_on_charge(capacity, speeds, area, **mission):
+    """A plan in the channel with a battery of a capacity, Wh, of which 0.7 may be used."""
+    battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
+    power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
+    vehicle = {"power": power, "speed_range": speeds}
+    return plan_scenario(channel(vehicle=vehicle, mission=CHANNEL["mission"] | mission), area=area)
+
+
 @pytest.mark.parametrize("speeds", [None, [1.0, 3.0]])
 def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speeds):
     near, far = (
@@ -238,11 +246,7 @@ def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speed
     area = replace(tidal_area(0.4, 0.0), jobs=Jobs((near, far)))
 
     def planned(capacity):
-        battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
-        power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
-        vehicle = {"power": power, "speed_range": speeds}
-        mission = CHANNEL["mission"] | {"time_available": 3000.0}
-        return plan_scenario(channel(vehicle=vehicle, mission=mission), area=area)
+        return planned_on_charge(capacity, speeds, area, time_available=3000.0)
 
     run = planned(50.0)
     (left,) = sheet_of(run).left_out
@@ -262,12 +266,8 @@ def test_time_and_energy_that_the_sheet_says_would_do_are_enough_together(speeds
     area = replace(tidal_area(0.4, 0.0), jobs=Jobs((near, far)))
 
     def planned(available, capacity):
-        battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
-        power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
-        vehicle = {"power": power, "speed_range": speeds}
-        mission = CHANNEL["mission"] | {"start": (100.0, 0.0, 5.0), "goal": (400.0, 0.0, 5.0)}
-        mission |= {"time_available": available}
-        return plan_scenario(channel(vehicle=vehicle, mission=mission), area=area)
+        ends = {"start": (100.0, 0.0, 5.0), "goal": (400.0, 0.0, 5.0)}
+        return planned_on_charge(capacity, speeds, area, time_available=available, **ends)
 
     short = planned(500.0, 20.0)
     (left,) = sheet_of(short).left_out

@@ -45,6 +45,14 @@ def mission_of(settings, area):
     return mission
 
 
+def planned_from(settings, area):
+    """A mission before its first leg, and planned to its end."""
+    mission = mission_of(settings, area)
+    done = mission.fork()
+    complete(done)
+    return mission, done
+
+
 def with_promise(asked):
     return CHANNEL["planning"] | {"promise": asked}
 
@@ -132,9 +140,7 @@ def test_seas_together_are_as_each_by_itself():
 
 
 def test_without_errors_every_sea_is_the_forecast():
-    mission = mission_of(*channel_with())
-    done = mission.fork()
-    complete(done)
+    mission, done = planned_from(*channel_with())
     found = outcomes(mission, done.run.done, jax.random.key(0))
     np.testing.assert_allclose(found.ends, done.run.t_mission, rtol=1e-4)
     assert found.share == 1.0
@@ -148,9 +154,7 @@ def test_a_battery_that_just_does_for_the_plan_does_in_no_sea_that_takes_longer(
         capacity = 1000.0 if planned is None else spare * planned
         vehicle = {"power": power | {"battery": {"capacity": capacity, "reserve": 0.0}}}
         settings, area = channel_with(STREAMS[1:], available=3000.0, vehicle=vehicle)
-        mission = mission_of(settings, area)
-        done = mission.fork()
-        complete(done)
+        mission, done = planned_from(settings, area)
         planned = done.run.energy.total * 1.001
         shares.append(outcomes(mission, done.run.done, jax.random.key(0)).share)
     assert shares == [1.0, 0.25]  # three of four members take longer than the forecast
@@ -163,9 +167,7 @@ def test_tasks_that_last_longer_draw_what_they_draw_meanwhile():
     settings, area = channel_with(available=9000.0, vehicle={"power": power}, mission={"duration_error": 0.4})
     north = np.full((1, 1, 2, 2), 0.1)
     steady = GriddedCurrent.from_arrays(north, 0.0 * north, origin=(-5e4, -5e4), spacing=1e5, times=[0.0])
-    mission = mission_of(settings, replace(area, forecast=steady, truth=steady))
-    done = mission.fork()
-    complete(done)
+    mission, done = planned_from(settings, replace(area, forecast=steady, truth=steady))
     legs, use = done.run.done, done.run.energy
     assert use.margin > 0.0
     ways = ways_of(mission, done.run)
@@ -202,9 +204,7 @@ def test_a_stop_may_be_left_as_late_as_windows_and_waits_after_it_allow():
 def test_members_are_followed_one_by_one():
     """Four members: one ends as planned, the others the later the more they are against the vehicle."""
     settings, area = channel_with(STREAMS[1:])
-    mission = mission_of(settings, area)
-    done = mission.fork()
-    complete(done)
+    mission, done = planned_from(settings, area)
     found = outcomes(mission, done.run.done, jax.random.key(0))
     means = [found.ends[found.members == k].mean() for k in range(len(STREAMS))]
     assert means == sorted(means)
@@ -221,9 +221,7 @@ def followed(jobs, members, available):
     """Outcomes of the plan for jobs in still water where other members stream to the north, m/s."""
     streams = tuple(tidal_area(north, 0.0).forecast for north in members)
     area = replace(tidal_area(0.0, 0.0), jobs=jobs, members=streams)
-    mission = mission_of(channel(mission=CHANNEL["mission"] | {"time_available": available}), area)
-    done = mission.fork()
-    complete(done)
+    mission, done = planned_from(channel(mission=CHANNEL["mission"] | {"time_available": available}), area)
     ways = ways_of(mission, done.run)
     return mission, done.run, ways, outcomes(mission, done.run.done, jax.random.key(0), ways)
 
@@ -571,9 +569,7 @@ def test_a_rule_that_leaves_nothing_out_is_the_plan():
     power = {"hotel": 100.0, "propulsion": {"constant": 0.0, "factor": 10.0}}
     vehicle = {"power": power | {"battery": {"capacity": 60.0, "reserve": 0.0}}}
     settings, area = channel_with(STREAMS[1:], available=3000.0, vehicle=vehicle)
-    mission = mission_of(settings, area)
-    done = mission.fork()
-    complete(done)
+    mission, done = planned_from(settings, area)
     legs, key = done.run.done, jax.random.key(0)
     ways = ways_of(mission, done.run)
     plain, count = outcomes(mission, legs, key, ways), len(legs) - 2

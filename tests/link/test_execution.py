@@ -56,6 +56,12 @@ def executed(plan, vehicle, **options):
     return record
 
 
+def is_there(found):
+    """What was planned or corrected, where that could be."""
+    assert found is not None
+    return found
+
+
 def doubled(vehicle) -> list:
     places = Counter(tuple(place.round(1)) for place in vehicle.tasks)
     return [place for place, times in places.items() if times > 1]
@@ -206,13 +212,11 @@ def test_where_no_plan_is_in_time_the_one_that_is_least_late_may_be_asked_for():
     assert plan.plan()
     begins = plan.run.t_available - 300.0
     assert plan.from_leg(1, begins) is None
-    late = plan.from_leg(1, begins, late=True)
-    assert late is not None
+    late = is_there(plan.from_leg(1, begins, late=True))
     assert late.ends > plan.run.t_available
     assert late.legs[-1].goal == plan.run.goal
     plan.pace = 0.5
-    slow = plan.from_leg(1, begins, late=True)
-    assert slow is not None
+    slow = is_there(plan.from_leg(1, begins, late=True))
     assert slow.ends - begins > 1.7 * (late.ends - begins)
 
 
@@ -222,12 +226,10 @@ def test_what_a_leg_drew_by_lasting_longer_is_planned_with():
     plan = RollingPlan(SETTINGS.with_({"vehicle.power": power}), 1)
     assert plan.plan()
     done = plan.legs[0].ends
-    late = plan.from_leg(1, done + 400.0, late=True)
+    late = is_there(plan.from_leg(1, done + 400.0, late=True))
     plan.ended(0, done + 400.0)
     assert plan.legs[0].ends == pytest.approx(done + 400.0)
-    drew = plan.from_leg(1, done + 400.0, late=True)
-    assert late is not None
-    assert drew is not None
+    drew = is_there(plan.from_leg(1, done + 400.0, late=True))
     rest = [found.states[-1].run.legs[1:] for found in (late, drew)]
     assert [leg.t_path for leg in rest[0]] == [leg.t_path for leg in rest[1]]
     stayed, gone = (found.states[-1].run.energy.total for found in (late, drew))
@@ -566,8 +568,7 @@ def test_a_way_back_may_be_planned_anew_on_its_way():
     middle = len(leg.times) // 2
     here, now = np.asarray(leg.positions[middle], float), float(leg.times[middle])
     for _ in range(2):
-        found = plan.from_position(1, here, now)
-        assert found is not None
+        found = is_there(plan.from_position(1, here, now))
         assert found.legs[1].start == found.legs[1].goal == leg.start
         assert (leg.start, leg.goal) not in [(part.start, part.goal) for part in found.legs]
         back = found.legs[1]
@@ -672,8 +673,7 @@ def test_a_plan_from_a_hold_leads_to_the_destination_even_too_late():
     plan, _ = made()
     last, available = len(plan.legs) - 1, plan.run.t_available
     leg = plan.legs[last]
-    found = plan.from_position(last, np.asarray(leg.positions[3], float), available - 60.0)
-    assert found is not None
+    found = is_there(plan.from_position(last, np.asarray(leg.positions[3], float), available - 60.0))
     lasts = float(leg.times[-1] - leg.times[0]) + leg.t_task
     assert available < found.ends < available + lasts + 60.0
     assert found.legs[-1].goal == plan.run.goal
@@ -688,14 +688,12 @@ def test_a_leg_that_makes_all_too_late_is_left():
     assert plan.leave_leg(1, here, available - 600.0) is None
     ways = []
     for left in (1350.0, 1650.0, 1900.0):
-        found = plan.from_position(1, here, available - left)
-        assert found is not None
+        found = is_there(plan.from_position(1, here, available - left))
         assert plan.in_time(found)
         ways.append([part.goal for part in found.legs[1:]])
     goal = plan.run.goal
     assert ways == [[goal], [leg.start, goal], [leg.goal, goal]]
-    late = plan.from_position(1, here, available - 600.0)
-    assert late is not None
+    late = is_there(plan.from_position(1, here, available - 600.0))
     assert [part.goal for part in late.legs[1:]] == [goal], "the least late"
 
 
@@ -720,8 +718,7 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert plan.plan()
     before, leg = plan.followed, plan.legs[0]
     here, now = np.asarray(leg.positions[3], float), float(leg.times[3])
-    found = plan.from_position(0, here, now)
-    assert found is not None
+    found = is_there(plan.from_position(0, here, now))
     assert found.states[-1].run.routes[0] is before.states[-1].run.routes[0]
     assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
     assert len(found.states[-1].run.routes) <= len(before.states[-1].run.routes) + 1
@@ -749,20 +746,17 @@ def test_a_vehicle_that_is_shut_in_waits_before_it_goes_home():
     for name, end in (("on", leg.goal), ("back", leg.start)):
         north, east, _ = map(float, places[end])
         plan.add_obstacle(KnownObstacle(name, (north, east), 40.0))
-    home = plan.from_position(1, here, now)
-    assert home is not None
+    home = is_there(plan.from_position(1, here, now))
     assert home.legs[1].goal == plan.run.goal
     plan.patience = 60.0
     assert plan.from_position(1, here, now) is None
     assert "no path leads on" in plan.reason
     plan.patience = plan.run.t_available - home.ends + 1.0
-    again = plan.from_position(1, here, now)
-    assert again is not None
+    again = is_there(plan.from_position(1, here, now))
     assert again.ends == home.ends
     plan.remove_obstacle("on")
     plan.patience = 60.0
-    on = plan.from_position(1, here, now)
-    assert on is not None
+    on = is_there(plan.from_position(1, here, now))
     assert on.legs[1].goal == leg.goal
 
 
@@ -780,18 +774,14 @@ def test_a_measured_current_says_which_member_is_planned_in():
     here, now = np.asarray(plan.legs[1].positions[0], float), float(plan.legs[1].times[0])
     swing = float(stream(now, 1.0, 0.0)[0])
     for north in (-0.52, -0.5):
-        found = plan.correct_current(np.asarray([swing * north, 0.0, 0.0]), here, now)
-        assert found is not None
+        found = is_there(plan.correct_current(np.asarray([swing * north, 0.0, 0.0]), here, now))
         assert found.member == 3
         assert found.weight > 0.99
         assert found.offset[0] == pytest.approx(swing * (north + 0.5), abs=1e-3)
-    there = plan.from_leg(1, now)
-    alone = late.correct_current(np.asarray([swing * -0.5, 0.0, 0.0]), here, now)
-    assert alone is not None
+    there = is_there(plan.from_leg(1, now))
+    alone = is_there(late.correct_current(np.asarray([swing * -0.5, 0.0, 0.0]), here, now))
     assert (alone.member, alone.weight) == (0, 1.0)
-    moved = late.from_leg(1, now)
-    assert there is not None
-    assert moved is not None
+    moved = is_there(late.from_leg(1, now))
     assert there.ends == pytest.approx(moved.ends, rel=0.03)
     assert there.ends > plan.followed.ends + 100.0
 
@@ -806,8 +796,7 @@ def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clo
     assert plan.correct_current(np.asarray([0.1, 0.0, 0.0]), here, now) is not None
     assert plan.from_leg(2, now) is None
     assert plan.reason
-    late = plan.from_position(2, here, now)
-    assert late is not None
+    late = is_there(plan.from_position(2, here, now))
     assert late.ends > now
 
 
