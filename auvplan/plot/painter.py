@@ -63,9 +63,10 @@ class Painter:
         every = _NAMES if run.energy is not None else _NAMES[:-1]
         self._wanted = {Pictures.ALL: every, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
         self._begun: dict[str, Future[list[Path]]] = {}
-        with suppress(BrokenProcessPool):  # it has ended before its time
-            for name in self._wanted if self._pool is not None else ():
-                self._begun[name] = self._pool.submit(_draw, run, folder, name)
+        if self._pool is not None:
+            with suppress(BrokenProcessPool):  # it has ended before its time
+                for name in self._wanted:
+                    self._begun[name] = self._pool.submit(_draw, run, folder, name)
 
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
