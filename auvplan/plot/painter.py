@@ -4,6 +4,7 @@ It loads what drawing needs while the mission is planned. Nothing that takes lon
 """
 
 import os
+import pickle
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -64,9 +65,10 @@ class Painter:
         self._wanted = {Pictures.ALL: every, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
         self._begun: dict[str, Future[list[Path]]] = {}
         if self._pool is not None:
+            sent = pickle.dumps(run)  # the pool does so in a thread, while the run is in use here
             with suppress(BrokenProcessPool):  # it has ended before its time
                 for name in self._wanted:
-                    self._begun[name] = self._pool.submit(_draw, run, folder, name)
+                    self._begun[name] = self._pool.submit(_draw_sent, sent, folder, name)
 
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
@@ -91,6 +93,10 @@ def _load() -> None:
     """Load what drawing needs, in the process that draws."""
     os.environ["JAX_PLATFORMS"] = "cpu"
     import auvplan.plot.run  # noqa: F401
+
+
+def _draw_sent(run: bytes, folder: Path, name: str) -> list[Path]:
+    return _draw(pickle.loads(run), folder, name)
 
 
 def _draw(run: "MissionRun", folder: Path, name: str) -> list[Path]:

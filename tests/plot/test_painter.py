@@ -2,6 +2,7 @@
 
 import os
 from concurrent.futures import Future
+from threading import current_thread, main_thread
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 
 from auvplan.plot import draw_run
 from auvplan.plot.painter import Painter
+from auvplan.records import MissionRun
 from auvplan.runtime.files import OutputError
 from tests.io.sample_run import make_run
 
@@ -72,6 +74,21 @@ def test_on_one_core_there_is_no_process(tmp_path, monkeypatch, expected, choice
         painter.begin(BARE, tmp_path)
         assert_drawn(painter.finish(), {name: expected[name] for name in names})
     assert [path.name for path in tmp_path.iterdir()] == names
+
+
+def test_a_run_is_sent_by_the_thread_that_uses_it(tmp_path, two_cores, monkeypatch, expected):
+    """Its cached properties are found while it is drawn here: no other thread may go through them."""
+    threads = []
+
+    def state(run):
+        threads.append(current_thread())
+        return dict(run.__dict__)
+
+    monkeypatch.setattr(MissionRun, "__getstate__", state)
+    with Painter() as painter:
+        painter.begin(BARE, tmp_path)
+        assert_drawn(painter.finish(), expected)
+    assert set(threads) == {main_thread()}
 
 
 def test_what_is_wrong_there_is_told_here(tmp_path, two_cores, monkeypatch):
