@@ -34,14 +34,13 @@ from auvplan.path import PathPlans, plan_paths
 from auvplan.path.follow import straight_plan
 from auvplan.path.sensitivity import Conditions
 from auvplan.runtime import prng
+from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.simulation.sea import stacked
 from auvplan.simulation.simulator import over_ground
 from auvplan.site import Site
-
-Array = NDArray[np.float64]
 
 #: s added to the time of a closed edge, so that the shortest way has the fewest of them.
 _CLOSED = 1e7
