@@ -558,8 +558,14 @@ class MissionRun(ReprMixin):
 
     def count_tasks(self, legs: Iterable[LegRecord]) -> int:
         """Return how many tasks some of the `earning` legs complete."""
+        return len(self.completed(legs))
+
+    def completed(self, legs: Iterable[LegRecord]) -> list[str]:
+        """Return what the tasks are called that some of the `earning` legs complete."""
         taken = [(leg.start, leg.goal) for leg in legs]
-        return len(jobs_done(self.names, taken)) if self.names else len(taken)
+        if self.names:
+            return sorted(jobs_done(self.names, taken))
+        return [f"edge {start} to {goal}" for start, goal in taken]
 
     @cached_property
     def bound(self) -> float:

@@ -2,18 +2,25 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 from PIL import Image
+from rich.console import Console
 from typer.testing import CliRunner
 
 import auvplan as ap
 from auvplan import cli
+from auvplan.cli import shared
+from auvplan.cli.plan import _promise_row, print_sheet
 from auvplan.ocean.whitsunday import classes, render
+from auvplan.records import Promise
 from auvplan.study import cluster
+from auvplan.view.sheet import sheet_of
 from tests.io.geo.files import write_geotiff
+from tests.io.sample_run import make_run
 from tests.ocean.chart_pictures import STYLES, paint
 
 pytestmark = pytest.mark.usefixtures("light_search", "coarse")
@@ -46,7 +53,7 @@ def test_promise_says_what_it_costs_in_a_table_a_picture_and_json(tmp_path, call
     shares = [plan["share"] for plan in found["plans"]]
     assert shares == sorted(shares)
     assert all(plan["low"] <= plan["share"] <= plan["high"] for plan in found["plans"])
-    assert found["plans"][0]["gives_up"] == []
+    assert found["plans"][0]["gives_up"] == found["plans"][0]["does_instead"] == []
     code, said, _ = call("promise", scenario, "--out", out, "--json")
     assert (code, json.loads(said)) == (0, found)
 
@@ -74,6 +81,45 @@ def test_a_plan_is_written_without_the_files_that_cannot_hold_it(tmp_path, call,
     code, _, err = call("export", out, "--format", "qgc")
     assert code == 2
     assert "the task at wreck (leg 1) takes 70000 s" in err
+
+
+def test_what_a_plan_gives_up_are_tasks():
+    """A line that is surveyed the other way is done; without names a task is that of its edge."""
+
+    def run(names, *nodes):
+        found = make_run(nodes)
+        found.names = names
+        found.promise = Promise(None, 0.9, 0.8, 0.95, 1000, 1, (1.0, 2.0, 3.0), 0.0)
+        for leg in found.legs:
+            leg.priority = 1.0
+        return found
+
+    names = ["start", "ridge[1]", "ridge[2]", "buoy", "goal"]
+    first, other = run(names, 0, 1, 2, 3), run(names, 0, 2, 1)
+    row = _promise_row(other, first)
+    assert (row["gives_up"], row["does_instead"]) == (["buoy"], [])
+    row = _promise_row(run([], 0, 2, 1), run([], 0, 1, 2, 3))
+    assert row["gives_up"] == ["edge 0 to 1", "edge 1 to 2", "edge 2 to 3"]
+    assert row["does_instead"] == ["edge 0 to 2", "edge 2 to 1"]
+
+
+@pytest.mark.parametrize("width", [70, 80, 100, 160])
+def test_a_narrow_terminal_names_every_stop(width, monkeypatch, capsys):
+    run = make_run()
+    run.names = ["start", "gauge", "northern wreck", "goal", *map(str, range(4, len(run.graph.positions)))]
+    sheet = sheet_of(run)
+    first, gauge, wreck, *rest = sheet.stops
+    gauge = replace(gauge, wait=154.0, hold=0.0, task="gauge")
+    wreck = replace(wreck, wait=0.0, hold=600.0, task="northern wreck")
+    sheet = replace(sheet, stops=(first, gauge, wreck, *rest))
+    console = Console(width=width, force_terminal=True, color_system=None)
+    monkeypatch.setattr(shared, "console", console)
+    print_sheet(sheet)
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= width
+    for words in ("gauge", "northern", "wreck", "154 + 0 s", "0 + 600 s"):
+        assert words in said
+    assert (width > 80) == ("in a wider window, and in sheet.html" not in said)
 
 
 @pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from auvplan.cli import shared
@@ -29,9 +28,6 @@ from auvplan.runtime.formatting import counted, figure
 #: Departures at most, and the hours from the scenario's own that they may lie away.
 _MOST = 500
 _FARTHEST = 366 * 24.0
-
-#: Columns of a table that is not written to a terminal: long reasons stay on few lines.
-_WIDTH = 160
 
 
 def departures(
@@ -113,8 +109,7 @@ def departures(
             }
         )
     elif not quiet:
-        wide = shared.console if shared.console.is_terminal else Console(width=_WIDTH)
-        wide.print(_table(found, f"{settings.name}, seed {seed}"))
+        shared.wide_console().print(_table(found, f"{settings.name}, seed {seed}"))
         shared.list_files("files", files)
         shared.name_page(files[-1])
     if found.best is None:

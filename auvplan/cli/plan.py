@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.measure import Measurement
 from rich.table import Table
 
 from auvplan.cli import shared
@@ -16,6 +17,10 @@ from auvplan.runtime.formatting import counted, figure, hours
 if TYPE_CHECKING:
     from auvplan.records import MissionRun
     from auvplan.view.sheet import MissionSheet
+
+
+#: Characters of a name in a table that stay on one line.
+_NAME = 12
 
 
 def plan(
@@ -121,18 +126,38 @@ def print_sheet(sheet: "MissionSheet") -> None:
         shared.print_error(f"warning: {line}")
     shared.print_facts(sheet.title, sheet.facts.items())
     headings, rows = sheet.table(brief=True)
-    stops = Table()
-    for name in headings:
-        textual = name in ("waypoint", "task")
-        stops.add_column(name, justify="left" if textual else "right", overflow="fold", no_wrap=not textual)
-    for row in rows:
-        stops.add_row(*row)
-    shared.console.print(stops)
+    wide, hidden = shared.wide_console(), list[str]()
+    unlimited = wide.options.update(max_width=1000)
+    while Measurement.get(wide, unlimited, stops := _stops(headings, rows)).minimum > wide.width:
+        # A terminal that is too narrow does without what the page has as well, but names every stop.
+        hidden.append(headings.pop())
+        rows = [row[:-1] for row in rows]
+    wide.print(stops)
+    if hidden:
+        shared.say(f"{', '.join(reversed(hidden))}: in a wider window, and in sheet.html")
     if sheet.left_out:
         left = Table("left out", "priority", "why")
         for job in sheet.left_out:
             left.add_row(job.name, figure(job.priority), job.reason)
         shared.console.print(left)
+
+
+def _stops(headings: list[str], rows: list[list[str]]) -> Table:
+    """Table of stops whose columns are as wide as what they hold, names as far as `_NAME`."""
+    table = Table()
+    for place, name in enumerate(headings):
+        textual = name in ("waypoint", "task")
+        longest = max(len(cell) for cell in [name, *(row[place] for row in rows)])
+        table.add_column(
+            name,
+            justify="left" if textual else "right",
+            overflow="fold",
+            no_wrap=not textual,
+            min_width=min(longest, _NAME) if textual else longest,
+        )
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def promise(
@@ -176,7 +201,8 @@ def promise(
         table = Table(title=f"{settings.name}, seed {seed}: home in time, and what it costs")
         for heading in ("home in time, %", "kept back", "priority", "tasks", "takes"):
             table.add_column(heading, justify="right", no_wrap=True)
-        table.add_column("gives up", overflow="fold")
+        for heading in ("gives up", "does instead"):
+            table.add_column(heading, overflow="fold")
         for row in rows:
             table.add_row(
                 f"{100.0 * row['share']:.1f} [{100.0 * row['low']:.1f} to {100.0 * row['high']:.1f}]",
@@ -185,18 +211,19 @@ def promise(
                 str(row["tasks"]),
                 hours(row["time_s"]),
                 ", ".join(row["gives_up"]) or "nothing",
+                ", ".join(row["does_instead"]),
             )
         shared.console.print(table)
         shared.say(f"planning.promise makes `auvplan plan` keep one of these; picture: {picture}")
 
 
 def _promise_row(run: "MissionRun", first: "MissionRun") -> dict[str, Any]:
-    """Return the figures of a plan, and which tasks of the least sure plan it has not."""
+    """Return the figures of a plan, and the tasks it gives up and does instead, beside the least sure one."""
     assert run.promise is not None
-    own = {leg.goal for leg in run.earning}
+    own, least = run.completed(run.earning), first.completed(first.earning)
     figures = {"priority": run.total_priority, "tasks": run.tasks, "time_s": run.t_mission}
-    gone = [run.called(leg.goal) for leg in first.earning if leg.goal not in own]
-    return asdict(run.promise) | figures | {"gives_up": gone}
+    gone, come = ([name for name in one if name not in other] for one, other in ((least, own), (own, least)))
+    return asdict(run.promise) | figures | {"gives_up": gone, "does_instead": come}
 
 
 def rehearse(
@@ -226,6 +253,10 @@ def rehearse(
     with shared.naming(scenario):
         settings, folder = shared.load(scenario, settings=changes)
         require_one_sea(settings)
+        if settings.current.members is not None and not quiet:
+            shared.say_notes(
+                ["current.members are for promises: rehearsals take the truth from the forecast"]
+            )
         with shared.time_bar("planning", settings.mission.time_available, quiet) as advance:
             planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
         how = {"resume": resume, "force": force, "workers": workers}
@@ -260,7 +291,8 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "total priority, planned and simulated", priorities
     for job in found["jobs"]:
         if job["planned"] and job["done"] < count:
-            yield f"planned task {job['name']}", f"done in {job['done']}"
+            part = "" if job["share"] > 0.995 else f", {100.0 * job['share']:.0f} % of it on average"
+            yield f"planned task {job['name']}", f"done in {job['done']}{part}"
     yield "collisions", str(found["collisions"])
     for of, words, unit in (
         ("coast_clearance_m", "least distance to the coast", "m"),

@@ -20,6 +20,8 @@ from auvplan.runtime.formatting import counted
 
 console = Console()
 errors = Console(stderr=True)
+#: Columns of a table that is not written to a terminal: long names and reasons stay on few lines.
+_WIDTH = 160
 #: s, between two lines of progress in a log.
 APART = 10.0
 #: What was warned of, which notes need not repeat.
@@ -131,6 +133,11 @@ def naming(source: str) -> Iterator[None]:
 def say(text: str) -> None:
     """Print without colours for numbers, folds, and meanings of brackets and colons."""
     console.print(text, highlight=False, soft_wrap=True, markup=False, emoji=False)
+
+
+def wide_console() -> Console:
+    """Return where wide tables are printed."""
+    return console if console.is_terminal else Console(width=_WIDTH)
 
 
 def say_notes(notes: Iterable[str]) -> None:

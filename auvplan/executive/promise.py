@@ -179,12 +179,12 @@ def surer_plans(
         if one.found is not None:
             run, key = one.mission.run, prng.folded(mission.key, _JUDGED_IN)
             run.promise = promise_of(outcomes(mission, run.done, key), mission, None, one.kept)
-            runs.append((run.promise.share, run))
-    runs.sort(key=lambda one: (one[0], one[1].total_priority))
+            runs.append((run.promise.share, run.total_priority, -one.kept, run))
+    runs.sort(key=lambda one: one[:3])
     return [
         run
-        for number, (_, run) in enumerate(runs)
-        if all(run.total_priority > other.total_priority for _, other in runs[number + 1 :])
+        for number, (_, priority, _, run) in enumerate(runs)
+        if all(priority > other[1] for other in runs[number + 1 :])
     ]
 
 

@@ -19,6 +19,9 @@ from auvplan.runtime.arrays import Array
 from auvplan.runtime.intervals import wilson
 from auvplan.scenario.scenario import Scenario
 
+#: Share of what a plan earns on a survey line from which on a mission has done it.
+_MOST = 0.95
+
 
 def sweep_dims(dataset: xr.Dataset) -> list[str]:
     """Return names of the leading dimensions that are settings swept over; none without a sweep."""
@@ -263,24 +266,41 @@ def require_one_sea(scenario: Scenario) -> None:
 def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     """Figures of how often a plan holds in missions of its scenario, ready for JSON.
 
+    A survey line counts as done where a mission earns `_MOST` of what the plan earns on it.
+
     Returns:
-        What `summarise` returns of the missions; the plan's figures; how many missions did each job, and how
-        many did all that is planned, on time.
+        What `summarise` returns of the missions; the plan's figures; how many missions did each job, and what
+        share of what is planned of it they earn on average; how many did all that is planned, on time.
     """
-    names = planned.names
-    wanted = jobs_done(names, [(leg.start, leg.goal) for leg in planned.earning]) if names else set()
-    done: Counter[str] = Counter()
-    complete = 0
-    for row in range(executed.sizes["mission"]):
+    names, count = planned.names, executed.sizes["mission"]
+    nodes = {job.name: job.nodes for job in jobs_of(names)}
+
+    def did(legs: list[tuple[int, int, float]]) -> tuple[set[str], dict[str, float]]:
+        """Return the jobs of which legs do all parts, and what they earn of each."""
+        earned = dict.fromkeys(nodes, 0.0)
+        for start, goal, priority in legs:
+            for name, own in nodes.items():
+                if goal in own and (len(own) == 1 or start in own):
+                    earned[name] += priority
+        return jobs_done(names, [leg[:2] for leg in legs]) if names else set(), earned
+
+    wanted, whole = did([(leg.start, leg.goal, leg.priority) for leg in planned.earning])
+    lines = {name for name in wanted if len(nodes.get(name, ())) > 1}
+    done, shares, complete = Counter[str](), dict.fromkeys(wanted, 0.0), 0
+    for row in range(count):
         legs = {of: executed[f"leg_{of}"].values[row] for of in ("arrived", "priority", "from", "to")}
         earning = (legs["arrived"] == 1) & (legs["priority"] > 0.0)
-        ends = zip(legs["from"][earning].tolist(), legs["to"][earning].tolist(), strict=True)
-        found = jobs_done(names, [(int(i), int(j)) for i, j in ends]) if names else set()
+        starts, goals, priorities = (legs[of][earning].tolist() for of in ("from", "to", "priority"))
+        found, earned = did(list(zip(map(int, starts), map(int, goals), priorities, strict=True)))
+        found -= {name for name in lines if earned[name] < _MOST * whole[name]}
+        for name in shares:
+            shares[name] += min(earned[name] / whole[name], 1.0) / count
         done.update(found)
         complete += bool(executed["success"].values[row] == 1 and wanted <= found)
     plan = {"tasks": planned.tasks, "total_priority": planned.total_priority, "time_s": planned.t_mission}
     jobs = [
-        {"name": job.name, "planned": job.name in wanted, "done": done[job.name]} for job in jobs_of(names)
+        {"name": name, "planned": name in wanted, "done": done[name], "share": shares.get(name)}
+        for name in nodes
     ]
     more = {"plan": plan, "all_planned_tasks": complete, "jobs": jobs}
     return {"scenario": str(planned.scenario.get("name", ""))} | more | summarise(executed)

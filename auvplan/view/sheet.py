@@ -193,12 +193,13 @@ class MissionSheet:
             latest = "" if stop.latest is None else stop.moment(stop.latest)
             coast = clearance(stop.coast, self.accuracy, self.reach)
             if brief:
-                hold = "wait + hold" if any(other.wait for other in self.stops) else "hold"
+                waits = any(other.wait for other in self.stops)
+                hold, parts = "wait + hold" if waits else "hold", [stop.wait] * waits + [stop.hold]
                 rows.append([
                     ("", str(number)), ("waypoint", stop.name), ("task", stop.done),
                     *(clocks or [("after", hours(stop.arrival))]), ("leave by", latest),
                     ("depth", f"{stop.depth:.0f} m"),
-                    (hold, " + ".join(f"{_whole(part)} s" for part in (stop.wait, stop.hold) if part)),
+                    (hold, " + ".join(f"{_whole(part)}" for part in parts) + " s" if any(parts) else ""),
                     ("coast, m", coast), ("closed, m", clearance(stop.closed)),
                     ("bed, m", clearance(stop.bed)),
                 ])  # fmt: skip

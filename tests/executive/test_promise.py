@@ -335,6 +335,8 @@ def test_surer_plans_are_worth_less():
     assert shares == sorted(shares)
     assert worth == sorted(set(worth), reverse=True)
     assert len(runs) >= 2
+    # Of plans that are alike it is the one that keeps least back.
+    assert runs[0].promise.left == 0.0
 
 
 def test_seas_of_few_members_say_less():

@@ -75,6 +75,24 @@ def test_shares_and_margins_are_those_of_the_missions(tmp_path):
         assert again["reason"].values.tolist() == [run.reason for run in runs]
 
 
+def test_a_survey_line_counts_as_done_where_it_is_covered():
+    """Of its two parts: one to four fifths, then both to a hundredth, then whole."""
+
+    def surveyed(*priorities):
+        run = make_run((0, 1, 2, 3))
+        run.names = ["start", "ridge[1]", "ridge[2]", "ridge[3]", "goal"]
+        for leg, priority in zip(run.legs, priorities, strict=True):
+            leg.priority = priority
+        return run
+
+    plan = surveyed(0.0, 2.0, 2.0)
+    found, _ = rehearsal(plan, [surveyed(0.0, 1.6, 2.0), surveyed(0.0, 1.98, 1.98), surveyed(0.0, 2.0, 2.0)])
+    (ridge,) = found["jobs"]
+    assert (ridge["name"], ridge["planned"], ridge["done"]) == ("ridge", True, 2)
+    assert ridge["share"] == pytest.approx((3.6 + 3.96 + 4.0) / 12.0)
+    assert found["all_planned_tasks"] == 2
+
+
 @pytest.mark.parametrize(
     ("sections", "words"),
     [({}, "current.source 'vortices'"), ({"current": {"vortices": 0}}, "mission.waypoints")],
