@@ -27,6 +27,7 @@ def against_references(quick: bool) -> list[dict[str, Any]]:
     return found
 
 
+@launch(quick=(False, "few rounds and seeds"))
 def main(quick: bool) -> dict[str, Any]:
     scored = scoring.rows(5 if quick else scoring.ROUNDS)
     show(scoring.TITLE, scored, scoring.COLUMNS, names=2)
@@ -39,7 +40,3 @@ def main(quick: bool) -> dict[str, Any]:
     screen.print(path_walks.said(walked))
     parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": replans}
     return {"quick": quick, **parts, "walks": asdict(walked)}
-
-
-if __name__ == "__main__":
-    launch(main, quick=(False, "few rounds and seeds"))

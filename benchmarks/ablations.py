@@ -116,6 +116,11 @@ def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
         }
 
 
+@launch(
+    out=(Path("out/ablations"), "folder of the studies"),
+    n=(100, "missions of each study"),
+    sheared=(False, "ways in depth, in currents sheared in depth"),
+)
 def main(out: Path, n: int, sheared: bool) -> None:
     title = f"{n} paired missions; differences to the first row, 95 % intervals"
     if sheared:
@@ -129,12 +134,3 @@ def main(out: Path, n: int, sheared: bool) -> None:
         studies[name] = study(out / folder, Design(scenario, n))
     more = {"|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}", "routes": "{routes:.1f}"}
     show(title, rows(studies), _FIGURES | more)
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path("out/ablations"), "folder of the studies"),
-        n=(100, "missions of each study"),
-        sheared=(False, "ways in depth, in currents sheared in depth"),
-    )

@@ -201,6 +201,11 @@ def possible(kind: str, dataset: xr.Dataset) -> bool:
     return needs.get(name, True)
 
 
+@launch(
+    runs={"nargs": "+", "type": Path, "metavar": "DIR", "help": "folders of saved runs"},
+    n=(40, "alterations"),
+    seed=(0, "that they are drawn by"),
+)
 def main(runs: list[Path], n: int, seed: int) -> tuple[dict[str, Any], bool]:
     rng, rows, clean, originals = np.random.default_rng(seed), [], 0, []
     for folder in track(runs, "originals"):
@@ -228,12 +233,3 @@ def main(runs: list[Path], n: int, seed: int) -> tuple[dict[str, Any], bool]:
     )
     content = {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}}
     return content, clean < len(runs) or found < len(rows)
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        runs={"nargs": "+", "type": Path, "metavar": "DIR", "help": "folders of saved runs"},
-        n=(40, "alterations"),
-        seed=(0, "that they are drawn by"),
-    )

@@ -187,6 +187,11 @@ def table(results: dict[str, dict[int, np.ndarray]]) -> str:
     return "\n".join(markdown(["group", "D", *results], rows))
 
 
+@launch(
+    seeds=(SEEDS, "of the instances"),
+    dims=(DIMENSIONS, "numbers of dimensions"),
+    only=((*SEARCHES, "pycma"), "names of searches"),
+)
 def main(seeds: list[int], dims: list[int], only: list[str]) -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
     results: dict[str, dict[int, np.ndarray]] = {name: {} for name in only}
@@ -195,12 +200,3 @@ def main(seeds: list[int], dims: list[int], only: list[str]) -> dict[str, Any]:
         print(f"<!-- {name}, {dim}-D: {seconds:.0f} s -->", flush=True)
     print(table(results))
     return {name: {dim: found.tolist() for dim, found in by.items()} for name, by in results.items()}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(SEEDS, "of the instances"),
-        dims=(DIMENSIONS, "numbers of dimensions"),
-        only=((*SEARCHES, "pycma"), "names of searches"),
-    )

@@ -80,6 +80,14 @@ def summed(family: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@launch(
+    seeds=(range(4), "FIRST:END, the end left out"),
+    families=(FAMILIES, "of waters", [*FAMILIES, *DEPTH_FAMILIES]),
+    preset=("default", "whose plans are bounded", PRESETS),
+    references=(False, "bound the references instead of plans"),
+    known=(1.0, "times the path's time, taken to be known"),
+    fineness=(1.0, "factor on the cells along each axis"),
+)
 def main(
     seeds: range, families: list[str], preset: str, references: bool, known: float, fineness: float
 ) -> dict[str, Any]:
@@ -93,15 +101,3 @@ def main(
     found = [summed(*group) for group in (*groups, ("all", runs))] if runs else []
     show("Travel time above its lower bound", found, COLUMNS)
     return {"runs": runs}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(range(4), "FIRST:END, the end left out"),
-        families=(FAMILIES, "of waters", [*FAMILIES, *DEPTH_FAMILIES]),
-        preset=("default", "whose plans are bounded", PRESETS),
-        references=(False, "bound the references instead of plans"),
-        known=(1.0, "times the path's time, taken to be known"),
-        fineness=(1.0, "factor on the cells along each axis"),
-    )

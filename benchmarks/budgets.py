@@ -106,6 +106,7 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
     }  # fmt: skip
 
 
+@launch(n=(40, "calls of each kind"))
 def main(n: int) -> dict[str, Any]:
     rows = []
     for name, (call, worth) in calls().items():
@@ -118,7 +119,3 @@ def main(n: int) -> dict[str, Any]:
             rows.append({"call": name, "machine": machine, "budget": budget} | row)
     show("wall-clock time of planning calls against their budgets", rows, COLUMNS, names=2)
     return {"budgets": rows}
-
-
-if __name__ == "__main__":
-    launch(main, n=(40, "calls of each kind"))

@@ -92,6 +92,7 @@ def compared(sea: Scenario, seeds: range) -> list[dict[str, Any]]:
     return rows
 
 
+@launch(missions=(100, "of each sea"), first=(5000, "first seed"), only=("", "seas whose name holds this"))
 def main(missions: int, first: int, only: str) -> dict[str, Any]:
     seeds = range(first, first + missions)
     with tempfile.TemporaryDirectory() as folder:
@@ -99,12 +100,3 @@ def main(missions: int, first: int, only: str) -> dict[str, Any]:
         rows = [row for sea in track(found, "seas") for row in compared(sea, seeds)]
     show(f"Seeds {first} to {seeds[-1]}", rows, COLUMNS, names=2)
     return {"clock": rows}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        missions=(100, "of each sea"),
-        first=(5000, "first seed"),
-        only=("", "seas whose name holds this"),
-    )

@@ -162,21 +162,17 @@ def published(seeds: int, limit: float) -> list[dict[str, Any]]:
     return rows
 
 
+@launch(
+    sizes=((100, 200), "customers of the problems against PyVRP"),
+    cases=(3, "of each size and kind"),
+    seconds=(10.0, "of PyVRP for each"),
+    first=(95_000, "first seed"),
+    seeds=(5, "plans of each of Solomon's sets; 0 for none"),
+    limit=(120.0, "s for each proof; 0 for none"),
+)
 def main(
     sizes: list[int], cases: int, seconds: float, first: int, seeds: int, limit: float
 ) -> dict[str, Any]:
     solomon = published(seeds, limit) if seeds else []
     peers = compared(sizes, cases, seconds, first) if sizes and cases else []
     return {"solomon": solomon, "pyvrp": peers}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        sizes=((100, 200), "customers of the problems against PyVRP"),
-        cases=(3, "of each size and kind"),
-        seconds=(10.0, "of PyVRP for each"),
-        first=(95_000, "first seed"),
-        seeds=(5, "plans of each of Solomon's sets; 0 for none"),
-        limit=(120.0, "s for each proof; 0 for none"),
-    )

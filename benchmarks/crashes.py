@@ -218,6 +218,7 @@ def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: i
     return found
 
 
+@launch(kills=(30, "of each command"), disks=(12, "sizes of disks for each command"))
 def main(kills: int, disks: int) -> tuple[dict[str, Any], bool]:
     rows, kinds = [], {
         "killed": (killed, COMMANDS, kills),
@@ -237,7 +238,3 @@ def main(kills: int, disks: int) -> tuple[dict[str, Any], bool]:
     columns = {"command": "{command}", "what": "{kind}", "outcomes": "{said}", "times": "{times}"}
     show("commands that were broken off", rows, columns, names=3)
     return {"crashes": rows}, any(outcome not in GOOD for row in rows for outcome in row["outcomes"])
-
-
-if __name__ == "__main__":
-    launch(main, kills=(30, "of each command"), disks=(12, "sizes of disks for each command"))

@@ -138,6 +138,12 @@ def compared(name: str, seed: int, count: int, kills: int, folder: Path) -> list
     return found
 
 
+@launch(
+    scenario=("whitsunday", "shipped one, a file, or 'small'"),
+    seed=(0, "of the mission"),
+    n=(30, "missions of a study"),
+    kills=(10, "of studies, by SIGKILL"),
+)
 def main(scenario: str, seed: int, n: int, kills: int) -> tuple[dict[str, Any], bool]:
     with tempfile.TemporaryDirectory() as name:
         chosen = str(SCENARIOS / "small.yaml") if scenario == "small" else scenario
@@ -148,13 +154,3 @@ def main(scenario: str, seed: int, n: int, kills: int) -> tuple[dict[str, Any], 
     show(f"{scenario}, seed {seed}", found, {"how": "{how}", "result": "{same}"}, names=2)
     screen.print(f"{same} of {len(found)} results are the same to the byte, clock times left out")
     return {"determinism": found}, same < len(found)
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        scenario=("whitsunday", "shipped one, a file, or 'small'"),
-        seed=(0, "of the mission"),
-        n=(30, "missions of a study"),
-        kills=(10, "of studies, by SIGKILL"),
-    )

@@ -222,6 +222,7 @@ def planned(case: Case, seed: int | None, folder: Path) -> Row:
     return Row(seed, run.total_priority, best, run.t_mission, least, faults)
 
 
+@launch(out=(Path, "folder to keep the cases in"), cases=(30, "drawn ones"), first=(7000, "first seed"))
 def main(out: Path | None, cases: int, first: int) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         home, rows = out or Path(scratch), []
@@ -234,12 +235,3 @@ def main(out: Path | None, cases: int, first: int) -> None:
     apart = hobart_.time / hobart_.least - 1.0
     print(f"Hobart: {hobart_.priority:g} of {hobart_.best:g}, {apart:+.1%} in time")
     print(f"{equal} of {len(own)} have the priority of the optimum, {sound} are without faults")
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path, "folder to keep the cases in"),
-        cases=(30, "drawn ones"),
-        first=(7000, "first seed"),
-    )

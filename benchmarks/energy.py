@@ -266,6 +266,10 @@ GROWTH = {
 }  # fmt: skip
 
 
+@launch(
+    folder=(str(SHARED / "energy"), "of the data"),
+    picture=("", "file to draw predictions against measurements in"),
+)
 def main(folder: str, picture: str) -> dict[str, Any]:
     missions = Missions(read(Path(folder) / "jaiabot_missions.csv"))
     scores, constants = missions.rows(), missions.constants()
@@ -283,11 +287,3 @@ def main(folder: str, picture: str) -> dict[str, Any]:
     if picture:
         draw(missions, Path(picture))
     return {"scores": scores, "constants": constants, "gliders": dived, "pumps": pumped, "growth": grown}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        folder=(str(SHARED / "energy"), "of the data"),
-        picture=("", "file to draw predictions against measurements in"),
-    )

@@ -314,6 +314,7 @@ def draw(rows: Sequence[dict[str, Any]], file: Path) -> None:
     figure.savefig(file, dpi=120)
 
 
+@launch(seeds=(range(1, 2), "of the seas, twelve each"), picture=("", "file to draw depths along the way in"))
 def main(seeds: range, picture: str) -> dict[str, Any]:
     rows = [compared(sea, seed) for seed in seeds for sea in track(seas(seed), f"seas of seed {seed}")]
     show_markdown(rows, COLUMNS)
@@ -339,11 +340,3 @@ def main(seeds: range, picture: str) -> dict[str, Any]:
         draw(rows, Path(picture))
     kept = [{name: value for name, value in row.items() if name != "tracks"} for row in rows]
     return {"summary": {name: float(value) for name, value in found.items()}, "rows": kept}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(range(1, 2), "of the seas, twelve each"),
-        picture=("", "file to draw depths along the way in"),
-    )

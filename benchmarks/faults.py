@@ -143,6 +143,7 @@ def summed(name: str, found: list[Outcome]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@launch(n=(200, "missions"), link=(False, "as on a vehicle at sea"))
 def main(n: int, link: bool) -> tuple[dict[str, Any], bool]:
     scenario, kinds, wrong = ap.load_scenario("whitsunday"), KINDS | OF_A_LINK if link else KINDS, []
     names, available = [*kinds, MIXED], scenario.mission.time_available
@@ -161,7 +162,3 @@ def main(n: int, link: bool) -> tuple[dict[str, Any], bool]:
     for line in wrong:
         screen.print(line, soft_wrap=True)
     return {"link_faults" if link else "faults": rows, "wrong": wrong}, bool(wrong)
-
-
-if __name__ == "__main__":
-    launch(main, n=(200, "missions"), link=(False, "as on a vehicle at sea"))

@@ -46,17 +46,6 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def main(legs: range) -> dict[str, Any]:
-    """Follow plans and policies; return a row for each leg and steering."""
-    if not available("feedback policy", ["hj_reachability"]):
-        return {}
-    rows = [row for seed in track(legs, "legs") for row in steered(seed)]
-    names = dict.fromkeys(row["by"] for row in rows)
-    means = [{"by": name} | _mean([row for row in rows if row["by"] == name]) for name in names]
-    show(f"{len(legs)} legs in {TRUTHS} true currents each", means, COLUMNS)
-    return {"means": means, "rows": rows}
-
-
 def _mean(rows: list[dict[str, Any]]) -> dict[str, float]:
     return {
         name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name not in ("by", "seed")
@@ -202,5 +191,13 @@ def _forecast(current: Any) -> Water:
     return met
 
 
-if __name__ == "__main__":
-    launch(main, legs=(range(20), "legs, by their seeds"))
+@launch(legs=(range(20), "legs, by their seeds"))
+def main(legs: range) -> dict[str, Any]:
+    """Follow plans and policies; return a row for each leg and steering."""
+    if not available("feedback policy", ["hj_reachability"]):
+        return {}
+    rows = [row for seed in track(legs, "legs") for row in steered(seed)]
+    names = dict.fromkeys(row["by"] for row in rows)
+    means = [{"by": name} | _mean([row for row in rows if row["by"] == name]) for name in names]
+    show(f"{len(legs)} legs in {TRUTHS} true currents each", means, COLUMNS)
+    return {"means": means, "rows": rows}

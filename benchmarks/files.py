@@ -248,6 +248,11 @@ def fill(page: Path, blocks: dict[str, list[str]]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
+@launch(
+    out=(Path, "page whose tables are filled in"),
+    only=("", "part of the names of files"),
+    mutated=(Path, "JSON file of benchmarks.mutated_files"),
+)
 def main(out: Path | None, only: str, mutated: Path | None) -> None:
     rows: dict[Callable[..., list[str]], list[list[str]]] = {compared: [], raster: []}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
@@ -265,12 +270,3 @@ def main(out: Path | None, only: str, mutated: Path | None) -> None:
         blocks |= {"currents": markdown(CURRENTS, rows[compared]), "rasters": markdown(PIXELS, rows[raster])}
         counts = json.loads(mutated.read_text()) if mutated else {}
         fill(out, blocks | ({"copies": copies_table(counts)} if counts else {}))
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path, "page whose tables are filled in"),
-        only=("", "part of the names of files"),
-        mutated=(Path, "JSON file of benchmarks.mutated_files"),
-    )

@@ -148,6 +148,11 @@ def turning_rows(presets: list[str], seeds: range) -> list[dict[str, Any]]:
     return found
 
 
+@launch(
+    preset=(tuple(PRESETS), "these alone", PRESETS),
+    rounds=(ROUNDS, "turns that every current takes"),
+    turning=(range(0), "FIRST:END, the end left out: seeds of legs on which a tide turns"),
+)
 def main(preset: list[str], rounds: int, turning: range) -> dict[str, Any]:
     if turning:
         found = turning_rows(preset, turning)
@@ -156,12 +161,3 @@ def main(preset: list[str], rounds: int, turning: range) -> dict[str, Any]:
     found = rows(preset, rounds)
     show(TITLE, found, COLUMNS, names=2, no_wrap=True)
     return {"rounds": rounds, "rows": found}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        preset=(tuple(PRESETS), "these alone", PRESETS),
-        rounds=(ROUNDS, "turns that every current takes"),
-        turning=(range(0), "FIRST:END, the end left out: seeds of legs on which a tide turns"),
-    )

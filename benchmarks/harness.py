@@ -1,16 +1,15 @@
 """The harness of the benchmarks: options, progress, turns, figures, tables, and JSON with the machine.
 
-A benchmark is a module whose `main` takes its options as keywords, prints tables, and returns what `--out`
-keeps::
+A benchmark is a module that ends with a `main`, which takes options as keywords, prints tables, and returns
+what `--out` keeps::
 
-    if __name__ == "__main__":
-        launch(main, seeds=(5, "plans of each problem"))
+    @launch(seeds=(5, "plans of each problem"))
+    def main(seeds: int) -> dict[str, Any]:
 """
 
 import argparse
 import importlib.metadata
 import importlib.util
-import inspect
 import json
 import os
 import platform
@@ -58,18 +57,30 @@ if not screen.is_terminal:
     screen = Console(width=120)
 
 
-def launch(main: Callable[..., Any], **options: tuple[Any, ...] | dict[str, Any]) -> NoReturn:
-    """Call a benchmark with the options of the command line, and write what it returns where `--out` says.
+def launch(**options: tuple[Any, ...] | dict[str, Any]) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """Make the last function of a module its command, where the module is what Python was started with.
+
+    It is called with the options of the command line. What it returns is written as JSON where `--out` says;
+    it may return that and whether the benchmark failed, status 1.
 
     Args:
-        main: returns what is written as JSON, or that and whether the benchmark failed, status 1.
         options: ``name=(default, help)``, then choices where there are some. False is a switch, a range
             reads FIRST:END, a tuple takes several values, a type has no default; "out" replaces the usual
-            one and is given to `main`. A dictionary is a positional argument, as argparse has it.
+            one and is given to the function. A dictionary is a positional argument, as argparse has it.
     """
+
+    def started(main: Callable[..., T]) -> Callable[..., T]:
+        if main.__module__ == "__main__":
+            _run(main, options)
+        return main
+
+    return started
+
+
+def _run(main: Callable[..., Any], options: dict[str, tuple[Any, ...] | dict[str, Any]]) -> NoReturn:
     stated = sys.modules["__main__"].__spec__
     name = stated.name.removesuffix(".__main__") if stated else None
-    text = inspect.getmodule(main).__doc__
+    text = sys.modules["__main__"].__doc__ or ""
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=text.partition("\n")[0])
     writes = "out" not in options
     for option, how in (options | ({"out": (Path, "JSON file to write")} if writes else {})).items():

@@ -205,6 +205,30 @@ def mission_nearby(address: str, seed: int, scale: float, current: list[float], 
     }  # fmt: skip
 
 
+def totals(kind: str, rows: list[dict]) -> None:
+    names = ("success", "uploads", "as_planned", "tasks", "lost", "doubled")
+    total = {name: sum(row[name] for row in rows) for name in names}
+    packets = {name: sum(row["packets"][name] for row in rows) for name in rows[0]["packets"]}
+    words = (
+        f"{kind}: {len(rows)} missions, {sum(bool(row['reason']) for row in rows)} verdicts, "
+        "{success} at the destination in time; {as_planned} of {uploads} uploads as planned; "
+        "{tasks} tasks, {lost} lost, {doubled} doubled; packets "
+    )
+    print(words.format(**total) + str(packets))
+
+
+@launch(
+    out=(Path, "file of JSON lines"),
+    n=(20, "missions a kind"),
+    kind=(("mavlink", "imc"), "of link", ("mavlink", "imc")),
+    first=(0, "first seed"),
+    scale=(50.0, "s of mission in one of wall-clock time"),
+    loss=(0.05, "share of the packets that are lost"),
+    random=(False, "things happen at random moments"),
+    verbose=(False, "print every event"),
+    link=(str, "a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT"),
+    current=((0.0, 0.0), "m/s, with --link"),
+)
 def main(
     out: Path | None, n: int, kind: list[str], first: int, scale: float, loss: float, random: bool,
     verbose: bool, link: str | None, current: list[float],
@@ -229,31 +253,3 @@ def main(
         totals(each, [note(mission(each, seed, scale, Faults(lost=loss), tell, random)) for seed in seeds])
     sys.stdout.flush()
     os._exit(0)  # MAVSDK's threads outlive its objects
-
-
-def totals(kind: str, rows: list[dict]) -> None:
-    names = ("success", "uploads", "as_planned", "tasks", "lost", "doubled")
-    total = {name: sum(row[name] for row in rows) for name in names}
-    packets = {name: sum(row["packets"][name] for row in rows) for name in rows[0]["packets"]}
-    words = (
-        f"{kind}: {len(rows)} missions, {sum(bool(row['reason']) for row in rows)} verdicts, "
-        "{success} at the destination in time; {as_planned} of {uploads} uploads as planned; "
-        "{tasks} tasks, {lost} lost, {doubled} doubled; packets "
-    )
-    print(words.format(**total) + str(packets))
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path, "file of JSON lines"),
-        n=(20, "missions a kind"),
-        kind=(("mavlink", "imc"), "of link", ("mavlink", "imc")),
-        first=(0, "first seed"),
-        scale=(50.0, "s of mission in one of wall-clock time"),
-        loss=(0.05, "share of the packets that are lost"),
-        random=(False, "things happen at random moments"),
-        verbose=(False, "print every event"),
-        link=(str, "a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT"),
-        current=((0.0, 0.0), "m/s, with --link"),
-    )

@@ -76,6 +76,11 @@ def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
     return rows
 
 
+@launch(
+    out=(Path, "JSON file to write; the figures of other seas there are kept"),
+    n=(2000, "missions"),
+    sea=("vortices", "that they are in", SEAS),
+)
 def main(out: Path | None, n: int, sea: str) -> tuple[None, bool]:
     compiled = Compiled()
     rows = watched(sea, n, compiled)
@@ -96,12 +101,3 @@ def main(out: Path | None, n: int, sea: str) -> tuple[None, bool]:
     write(out, {"long_run": earlier(out, "long_run") | {SEAS[sea]: rows}})
     grew = last["memory"] > 1.1 * warm["memory"]
     return None, bool(grew or compiled.again or last["files"] > warm["files"])
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path, "JSON file to write; the figures of other seas there are kept"),
-        n=(2000, "missions"),
-        sea=("vortices", "that they are in", SEAS),
-    )

@@ -405,6 +405,11 @@ BED_VARIABLES = {
 }
 
 
+@launch(
+    out=(Path, "JSON file for the counts; those of other files there are kept"),
+    copies=(COPIES, "of each file"),
+    only=("", "part of the names of files"),
+)
 def main(out: Path | None, copies: int, only: str) -> None:
     counts = json.loads(out.read_text()) if out and out.exists() else {}
     rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
@@ -420,12 +425,3 @@ def main(out: Path | None, copies: int, only: str) -> None:
         print(f"{case.name}: {dict(found)}, {time.perf_counter() - begin:.0f} s", flush=True)
         if out:
             out.write_text(json.dumps(counts, indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path, "JSON file for the counts; those of other files there are kept"),
-        copies=(COPIES, "of each file"),
-        only=("", "part of the names of files"),
-    )

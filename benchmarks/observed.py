@@ -32,18 +32,6 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def main(seeds: range) -> dict[str, Any]:
-    """Measure, re-plan, execute; return the rows and their means."""
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in track(seeds, "departures"):
-            context = ocean(seed, Path(folder))[0].context
-            rows += [case(context.scenario, seed, how) for how in COUNTED_ON]
-    means = [mean([row for row in rows if row["counted_on"] == how]) for how in COUNTED_ON]
-    show("missions whose vehicle measures the current at every leg", means, COLUMNS)
-    return {"means": means, "missions": rows}
-
-
 def case(scenario: ap.Scenario, seed: int, how: str) -> dict[str, Any]:
     """Return figures of one mission."""
     measures, one = how != COUNTED_ON[0], how != COUNTED_ON[2]
@@ -91,5 +79,14 @@ def mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {"counted_on": rows[0]["counted_on"], "missions": len(rows), "in_time": count, **means}
 
 
-if __name__ == "__main__":
-    launch(main, seeds=(range(1000, 1008), "departures"))
+@launch(seeds=(range(1000, 1008), "departures"))
+def main(seeds: range) -> dict[str, Any]:
+    """Measure, re-plan, execute; return the rows and their means."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in track(seeds, "departures"):
+            context = ocean(seed, Path(folder))[0].context
+            rows += [case(context.scenario, seed, how) for how in COUNTED_ON]
+    means = [mean([row for row in rows if row["counted_on"] == how]) for how in COUNTED_ON]
+    show("missions whose vehicle measures the current at every leg", means, COLUMNS)
+    return {"means": means, "missions": rows}

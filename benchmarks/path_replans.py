@@ -131,11 +131,8 @@ def rows(count: int) -> list[dict[str, Any]]:
     return [{key: value if key == "name" else float(value) for key, value in row.items()} for row in found]
 
 
+@launch(situations=(SITUATIONS, "in which plans are made anew"))
 def main(situations: int) -> dict[str, Any]:
     found = rows(situations)
     show(TITLE, found, COLUMNS)
     return {"rows": found}
-
-
-if __name__ == "__main__":
-    launch(main, situations=(SITUATIONS, "in which plans are made anew"))

@@ -91,11 +91,8 @@ def said(found: Walked) -> str:
     )
 
 
+@launch(count=(COUNT, "paths to walk"))
 def main(count: int) -> dict[str, Any]:
     found = walks(count)
     screen.print(said(found))
     return asdict(found)
-
-
-if __name__ == "__main__":
-    launch(main, count=(COUNT, "paths to walk"))

@@ -30,6 +30,7 @@ def world() -> ap.Environment:
     return ap.Environment(current, obstacles=obstacles, lower=(0, 0, 0), upper=(3500, 3500, 100))
 
 
+@launch(starts=(1000, "number of starts"))
 def main(starts: int) -> dict[str, Any]:
     rows, env, goals = [], world(), np.tile(GOAL, (starts, 1))
     places = np.random.default_rng(5).uniform(_NEAR, _FAR, (starts, 3))
@@ -41,7 +42,3 @@ def main(starts: int) -> dict[str, Any]:
         took = "{preset}: {seconds:.1f} s, {first:.1f} s with compilation; {feasible:.1%} feasible"
         screen.print(f"{starts:,} starts, {took.format(**rows[-1])}")
     return {"starts": starts, "rows": rows}
-
-
-if __name__ == "__main__":
-    launch(main, starts=(1000, "number of starts"))

@@ -188,11 +188,8 @@ def rows(seeds: int = SEEDS) -> list[dict[str, Any]]:
     return found
 
 
+@launch(seeds=(SEEDS, "plans of each contender"))
 def main(seeds: int) -> dict[str, Any]:
     found = rows(seeds)
     show(TITLE, found, COLUMNS)
     return {"seeds": seeds, "rows": found}
-
-
-if __name__ == "__main__":
-    launch(main, seeds=(SEEDS, "plans of each contender"))

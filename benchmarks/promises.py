@@ -59,22 +59,6 @@ KEPT = {
 }  # fmt: skip
 
 
-def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Path | None) -> dict[str, Any]:
-    """Plan and follow; return the rows and their means."""
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        for sea in seas:
-            for seed in track(seeds, sea):
-                rows += list(cases(sea, seed, Path(folder), fixed, turning))
-    kept = [
-        summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
-    ]
-    show("plans of promises, and how many of the true seas they are home in time in", kept, KEPT)
-    if picture is not None:
-        draw(rows, picture)
-    return {"promises": kept, "plans": rows}
-
-
 def cases(sea: str, seed: int, folder: Path, fixed: bool, turning: bool) -> Iterator[dict[str, Any]]:
     """Yield the plans of one mission, each with the share of true seas that it is home in time in."""
     mission, truth = WORLDS[sea](seed, folder)
@@ -326,12 +310,24 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
     figure.savefig(picture)
 
 
-if __name__ == "__main__":
-    launch(
-        main,
-        seas=(list(WORLDS), "seas", list(WORLDS)),
-        seeds=(range(20), "missions in each"),
-        fixed=(False, "compare shares of the time that are kept back, too"),
-        turning=(False, "compare plans with a rule for what is late, too"),
-        picture=(Path, "PNG of what was promised against what was kept"),
-    )
+@launch(
+    seas=(list(WORLDS), "seas", list(WORLDS)),
+    seeds=(range(20), "missions in each"),
+    fixed=(False, "compare shares of the time that are kept back, too"),
+    turning=(False, "compare plans with a rule for what is late, too"),
+    picture=(Path, "PNG of what was promised against what was kept"),
+)
+def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Path | None) -> dict[str, Any]:
+    """Plan and follow; return the rows and their means."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for sea in seas:
+            for seed in track(seeds, sea):
+                rows += list(cases(sea, seed, Path(folder), fixed, turning))
+    kept = [
+        summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
+    ]
+    show("plans of promises, and how many of the true seas they are home in time in", kept, KEPT)
+    if picture is not None:
+        draw(rows, picture)
+    return {"promises": kept, "plans": rows}

@@ -73,6 +73,7 @@ def islands(folder: Path) -> Iterator[str]:
             )
 
 
+@launch()
 def main() -> None:
     if not DATA.is_dir():
         raise SystemExit(f"{DATA}: no such folder")
@@ -80,7 +81,3 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for line in islands(Path(folder)):
             print(line, flush=True)
-
-
-if __name__ == "__main__":
-    launch(main)

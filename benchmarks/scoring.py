@@ -293,11 +293,8 @@ def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
     return result
 
 
+@launch(rounds=(ROUNDS, "turns that every contender takes"))
 def main(rounds: int) -> dict[str, Any]:
     found = rows(rounds)
     show(TITLE, found, COLUMNS, names=2)
     return {"rows": found}
-
-
-if __name__ == "__main__":
-    launch(main, rounds=(ROUNDS, "turns that every contender takes"))

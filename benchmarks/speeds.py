@@ -203,6 +203,13 @@ def timed(seeds: Sequence[int]) -> dict[str, Any]:
     return {"ratios": ratios[1:]}
 
 
+@launch(
+    parts={"nargs": "*", "default": ["orders", "missions", "time"], "help": "orders, missions, time"},
+    small=(300, "cases of exhaustive search"),
+    large=(100, "cases of CP-SAT, for each number of speeds"),
+    first=(5000, "seed of the first case"),
+    seeds=(range(100), "of the missions"),
+)
 def main(parts: list[str], small: int, large: int, first: int, seeds: range) -> dict[str, Any]:
     found = {}
     if "orders" in parts:
@@ -212,14 +219,3 @@ def main(parts: list[str], small: int, large: int, first: int, seeds: range) -> 
     if "time" in parts:
         found |= timed(seeds)
     return found
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        parts={"nargs": "*", "default": ["orders", "missions", "time"], "help": "orders, missions, time"},
-        small=(300, "cases of exhaustive search"),
-        large=(100, "cases of CP-SAT, for each number of speeds"),
-        first=(5000, "seed of the first case"),
-        seeds=(range(100), "of the missions"),
-    )

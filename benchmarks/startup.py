@@ -137,6 +137,11 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
+@launch(
+    runs=(3, "later runs of each command; 0 for no commands"),
+    study=(100, "missions of a study; 0 for none"),
+    functions=(100, "currents as functions; 0 for none"),
+)
 def main(runs: int, study: int, functions: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         own = own_currents(functions, Path(name)) if functions else []
@@ -144,12 +149,3 @@ def main(runs: int, study: int, functions: int) -> dict[str, Any]:
     times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
     show("wall-clock seconds of whole commands", rows, {"command": "{what}"} | times)
     return {"startup": [*own, *rows]}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        runs=(3, "later runs of each command; 0 for no commands"),
-        study=(100, "missions of a study; 0 for none"),
-        functions=(100, "currents as functions; 0 for none"),
-    )

@@ -43,6 +43,7 @@ class Watch(threading.Thread):
             self.most = max(self.most, memory(os.getpid()))
 
 
+@launch(n=(100, "missions of the study"))
 def main(n: int) -> None:
     watch = Watch()
     watch.start()
@@ -68,7 +69,3 @@ def main(n: int) -> None:
     }  # fmt: skip
     show("Missions one by one and as a study", rows, columns)
     screen.print(f"most memory of the study's processes together {watch.most / 1e9:.2f} GB")
-
-
-if __name__ == "__main__":
-    launch(main, n=(100, "missions of the study"))

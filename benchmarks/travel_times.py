@@ -75,6 +75,7 @@ def row(what: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarr
     return found
 
 
+@launch(missions=(16, "to simulate"))
 def main(missions: int) -> None:
     scenario, legs = ap.load_scenario("whitsunday"), executed_legs(missions)
     records, starts, goals, departs, stated, t_plan = zip(*legs, strict=True)
@@ -99,7 +100,3 @@ def main(missions: int) -> None:
     rows.append(row("as used in the mission, with the task", whole, *both, 0.0))
     rows.append(row("d / |v| with the task (Eq. 13)", distance + task, *both, 0.0))
     show(f"Errors of travel times: {len(legs)} legs of {missions} missions", rows, COLUMNS)
-
-
-if __name__ == "__main__":
-    launch(main, missions=(16, "to simulate"))

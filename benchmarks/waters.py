@@ -80,6 +80,12 @@ def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
     return sorted(found, key=lambda row: (row["name"] == "all", row["name"]))
 
 
+@launch(
+    seeds=(range(4), "FIRST:END, the end left out"),
+    families=((*KINDS, *DEPTH_FAMILIES), "of waters", [*KINDS, *DEPTH_FAMILIES]),
+    preset=(("default", "quick"), "to plan with", PRESETS),
+    references=(False, "compute references and end"),
+)
 def main(seeds: range, families: list[str], preset: list[str], references: bool) -> dict[str, Any] | None:
     if not have_charts():
         screen.print("real coast: the shipped chart stands in, the shared maps were not found")
@@ -111,13 +117,3 @@ def main(seeds: range, families: list[str], preset: list[str], references: bool)
         words = f"{len(statuses)} of {len(closed) // len(preset)} plans reported infeasible"
         screen.print(f"{name}: no way: {words} ({', '.join(sorted(set(statuses))) or 'none'})")
     return {"rows": found, "replaced": sorted(replaced), "runs": [*runs, *closed]}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(range(4), "FIRST:END, the end left out"),
-        families=((*KINDS, *DEPTH_FAMILIES), "of waters", [*KINDS, *DEPTH_FAMILIES]),
-        preset=(("default", "quick"), "to plan with", PRESETS),
-        references=(False, "compute references and end"),
-    )

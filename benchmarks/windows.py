@@ -195,6 +195,11 @@ def timings(repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
+@launch(
+    graphs=(CASES, "how many; 0 for the timings alone"),
+    first=(FIRST_SEED, "seed of the first graph"),
+    repeats=(5, "timed calls; 0 for no timings"),
+)
 def main(graphs: int, first: int, repeats: int) -> dict[str, Any]:
     rows, found = compared(graphs, first) if graphs else ([], [])
     timed, load = timings(repeats) if repeats else [], os.getloadavg()[0]
@@ -206,12 +211,3 @@ def main(graphs: int, first: int, repeats: int) -> dict[str, Any]:
         show("Timings", timed, TIMINGS)
     screen.print(f"load {load:.1f}")
     return {"load": load, "graphs": found, "rows": rows, "timings": timed}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        graphs=(CASES, "how many; 0 for the timings alone"),
-        first=(FIRST_SEED, "seed of the first graph"),
-        repeats=(5, "timed calls; 0 for no timings"),
-    )

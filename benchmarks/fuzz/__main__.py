@@ -15,6 +15,14 @@ from benchmarks.fuzz.readers import READERS, write_sources
 from benchmarks.harness import launch, screen, show, track
 
 
+@launch(
+    minutes=(10.0, "for each reader"),
+    cases=(10**9, "of each reader, at most"),
+    first=(0, "number of the first case"),
+    only=("", "part of the names of readers"),
+    seed=(0, "of the cases"),
+    keep=(Path, "folder for failures; a temporary one if absent"),
+)
 def main(
     minutes: float, cases: int, first: int, only: str, seed: int, keep: Path | None
 ) -> tuple[dict[str, Any], bool]:
@@ -38,15 +46,3 @@ def main(
     if failed:
         screen.print(f"failures are kept in {keep}", markup=False)
     return {"fuzz": rows}, failed
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        minutes=(10.0, "for each reader"),
-        cases=(10**9, "of each reader, at most"),
-        first=(0, "number of the first case"),
-        only=("", "part of the names of readers"),
-        seed=(0, "of the cases"),
-        keep=(Path, "folder for failures; a temporary one if absent"),
-    )

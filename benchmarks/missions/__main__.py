@@ -18,6 +18,12 @@ COLUMNS = {
 }  # fmt: skip
 
 
+@launch(
+    seeds=(10, "plans of each case"),
+    peers=(False, "other solvers too"),
+    variants=(False, "what each part of the default is worth"),
+    only=((), "families to run, such as knn40"),
+)
 def main(seeds: int, peers: bool, variants: bool, only: list[str]) -> dict[str, Any]:
     sets = {name: cases for name, cases in families().items() if not only or name in only}
     bench, chosen = Bench(seeds), solvers(variants, peers)
@@ -37,13 +43,3 @@ def main(seeds: int, peers: bool, variants: bool, only: list[str]) -> dict[str, 
         screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
     show("Missions: gap to the proven optimum (* to a bound)", bench.rows, COLUMNS, names=2)
     return {"seeds": seeds, "rows": bench.rows}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(10, "plans of each case"),
-        peers=(False, "other solvers too"),
-        variants=(False, "what each part of the default is worth"),
-        only=((), "families to run, such as knn40"),
-    )

@@ -17,17 +17,13 @@ _COLUMNS = {
 }  # fmt: skip
 
 
+@launch(
+    out=(Path("out/paper"), "folder for results; created if needed"),
+    quick=(False, "6 missions and 3 seeds of each scenario: minutes, not hours"),
+    seed=(0, "first seed"),
+)
 def main(out: Path, quick: bool, seed: int) -> None:
     effort = replace(QUICK if quick else Effort(), seed=seed)
     claims, pictures = reproduce(out, effort)
     show("Claims of section 4", map(asdict, claims), _COLUMNS, names=5, overflow="fold")
     screen.print(f"claims: {out / 'claims.md'}, {out / 'claims.json'}; {len(pictures)} pictures beside them")
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path("out/paper"), "folder for results; created if needed"),
-        quick=(False, "6 missions and 3 seeds of each scenario: minutes, not hours"),
-        seed=(0, "first seed"),
-    )

@@ -127,6 +127,13 @@ def first_legs(name: str, seeds: int) -> tuple[MissionContext, list[Mission]]:
     return context, missions
 
 
+@launch(
+    out=(Path("out/readings"), "folder of the studies"),
+    seed=(7000, "first seed of the missions"),
+    n=(100, "missions, or seeds of each path"),
+    only=((0,), "numbers of readings, from 1; 0 for all"),
+    paths=(False, "first paths of the path scenarios instead"),
+)
 def main(out: Path, seed: int, n: int, only: list[int], paths: bool) -> None:
     if paths:
         show("First paths under readings of the text", path_rows(n), _PATHS, names=2)
@@ -136,14 +143,3 @@ def main(out: Path, seed: int, n: int, only: list[int], paths: bool) -> None:
             design = Design(changed("whitsunday", "paper", planning=changes), n, seed)
             lines = said(study(out / f"reading-{number}", design))
             screen.print(f"{number}. {name}: " + "\n".join(lines), highlight=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        out=(Path("out/readings"), "folder of the studies"),
-        seed=(7000, "first seed of the missions"),
-        n=(100, "missions, or seeds of each path"),
-        only=((0,), "numbers of readings, from 1; 0 for all"),
-        paths=(False, "first paths of the path scenarios instead"),
-    )

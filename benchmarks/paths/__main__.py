@@ -11,6 +11,12 @@ from benchmarks.paths.gaps import COMPILING, VARIANTS, plan_all, rows, show_gaps
 from benchmarks.paths.problems import PRESETS, have_charts, path_problems
 
 
+@launch(
+    seeds=(5, "plans of each problem"),
+    only=((), "families or problems, such as coast or open-03"),
+    preset=(("default", "paper"), "to plan with", [*PRESETS, *VARIANTS]),
+    each=(False, "a row for each problem too"),
+)
 def main(seeds: int, only: list[str], preset: list[str], each: bool) -> dict[str, Any]:
     if not have_charts():
         screen.print("problems on real coast: left out, the shared maps were not found")
@@ -21,13 +27,3 @@ def main(seeds: int, only: list[str], preset: list[str], each: bool) -> dict[str
         show_gaps("Each problem: gap to the reference", problems, **COMPILING)
     show_gaps("Paths: gap to the reference", families, **COMPILING)
     return {"seeds": seeds, "families": families, "problems": problems, "runs": runs}
-
-
-if __name__ == "__main__":
-    launch(
-        main,
-        seeds=(5, "plans of each problem"),
-        only=((), "families or problems, such as coast or open-03"),
-        preset=(("default", "paper"), "to plan with", [*PRESETS, *VARIANTS]),
-        each=(False, "a row for each problem too"),
-    )
