@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -110,8 +110,8 @@ def posed(case: Case, folder: Path) -> Scenario:
         return str(folder / name)
 
     def areas(name: str, rings: dict[str, Array]) -> str:
-        outlines = {each: [[at(place) for place in [*ring, ring[0]]]] for each, ring in rings.items()}
-        shapes = {each: {"type": "Polygon", "coordinates": lines} for each, lines in outlines.items()}
+        outlines = {each: [at(place) for place in [*ring, ring[0]]] for each, ring in rings.items()}
+        shapes = {each: {"type": "Polygon", "coordinates": [line]} for each, line in outlines.items()}
         return collection(name, [({"name": each}, shape) for each, shape in shapes.items()])
 
     jobs = [
@@ -197,8 +197,7 @@ def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]
     return best
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """How a plan fared: priority and time [s] beside the best of each, and what `auvplan check` finds."""
 
     seed: int | None

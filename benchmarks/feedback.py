@@ -18,15 +18,15 @@ from scipy.ndimage import map_coordinates
 
 import auvplan as ap
 from auvplan.ocean.currents import evaluated
-from benchmarks.harness import Array, available, clock, launch, show, track
+from benchmarks.harness import Array, available, clock, grouped, launch, means, show, track
 from benchmarks.promises import along_track, drawn_errors
 
 #: m, side of the area, and how near the goal is near enough; m/s through the water.
 SIDE, NEAR, SPEED = 3500.0, 40.0, 1.5
 #: m and s: distance of grid nodes, and the steps that vehicles are followed in.
 NODE, STEP = 25.0, 2.0
-#: True currents of each leg; m/s and m, root mean square and length of the error of the forecast.
-TRUTHS, ERROR, LENGTH = 200, 0.1, 500.0
+#: True currents of each leg.
+TRUTHS = 200
 #: m/s, errors of the current that the policy reckons with.
 BOUNDS = 0.0, 0.1, 0.2
 #: m that are kept from obstacles, and moments ahead at which what can be reached is kept.
@@ -46,12 +46,6 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def _mean(rows: list[dict[str, Any]]) -> dict[str, float]:
-    return {
-        name: float(np.mean([row[name] for row in rows])) for name in rows[0] if name not in ("by", "seed")
-    }
-
-
 def world(seed: int) -> ap.Environment:
     """12 vortices and 6 obstacles at rest between start and goal."""
     rng = np.random.default_rng(seed)
@@ -67,7 +61,7 @@ def steered(seed: int) -> list[dict[str, Any]]:
     env, vehicle = world(seed), ap.Vehicle(speed=SPEED)
     forecast = _forecast(env.current)
     rng = np.random.default_rng(90_000 + seed)
-    erring = drawn_errors(rng, np.zeros(2), np.full(2, SIDE), TRUTHS, ERROR, LENGTH)
+    erring = drawn_errors(rng, np.zeros(2), np.full(2, SIDE), TRUTHS)
 
     def truth(north: Array, east: Array) -> tuple[Array, Array]:
         u, v = forecast(north, east)
@@ -197,7 +191,7 @@ def main(legs: range) -> dict[str, Any]:
     if not available("feedback policy", ["hj_reachability"]):
         return {}
     rows = [row for seed in track(legs, "legs") for row in steered(seed)]
-    names = dict.fromkeys(row["by"] for row in rows)
-    means = [{"by": name} | _mean([row for row in rows if row["by"] == name]) for name in names]
-    show(f"{len(legs)} legs in {TRUTHS} true currents each", means, COLUMNS)
-    return {"means": means, "rows": rows}
+    names = "on_time", "lost", "ratio", "p90", "contacts", "made"
+    found = [{"by": by} | means(those, names) for by, those in grouped(rows, lambda row: [row["by"]]).items()]
+    show(f"{len(legs)} legs in {TRUTHS} true currents each", found, COLUMNS)
+    return {"means": found, "rows": rows}

@@ -11,6 +11,7 @@ import numpy as np
 import pyogrio.raw
 import rasterio
 import shapely
+import xarray as xr
 from pyproj import Proj, Transformer
 from rasterio.features import rasterize
 from rasterio.transform import Affine, from_bounds
@@ -20,8 +21,7 @@ from scipy.spatial import KDTree
 from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymetry, read_raster
 from auvplan.io.geo.grid import Extent
 from auvplan.site import Site
-from benchmarks import file_models
-from benchmarks.file_models import Prepared, copied
+from benchmarks.file_models import Prepared, copied, save
 from benchmarks.file_references import LENGTHS, Raw
 from benchmarks.harness import SHARED
 
@@ -235,7 +235,7 @@ def _gebco(folder: Path) -> Prepared:
         "lon": (("lon",), lon, {"units": "degrees_east"}),
         "lat": (("lat",), lat, {"units": "degrees_north"}),
     }
-    return [file_models.save(folder / "gebco.nc", fields)], {}
+    return [save(folder / "gebco.nc", xr.Dataset(fields))], {}
 
 
 def _geopackage(folder: Path) -> Prepared:

@@ -21,7 +21,7 @@ from scipy.spatial import KDTree
 from auvplan.errors import AuvplanError
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.site import Site
-from benchmarks.file_cases import CUTS, REAL, Currents, made
+from benchmarks.file_models import CUTS, REAL, Currents, made
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
 from benchmarks.harness import launch, machine, markdown

@@ -229,6 +229,11 @@ def figures(values: Sequence[float]) -> dict[str, float | None]:
     return {name: float(call(numbers)) if numbers.size else None for name, call in of.items()}
 
 
+def means(rows: Sequence[Mapping[str, Any]], names: Iterable[str]) -> dict[str, float]:
+    """Return the mean of some of the figures of rows."""
+    return {name: float(np.mean([row[name] for row in rows])) for name in names}
+
+
 def grouped(rows: Iterable[T], keys: Callable[[T], Iterable[Hashable]]) -> dict[Any, list[T]]:
     """Return the rows of each key, in the order in which keys are met; a row may have several."""
     groups: dict[Any, list[T]] = {}

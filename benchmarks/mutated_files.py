@@ -25,7 +25,7 @@ import xarray as xr
 from auvplan.errors import AuvplanError
 from auvplan.io.currents import open_ocean
 from benchmarks.apart import run_apart, within
-from benchmarks.file_cases import REAL, Currents
+from benchmarks.file_models import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
 from benchmarks.files import largest, places

@@ -20,7 +20,7 @@ from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.scenario.area import OperatingArea
-from benchmarks.harness import launch, show, track
+from benchmarks.harness import grouped, launch, means, show, track
 from benchmarks.promises import ocean
 
 #: What is made of a measured current.
@@ -71,14 +71,6 @@ def velocities(current: Current, places: np.ndarray, times: np.ndarray) -> np.nd
     return np.stack(evaluated(current, x, y, z, times), axis=1)
 
 
-def mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return means of missions."""
-    names = "rms", "priority", "tasks", "uploads"
-    means = {name: float(np.mean([row[name] for row in rows])) for name in names}
-    count = sum(row["in_time"] for row in rows)
-    return {"counted_on": rows[0]["counted_on"], "missions": len(rows), "in_time": count, **means}
-
-
 @launch(seeds=(range(1000, 1008), "departures"))
 def main(seeds: range) -> dict[str, Any]:
     """Measure, re-plan, execute; return the rows and their means."""
@@ -87,6 +79,9 @@ def main(seeds: range) -> dict[str, Any]:
         for seed in track(seeds, "departures"):
             context = ocean(seed, Path(folder))[0].context
             rows += [case(context.scenario, seed, how) for how in COUNTED_ON]
-    means = [mean([row for row in rows if row["counted_on"] == how]) for how in COUNTED_ON]
-    show("missions whose vehicle measures the current at every leg", means, COLUMNS)
-    return {"means": means, "missions": rows}
+    found = []
+    for how, those in grouped(rows, lambda row: [row["counted_on"]]).items():
+        counts = {"missions": len(those), "in_time": sum(row["in_time"] for row in those)}
+        found.append({"counted_on": how} | counts | means(those, ("rms", "priority", "tasks", "uploads")))
+    show("missions whose vehicle measures the current at every leg", found, COLUMNS)
+    return {"means": found, "missions": rows}

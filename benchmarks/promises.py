@@ -29,9 +29,8 @@ from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.executive.promise import plan_with_promise, planned_with, promise_of
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.vortices import LambVortices
-from auvplan.plot import style
 from auvplan.runtime import prng
-from benchmarks.harness import SCENARIOS, SHARED, launch, show, track
+from benchmarks.harness import SCENARIOS, SHARED, launch, means, show, track
 
 TRUTHS, TASK_ERROR = 1000, 0.1
 PROMISES = 0.8, 0.95, 0.99
@@ -39,7 +38,7 @@ FIXED = 0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.1, 0.2, 0.3, 0.4
 #: h, age of the forecast off Washington, and of its other members: lunar days and halves of them, so that
 #: tides are in phase.
 AGE, AGES = 24.84, (37.26, 49.68, 62.1, 74.52, 86.94, 99.36)
-#: m/s and m, of the error in the fjord.
+#: m/s and m, root mean square and length of the error in the fjord.
 ERROR, LENGTH = 0.1, 500.0
 #: m, steps that true tracks are followed in; of a leg there are so many at most.
 STEP, STEPS = 25.0, 120
@@ -48,9 +47,6 @@ RTOFS = SHARED / "currents" / "rtofs_water_u_v_washington_64x3h.nc"
 
 #: Velocity, m/s north and east [D], at a place, m, and D times, s.
 Truth = Callable[[float, float, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
-
-#: What is drawn.
-BOTH = "stated", "kept"
 
 KEPT = {
     "sea": "{sea}", "promise": "{asked}", "plans": "{plans}", "not kept": "{refused}",
@@ -97,11 +93,8 @@ def summary(sea: str, asked: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return means of the plans of one kind that keep what they promise by their own account."""
     those = [one for one in rows if one["sea"] == sea and one["asked"] == asked]
     good = [one for one in those if not one["refused"]] or those
-    means = {
-        name: float(np.mean([one[name] for one in good]))
-        for name in ("stated", "low", "high", "kept", "priority", "left")
-    }
-    return {"sea": sea, "asked": asked, "plans": len(those), "refused": len(those) - len(good), **means}
+    counts = {"sea": sea, "asked": asked, "plans": len(those), "refused": len(those) - len(good)}
+    return counts | means(good, ("stated", "low", "high", "kept", "priority", "left"))
 
 
 def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -223,11 +216,7 @@ def ocean(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
     mission = mission_of(scenario, seed)
     known = load_area_at(scenario, [0.0]).truth
     assert known is not None
-
-    def drawn(rng: np.random.Generator) -> Truth:
-        return partial(looked_up, known)
-
-    return mission, drawn
+    return mission, lambda rng: partial(looked_up, known)
 
 
 def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
@@ -240,7 +229,7 @@ def fjord(seed: int, folder: Path) -> tuple[Mission, Callable[[Any], Truth]]:
     known, (low, high) = mission.sea.forecast(), scenario.box
 
     def drawn(rng: np.random.Generator) -> Truth:
-        erring = drawn_errors(rng, np.asarray(low)[:2], np.asarray(high)[:2], TRUTHS, ERROR, LENGTH)
+        erring = drawn_errors(rng, np.asarray(low)[:2], np.asarray(high)[:2], TRUTHS)
 
         def truth(x: float, y: float, z: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             u, v = looked_up(known, x, y, z, t)
@@ -259,55 +248,32 @@ def looked_up(current: Any, x: float, y: float, z: float, t: np.ndarray) -> tupl
 
 
 def drawn_errors(
-    rng: np.random.Generator, low: np.ndarray, high: np.ndarray, count: int, error: float, length: float
+    rng: np.random.Generator, low: np.ndarray, high: np.ndarray, count: int
 ) -> Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]:
-    """Draw errors of a current, each a sum of Gaussian vortices in a box and about it.
+    """Draw D errors of a current, each a sum of Gaussian vortices in a box, and about it.
 
     Args:
-        rng: consumed.
         low, high: [2] m, north and east, corners of the box.
-        count: D errors.
-        error: m/s, root mean square of each component in the box.
-        length: m, of the vortices.
 
     Returns:
         Takes a place, m north and east, one or [D, 1] of them, and returns velocities [D] m/s.
     """
-    side = high - low + 4.0 * length
-    vortices = max(int(np.prod(side) / length**2), 4)
-    centers = low - 2.0 * length + rng.uniform(size=(count, vortices, 2)) * side
+    side = high - low + 4.0 * LENGTH
+    vortices = max(int(np.prod(side) / LENGTH**2), 4)
+    centers = low - 2.0 * LENGTH + rng.uniform(size=(count, vortices, 2)) * side
     strength = rng.standard_normal((count, vortices))
 
     def erring(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         north, east = x - centers[..., 0], y - centers[..., 1]
-        turn = strength * np.exp(-(north**2 + east**2) / (2.0 * length**2)) / length
+        turn = strength * np.exp(-(north**2 + east**2) / (2.0 * LENGTH**2)) / LENGTH
         return -(turn * east).sum(axis=-1), (turn * north).sum(axis=-1)
 
     squares = [np.mean(np.square(erring(*place))) for place in rng.uniform(low, high, (64, 2))]
-    strength *= error / math.sqrt(float(np.mean(squares)))
+    strength *= ERROR / math.sqrt(float(np.mean(squares)))
     return erring
 
 
 WORLDS = {"vortices": vortices, "ocean": ocean, "fjord": fjord}
-
-
-def draw(rows: list[dict[str, Any]], picture: Path) -> None:
-    """Draw what was promised against what was kept: plans, and their means in ten bins."""
-    figure = style.new_figure(6.0, 5.4)
-    axes = figure.subplots()
-    axes.plot([0, 100], [0, 100], color=style.GREY, lw=1.0, zorder=1)
-    colours = dict(zip(WORLDS, (style.BLUE, style.ORANGE, style.GREEN), strict=True))
-    for sea in dict.fromkeys(row["sea"] for row in rows):
-        stated, kept = (100.0 * np.asarray([row[of] for row in rows if row["sea"] == sea]) for of in BOTH)
-        axes.scatter(stated, kept, s=12, alpha=0.35, color=colours[sea], lw=0)
-        bins = np.clip(stated // 10.0, 0, 9)
-        means = [(stated[bins == k].mean(), kept[bins == k].mean()) for k in np.unique(bins)]
-        axes.plot(*np.transpose(means), "o-", color=colours[sea], label=sea, ms=5)
-    axes.set(xlabel="promised: home in time in drawn seas [%]", ylabel="kept in true seas [%]")
-    axes.set_aspect("equal")
-    axes.legend(frameon=False)
-    style.grid(axes)
-    figure.savefig(picture)
 
 
 @launch(
@@ -315,9 +281,8 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
     seeds=(range(20), "missions in each"),
     fixed=(False, "compare shares of the time that are kept back, too"),
     turning=(False, "compare plans with a rule for what is late, too"),
-    picture=(Path, "PNG of what was promised against what was kept"),
 )
-def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Path | None) -> dict[str, Any]:
+def main(seas: list[str], seeds: range, fixed: bool, turning: bool) -> dict[str, Any]:
     """Plan and follow; return the rows and their means."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -328,6 +293,4 @@ def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Pat
         summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
     ]
     show("plans of promises, and how many of the true seas they are home in time in", kept, KEPT)
-    if picture is not None:
-        draw(rows, picture)
     return {"promises": kept, "plans": rows}

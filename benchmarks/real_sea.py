@@ -16,15 +16,14 @@ import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.export import export_run
 from auvplan.io.example import write_example
-from benchmarks.harness import SHARED as DATA
-from benchmarks.harness import clock, launch
+from benchmarks.harness import SHARED, clock, launch
 
 
 def fjord() -> str:
     """One leg around an islet at each hour of a day."""
     site = ap.Site(5.67686, 59.03289)
     lower, upper = (-460.0, -350.0, 0.0), (770.0, 480.0, 20.0)
-    file = DATA / "currents" / "norfjords160_roms_native_24h.nc"
+    file = SHARED / "currents" / "norfjords160_roms_native_24h.nc"
     seconds, read = clock(lambda: ap.read_current(file, site, lower=lower, upper=upper, spacing=40.0))
     corner = (read.origin[0] - 0.5 * read.spacing[0], read.origin[1] - 0.5 * read.spacing[1])
     chart = ap.Chart.from_mask(read.water, float(np.mean(read.spacing)), corner)
@@ -44,7 +43,7 @@ def fjord() -> str:
 
 def islands(folder: Path) -> Iterator[str]:
     write_example(folder)
-    chart = (DATA / "maps" / "whitsunday_hamilton_dent_rgb.tif").resolve()
+    chart = (SHARED / "maps" / "whitsunday_hamilton_dent_rgb.tif").resolve()
     jobs = json.loads((folder / "jobs.geojson").read_text())
     south = [np.reshape(job["geometry"]["coordinates"], (-1, 2))[:, 1].min() for job in jobs["features"]]
     on_chart = zip(jobs["features"], south, strict=True)
@@ -75,8 +74,8 @@ def islands(folder: Path) -> Iterator[str]:
 
 @launch()
 def main() -> None:
-    if not DATA.is_dir():
-        raise SystemExit(f"{DATA}: no such folder")
+    if not SHARED.is_dir():
+        raise SystemExit(f"{SHARED}: no such folder")
     print(fjord(), flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for line in islands(Path(folder)):

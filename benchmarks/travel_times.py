@@ -6,7 +6,7 @@ task.
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 from unittest.mock import patch
 
 import jax
@@ -17,9 +17,7 @@ import auvplan as ap
 from auvplan.executive import path_calls, seed_keys
 from auvplan.io.area import load_area
 from auvplan.mission.travel_times import TravelTimeConfig, Trips, travel_times
-from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
-from auvplan.records import LegRecord
 from benchmarks.harness import clock, launch, show
 
 LEVELS = {
@@ -35,20 +33,13 @@ COLUMNS = {
 }  # fmt: skip
 
 
-class Planned(NamedTuple):
-    """A leg as it was planned at its start."""
+def executed_legs(count: int) -> list[tuple[Any, ...]]:
+    """Simulate missions and note every leg as it was planned at its start.
 
-    record: LegRecord
-    start: np.ndarray
-    goal: np.ndarray
-    depart: float
-    stated: LambVortices
-    t_plan: float
-
-
-def executed_legs(count: int) -> list[Planned]:
-    """Simulate missions and note the forecast at the start of every leg."""
-    planned: dict[int, Planned] = {}
+    Returns:
+        ``(record, start [3] m, goal [3] m, departure s, forecast, travel time s)`` of legs that arrived.
+    """
+    planned: dict[int, tuple[Any, ...]] = {}
     call = path_calls._call
 
     def noting(missions, env, keys, cold):
@@ -58,12 +49,12 @@ def executed_legs(count: int) -> list[Planned]:
             if not leg.stretches and id(leg.record) not in planned and plans[row].feasible:
                 stated = jax.tree.map(lambda a, row=row: np.asarray(a[row]), env.current)
                 now, seconds = mission.now, float(plans[row].travel_time)
-                planned[id(leg.record)] = Planned(leg.record, leg.origin, leg.target, now, stated, seconds)
+                planned[id(leg.record)] = leg.record, leg.origin, leg.target, now, stated, seconds
         return plans
 
     with patch.object(path_calls, "_call", noting):
         ap.run_missions(ap.load_scenario("whitsunday"), keys=seed_keys(range(count)))
-    return [leg for leg in planned.values() if leg.record.arrived]
+    return [leg for leg in planned.values() if leg[0].arrived]
 
 
 def row(what: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarray, cost: float) -> dict:

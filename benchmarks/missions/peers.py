@@ -10,20 +10,15 @@ import numpy as np
 
 from auvplan.mission import time_to_go
 from auvplan.mission.bound import common_step, edges_in_time, upper_bound
-from auvplan.mission.exact import ExactRoute, PathModel, in_ticks, solve_exact
+from auvplan.mission.exact import PathModel, in_ticks, solve_exact
 from benchmarks.missions.sets import Case
-
-
-def cp_sat(case: Case, time_limit: float) -> ExactRoute:
-    """The exact search with one thread."""
-    return solve_exact(*case.searched, time_limit=time_limit)
 
 
 def reference(case: Case, time_limit: float) -> tuple[float, bool]:
     """Most total priority and whether it is proved; else, and without OR-Tools, the least upper bound."""
     bound = upper_bound(*case.searched)
     try:
-        route = cp_sat(case, time_limit)
+        route = solve_exact(*case.searched, time_limit=time_limit)
     except ImportError:
         return bound, False
     return (route.priority, True) if route.proved else (min(bound, route.bound), False)

@@ -3,8 +3,9 @@
 import gzip
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import jax
@@ -68,23 +69,16 @@ def timed_graph(
     return graph.with_timetable(Timetable(departures, travel, opens[..., None], closes[..., None]))
 
 
-def shared_cases() -> list[Case]:
-    """Task graphs and orienteering sets of the shared data; none where they are absent."""
-    return [*_task_graphs(), *_orienteering()]
-
-
-def generated_cases(sizes: Iterable[int] = (40, 100), count: int = 3) -> list[Case]:
+def generated() -> Iterator[Case]:
     """Graphs of `random_graph` in a box of 10 km by 10 km by 100 m, four hours at 2.5 m/s."""
-    cases = []
-    for size in sizes:
-        for seed in range(count):
-            rng = np.random.default_rng(seed)
-            graph = random_graph(rng, rng.uniform(0.0, 10_000.0, (size, 3)) * [1.0, 1.0, 0.01])
-            cases.append(Case(f"random{size}-s{seed}", f"random{size}", graph, 0, size - 1, 14_400.0, 2.5))
-    return cases
+    for size, seed in product((40, 100), range(3)):
+        rng = np.random.default_rng(seed)
+        graph = random_graph(rng, rng.uniform(0.0, 10_000.0, (size, 3)) * [1.0, 1.0, 0.01])
+        yield Case(f"random{size}-s{seed}", f"random{size}", graph, 0, size - 1, 14_400.0, 2.5)
 
 
-def _task_graphs() -> list[Case]:
+def task_graphs() -> list[Case]:
+    """Graphs of the shared data with proven optima; none where they are absent."""
     path = SHARED / "missions" / "graphs.json.gz"
     if not path.exists():
         return []
@@ -106,12 +100,12 @@ def _task_graphs() -> list[Case]:
     return sorted(cases, key=lambda case: (case.graph.size, case.name))
 
 
-def _orienteering() -> list[Case]:
+def orienteering() -> Iterator[Case]:
+    """Orienteering sets of the shared data; none where they are absent."""
     folder = SHARED / "orienteering"
     if not folder.exists():
-        return []
+        return
     optima = json.loads((folder / "optimal.json").read_text())
-    cases = []
     for family, pattern, key in (
         ("Tsiligirides 1", "Tsiligirides_1/*.txt", "tsiligirides_problem_1"),
         ("Chao 64", "ChaoSet_64/*.txt", "set_64_1"),
@@ -127,5 +121,4 @@ def _orienteering() -> list[Case]:
             graph = MissionGraph(places, others, priority, np.zeros((size, size)))
             optimum = float(optima[key][str(number)])
             name = f"{family} T={budget:g}"
-            cases.append(Case(name, family, graph, 0, 1, budget, 1.0, optimum, prizes))
-    return cases
+            yield Case(name, family, graph, 0, 1, budget, 1.0, optimum, prizes)

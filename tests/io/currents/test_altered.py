@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.file_cases import Currents
-from benchmarks.file_models import regular_file
+from benchmarks.file_models import Currents, regular_file
 from benchmarks.file_references import grid
 from benchmarks.mutated_files import current, netcdf, outcome
 

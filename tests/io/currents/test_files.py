@@ -14,8 +14,7 @@ import xarray as xr
 from auvplan.io.currents import open_ocean, read_current, to_cf
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
-from benchmarks import file_models
-from benchmarks.file_cases import CUTS, REAL
+from benchmarks.file_models import CUTS, MADE, REAL
 from benchmarks.files import at_nodes, between, farthest, inside, on_local_grid
 from tests.io.refusals import refusal
 
@@ -24,7 +23,7 @@ KINDS = (
     "triangles", "roms", "triangles", "regular", "regular", "curvilinear", "roms",
 )  # fmt: skip
 CASES = {case.name: (case, kind) for case, kind in zip([*REAL, *CUTS], KINDS, strict=True)}
-MADE = {f"{model}: {name}": maker for name, model, maker in file_models.MADE}
+OF_MODELS = {f"{model}: {name}": maker for name, model, maker in MADE}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -51,10 +50,10 @@ def test_the_current_is_that_of_the_file_at_its_own_points(shared, tmp_path, nam
         assert np.isnan(found[0]).all()
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", OF_MODELS)
 def test_the_current_is_the_models_and_so_is_its_form(tmp_path, name):
     """At points, between them and inside cells; what is indexed of the form is that part of all of it."""
-    paths, options, table = MADE[name](tmp_path)
+    paths, options, table = OF_MODELS[name](tmp_path)
     rng = np.random.default_rng(0)
     asked = [one for places in (at_nodes, between, inside) for one in islice(places(table, rng), 40)]
     with open_ocean(paths, **options) as ocean:
@@ -70,14 +69,14 @@ def test_the_current_is_the_models_and_so_is_its_form(tmp_path, name):
         assert farthest(again, iter(asked)) < 2e-6
 
 
-_LOCAL = [name for name in MADE if name.split(":")[0] in ("MOM6", "SCHISM", "POP", "FVCOM")]
+_LOCAL = [name for name in OF_MODELS if name.split(":")[0] in ("MOM6", "SCHISM", "POP", "FVCOM")]
 
 
 @pytest.mark.parametrize("name", [*_LOCAL, *(case.name for case in REAL[:2])])
 def test_the_planners_grid_has_the_current_of_the_file(request, tmp_path, name):
     """Turned into the local frame, and in single precision."""
-    if name in MADE:
-        paths, options, table = MADE[name](tmp_path)
+    if name in OF_MODELS:
+        paths, options, table = OF_MODELS[name](tmp_path)
     else:
         request.getfixturevalue("shared")
         paths, options = CASES[name][0].prepare(tmp_path)
