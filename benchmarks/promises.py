@@ -80,7 +80,7 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool, turning: bool) -> Iter
 
 def row(sea: str, seed: int, asked: str, run: Any, promise: Any, truth: Truth, rng: Any) -> dict[str, Any]:
     """Return figures of a plan, and how it goes in the true seas."""
-    ends, won = follow(run, truth, rng)
+    ends, won = follow(run, promise.turns, truth, rng)
     home = ends <= run.t_available
     return {
         "sea": sea, "seed": seed, "asked": asked, "refused": not promise.kept, "stated": promise.share,
@@ -97,8 +97,8 @@ def summary(sea: str, asked: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     return counts | means(good, ("stated", "low", "high", "kept", "priority", "left"))
 
 
-def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Follow a plan in D true seas; the vehicle crabs to hold its track, and leaves out what its rule says.
+def follow(run: Any, turns: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Follow a plan in D true seas; the vehicle crabs to hold its track, and turns where it is too late.
 
     Returns:
         ``(end [D] s, priority [D])``.
@@ -111,7 +111,7 @@ def follow(run: Any, truth: Truth, rng: np.random.Generator) -> tuple[np.ndarray
 
     for number, leg in enumerate(run.done):
         going = there == number
-        otherwise = [turn for turn in run.promise.turns if turn.leg == number - 1]
+        otherwise = [turn for turn in turns if turn.leg == number - 1]
         for turn in sorted(otherwise, key=lambda turn: -turn.latest):
             late = going & (now > turn.latest)
             going &= ~late

@@ -18,7 +18,6 @@ from benchmarks.paths.depths import DEPTH_FAMILIES, have_levels, posed
 from benchmarks.paths.gaps import Run, beside, plan_one, show_gaps, summed
 from benchmarks.paths.problems import PRESETS, PathProblem, have_charts
 from benchmarks.paths.references import STORED, STORED_DEEP, Reference, reference_of
-from benchmarks.paths.ruler import World
 from benchmarks.paths.waters import FAMILIES, KINDS
 
 #: Problems after which programs are forgotten: they differ by problem, and hundreds fill a run's memory.
@@ -51,13 +50,10 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
     """
     runs, replaced = [], set()
     for number, (problem, reference) in enumerate(track(cases, "plans"), 1):
-        world, own = World.of(problem), []
-        known = None if reference is None else reference.travel_time
-        error = None if reference is None else reference.error
-        for preset in presets:
-            own += [run | {"error": error} for run in plan_one(problem, preset, known, world)]
+        own = plan_one(problem, presets, reference)
+        known = np.inf if reference is None else reference.travel_time or np.inf
         quickest = min((run["travel_time"] for run in own if run["feasible"]), default=np.inf)
-        if problem.family in WITH_WAY and quickest < (np.inf if known is None else known):
+        if problem.family in WITH_WAY and quickest < known:
             replaced.add(problem.name)
             own = [beside(run, quickest) for run in own]
         runs += own

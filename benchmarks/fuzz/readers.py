@@ -54,25 +54,22 @@ _CURRENTS = (
 )  # fmt: skip
 
 
+@dataclass(frozen=True)
 class Files:
-    """A folder of real files.
+    """A folder of real files."""
 
-    Args:
-        files: by name a text, a path - of the sources or the shared data where it is relative -, or a call
-            that writes it; the name "." stands for the folder.
-        main: what the reader is given; the first file if empty.
-        changed: patterns of the files that are changed, one at a time; the main one alone if empty.
-    """
-
-    def __init__(self, files: Mapping[str, Any], main: str = "", changed: tuple[str, ...] = ()) -> None:
-        self._files, self._main = files, main or next(iter(files))
-        self._changed = changed or (self._main,)
+    # by name a text, a path - of the sources or the shared data where it is relative -, or a call that writes
+    # it; the name "." stands for the folder
+    files: Mapping[str, Any]
+    main: str = ""  # what the reader is given; the first file if empty
+    changed: tuple[str, ...] = ()  # patterns of files that are changed, one at a time; the main one if empty
 
     def write(self, folder: Path, sources: Path) -> "Seed | None":
         """Write them; None where what they come from is not there."""
         folder.mkdir(parents=True)
+        main = self.main or next(iter(self.files))
         try:
-            for name, content in self._files.items():
+            for name, content in self.files.items():
                 path = folder / name
                 if isinstance(content, str):
                     path.write_text(content, encoding="utf-8")
@@ -85,8 +82,9 @@ class Files:
         except (FileNotFoundError, ModuleNotFoundError):
             shutil.rmtree(folder)
             return None
-        found = [path for pattern in self._changed for path in sorted(folder.glob(pattern)) if path.is_file()]
-        return Seed(folder.name, self._main, tuple(str(path.relative_to(folder)) for path in found))
+        changed = [path for pattern in self.changed or (main,) for path in sorted(folder.glob(pattern))]
+        targets = tuple(str(path.relative_to(folder)) for path in changed if path.is_file())
+        return Seed(folder.name, main, targets)
 
 
 @dataclass(frozen=True)
@@ -121,8 +119,10 @@ def write_sources(folder: Path, planned: bool = True) -> None:
     write_example(folder / "example")
     write_example_of_times(folder / "times")
     sample = make_run()
-    sample.scenario, sample.names = _scenario(site=_SITE), ["alpha", "bravo", "charlie", "delta"]
-    sample.site = ap.Site(*_SITE.values(), None, (5000.0, 3000.0))
+    place = {"longitude": 148.96, "latitude": -20.34}
+    sample.scenario = ap.Scenario.model_validate({"site": place}).model_dump(mode="json")
+    sample.names = ["alpha", "bravo", "charlie", "delta"]
+    sample.site = ap.Site(*place.values(), None, (5000.0, 3000.0))
     sample.seabed = ap.Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
     ap.save_run(sample, folder / "sample")
     # Exports need what a file keeps of the run.
@@ -134,13 +134,6 @@ def write_sources(folder: Path, planned: bool = True) -> None:
         words = ["plan", str(scenario), "--out", str(out), "--pictures", "none", "--quiet"]
         subprocess.run([*AUVPLAN, *words], check=True)
         ap.export_run(restore_run(out), folder / "exports")
-
-
-_SITE = {"longitude": 148.96, "latitude": -20.34}
-
-
-def _scenario(**sections: Any) -> dict[str, Any]:
-    return ap.Scenario.model_validate(sections).model_dump(mode="json")
 
 
 @cache
@@ -155,9 +148,9 @@ def _site() -> ap.Site:
     return site.site
 
 
-def _box() -> dict[str, Any]:
-    lower, upper = (np.asarray(corner, float) for corner in _sea().box)
-    return {"lower": lower[:2], "upper": upper[:2], "pixel_size": 20.0}
+def _box(pixel_size: float | None = 20.0) -> Extent:
+    lower, upper = (np.asarray(corner, float)[:2] for corner in _sea().box)
+    return Extent(lower, upper, pixel_size)
 
 
 def _zipped(path: Path) -> None:
@@ -204,7 +197,7 @@ def _geotiff(values: np.ndarray, **more: Any) -> Callable[[Path], object]:
 def _read_tiff(path: Path) -> object:
     classes = {0: 0.0, 1: 1.0} if path.parent.name == "classes" else None
     geo.pixel_size(path)
-    return chart_from_raster(path, _site(), Extent(**_box()), classes=classes)
+    return chart_from_raster(path, _site(), _box(), classes=classes)
 
 
 def _write_vectors(path: Path) -> None:
@@ -234,12 +227,6 @@ def _write_cell(path: Path) -> None:
         Object("UWTROC", shapely.Point(148.97, -20.35), {"WATLEV": 3}),
         Object("RESARE", shapely.box(149.0, -20.3, 149.02, -20.28), {"RESTRN": 7}),
     ])  # fmt: skip
-
-
-def _read_closed(path: Path) -> object:
-    box = _box()
-    zones = read_zones(path, _site(), Extent(lower=box["lower"], upper=box["upper"]))
-    return closures_of(zones, _site(), Extent(**box), margin=60.0, until=10_800.0)
 
 
 def _read_currents(path: Path) -> object:
@@ -318,29 +305,32 @@ READERS: dict[str, Reader] = {
     "jobs, PLAN": Reader(_read_jobs, _jobs("plan", SAMPLES / "jobs.plan")),
     "jobs, KMZ": Reader(_read_jobs, {"zip": Files({"jobs.kmz": _zipped})}),
     "closed areas": Reader(
-        _read_closed, _each("no_go.geojson", {"0": _EXAMPLE / "no_go.geojson", "1": _TIMES / "no_go.geojson"})
+        lambda path: closures_of(
+            read_zones(path, _site(), _box(None)), _site(), _box(), margin=60.0, until=10_800.0
+        ),
+        _each("no_go.geojson", {"0": _EXAMPLE / "no_go.geojson", "1": _TIMES / "no_go.geojson"})
     ),
     "obstacles": Reader(
         lambda path: geo.read_obstacles(path, _site()),
         _each("obstacles.geojson", {"0": _EXAMPLE / "obstacles.geojson"}),
     ),
-    "land": Reader(lambda path: chart_from_polygons(path, _site(), Extent(**_box()), fringe=60.0), {
+    "land": Reader(lambda path: chart_from_polygons(path, _site(), _box(), fringe=60.0), {
         "0": Files({"land.geojson": DATA / "whitsunday_coast.geojson"}),
         "1": Files({"land.geojson": Path("elsewhere/natural_earth_110m_land.geojson")}),
         **{kind: Files({f"land.{kind}": _write_vectors}, changed=("*",)) for kind in ("gpkg", "shp", "fgb")},
     }),
     "chart, S-57": Reader(
-        lambda path: read_cells(path, _site(), Extent(**_box()), deepest=40.0),
+        lambda path: read_cells(path, _site(), _box(), deepest=40.0),
         {"cell": Files(dict.fromkeys(("AU5WHIT1.000", "AU5WHIT1.001"), _write_cell), changed=("*",))},
     ),
-    "chart, PNG": Reader(lambda path: chart_from_raster(path, _site(), Extent(**_box())), _PICTURES),
+    "chart, PNG": Reader(lambda path: chart_from_raster(path, _site(), _box()), _PICTURES),
     "chart, GeoTIFF": Reader(_read_tiff, {
         "colour": Files({"chart.tif": _geotiff(_picture())}),
         "classes": Files({"chart.tif": _geotiff((_picture()[..., 0] < 80).astype(np.uint8))}),
     }),
     "picture": Reader(classify_file, _PICTURES),
     "bathymetry": Reader(
-        lambda path: geo.read_bathymetry(path, _site(), Extent(**_box())),
+        lambda path: geo.read_bathymetry(path, _site(), _box()),
         _each("bed.nc", {"0": Path("example/bathymetry.nc"), "1": Path("elsewhere/etopo60_rose.nc")})
         | {"tiff": Files({"bed.tif": _geotiff(_BED, band={"units": "m"})})},
     ),

@@ -159,11 +159,7 @@ class _Leg:
 
 
 def depth_problem(family: str, seed: int) -> PathProblem:
-    """Make a problem; the same one for the same family and seed.
-
-    Raises:
-        FileNotFoundError: the family is "file" and the shared data are absent.
-    """
+    """Make a problem; the same one for the same family and seed."""
     rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
     pitch = PITCH if seed % 2 == 0 else None
     while True:
@@ -383,8 +379,6 @@ def _model(source: _Source) -> tuple[Current, ap.Seabed | None]:
 
 def _file(rng: Rng) -> PathProblem | None:
     """A leg in a model's currents: a fjord by the hour, a shelf, and two shallow seas."""
-    if not have_levels():
-        raise FileNotFoundError(f"the shared currents with levels are not in {SHARED}")
     source = _SOURCES[rng.choice(len(_SOURCES), p=[source.weight for source in _SOURCES])]
     current, seabed = _model(source)
     half = np.asarray(source.half, float)

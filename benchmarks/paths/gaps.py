@@ -10,7 +10,7 @@ import numpy as np
 import auvplan as ap
 from benchmarks.harness import clock, figures, grouped, show, track
 from benchmarks.paths.problems import PRESETS, PathProblem
-from benchmarks.paths.references import STORED_PATHS, reference_of
+from benchmarks.paths.references import STORED_PATHS, Reference, reference_of
 from benchmarks.paths.ruler import World, evaluate
 
 
@@ -40,22 +40,24 @@ Run = dict[str, Any]
 
 
 def plan_one(
-    problem: PathProblem, preset: str, reference: float | None, world: World, seeds: Iterable[int] = (0,)
+    problem: PathProblem, presets: Sequence[str], reference: Reference | None, seeds: Iterable[int] = (0,)
 ) -> list[Run]:
-    """Plan a problem from some seeds, after a plan that compiles what is not compiled yet."""
-    config = {**PRESETS, **VARIANTS}[preset]()
-    first, _ = clock(lambda: problem.plan(jax.random.key(10_000), config))
-    runs = []
-    for seed in seeds:
-        seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
-        score = evaluate(problem, made.positions, world)
-        run = {
-            "problem": problem.name, "family": problem.family, "preset": preset, "seed": seed,
-            "travel_time": score.travel_time if np.isfinite(score.travel_time) else None,
-            "claimed": made.feasible, "feasible": score.feasible, "status": made.status.name,
-            "seconds": seconds, "compile_seconds": max(first - seconds, 0.0),
-        }  # fmt: skip
-        runs.append(beside(run, reference))
+    """Plan a problem with each preset from some seeds, after a plan that compiles what it needs."""
+    runs, world = [], World.of(problem)
+    for preset in presets:
+        config = {**PRESETS, **VARIANTS}[preset]()
+        first, _ = clock(partial(problem.plan, jax.random.key(10_000), config))
+        for seed in seeds:
+            seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
+            score = evaluate(problem, made.positions, world)
+            run = {
+                "problem": problem.name, "family": problem.family, "preset": preset, "seed": seed,
+                "travel_time": score.travel_time if np.isfinite(score.travel_time) else None,
+                "claimed": made.feasible, "feasible": score.feasible, "status": made.status.name,
+                "seconds": seconds, "compile_seconds": max(first - seconds, 0.0),
+                "error": reference and reference.error,
+            }  # fmt: skip
+            runs.append(beside(run, reference and reference.travel_time))
     return runs
 
 
@@ -97,7 +99,5 @@ def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
 def plan_all(problems: Sequence[PathProblem], presets: Sequence[str], seeds: int) -> list[Run]:
     runs = []
     for problem in track(sorted(problems, key=lambda problem: problem.family), "plans"):
-        world, reference = World.of(problem), reference_of(problem, STORED_PATHS).travel_time
-        for preset in presets:
-            runs += plan_one(problem, preset, reference, world, range(seeds))
+        runs += plan_one(problem, presets, reference_of(problem, STORED_PATHS), range(seeds))
     return runs

@@ -71,9 +71,9 @@ class PathProblem:
 # The papers' x is east and their y north; here x is north and y east, so both pairs change places.
 
 
-def path_problems(count: int = 24) -> list[PathProblem]:
-    """All problems: those of the literature and `count` random ones, as far as charts are found."""
-    return literature() + random_problems(count)
+def path_problems() -> list[PathProblem]:
+    """All problems: those of the literature and random ones, as far as charts are found."""
+    return literature() + random_problems()
 
 
 def circular(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
@@ -137,16 +137,16 @@ def unlimited_vehicle(speed: float) -> ap.Vehicle:
     return ap.Vehicle(speed, **limits, pitch_max=None)
 
 
-def random_problems(count: int = 24, seed: int = 0) -> list[PathProblem]:
-    """Every other problem in open water, the others on real coast; none of these where there are no charts.
+def random_problems() -> list[PathProblem]:
+    """24 problems, every other one in open water, the others on real coast as far as there are charts.
 
     6 to 15 Lamb vortices whose fastest water moves at 0.2 to 0.9 of the vehicle's 2.5 m/s, 4 to 15 static
     obstacles of 40 to 480 m, most of them near the straight line. A clear way of at most `LONGEST` times the
     straight line always exists.
     """
     problems = []
-    for k in range(count):
-        rng, number = np.random.default_rng([seed, k]), k // 2
+    for k in range(24):
+        rng, number = np.random.default_rng([0, k]), k // 2
         if k % 2 == 0:
             problems.append(_random_problem(rng, f"open-{number:02d}", "open water"))
         elif have_charts():

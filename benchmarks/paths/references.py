@@ -182,9 +182,8 @@ def stored_reference(problem: PathProblem, entries: dict[str, dict[str, Any]]) -
     entry = entries.get(problem.name)
     if entry is None or abs(entry["distance"] / problem.distance - 1.0) > 1e-5:
         return None
-    stated = (entry.get(name) for name in ("travel_time", "error", "positions", "seconds", "plane"))
-    time_found, error, positions, seconds, plane = stated
-    return Reference(time_found, error, np.asarray(positions, float), seconds, plane)
+    stated = {name: entry.get(name) for name in ("travel_time", "error", "seconds", "plane")}
+    return Reference(**stated, positions=np.asarray(entry["positions"], float))
 
 
 def store(problem: PathProblem, reference: Reference, path: Path) -> None:
