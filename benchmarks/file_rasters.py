@@ -38,9 +38,9 @@ class Box:
     pixel: float
 
     @property
-    def corners(self) -> dict[str, tuple[float, float]]:
+    def extent(self) -> Extent:
         north, east = self.half
-        return {"lower": (-north, -east), "upper": (north, east)}
+        return Extent((-north, -east), (north, east), self.pixel)
 
     @property
     def local(self) -> Proj:
@@ -66,6 +66,7 @@ class Rasters:
     read: Callable[[Path], np.ndarray]  # what auvplan makes of it, [n, m] or [n, m, 3]
     expect: Callable[[Path], np.ndarray]  # what other libraries find there
     exact: float = 1e-3  # largest difference, in the values' unit, that is none
+    variables: tuple[str, ...] = ()  # of NetCDF that mutations look at, as of `Currents`
 
     def equal(self, found: np.ndarray, expected: np.ndarray) -> float:
         """Share of the pixels that are the same."""
@@ -152,11 +153,6 @@ def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = No
     return bilinear(z, *at)
 
 
-def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
-    extent = Extent(**box.corners, pixel_size=box.pixel)
-    return read_bathymetry(path, box.site, extent, keep_shoals=False, **options).depth
-
-
 def tiff_classes(path: Path, box: Box) -> np.ndarray:
     """Passability of the nearest pixel of a raster of classes."""
     values, *at = _tiff(path, box)
@@ -176,14 +172,12 @@ def picture(path: Path, crs: int | None = None) -> np.ndarray:
 
 
 def classes(path: Path, box: Box) -> np.ndarray:
-    chart = chart_from_raster(path, box.site, Extent(**box.corners, pixel_size=box.pixel), classes=CLASSES)
-    return np.asarray(chart.passability)
+    return np.asarray(chart_from_raster(path, box.site, box.extent, classes=CLASSES).passability)
 
 
 def land(path: Path, box: Box) -> np.ndarray:
     """0 for land, 1 for water, as auvplan reads it."""
-    chart = chart_from_polygons(path, box.site, Extent(**box.corners, pixel_size=box.pixel))
-    return np.asarray(chart.passability)
+    return np.asarray(chart_from_polygons(path, box.site, box.extent).passability)
 
 
 def rasterized(path: Path, box: Box) -> np.ndarray:
@@ -196,10 +190,9 @@ def rasterized(path: Path, box: Box) -> np.ndarray:
         turn = Transformer.from_crs(meta["crs"], 4326, always_xy=True)
         shapes = shapely.transform(shapely.from_wkb(wkb), lambda p: np.stack(turn.transform(*p.T), axis=1))
     local = box.local
-    window = shapely.box(
-        box.site.longitude - 3, box.site.latitude - 3, box.site.longitude + 3, box.site.latitude + 3
-    )
-    shapes = [shape for shape in shapes if shape.intersects(window)]
+    x, y = box.site.longitude, box.site.latitude
+    near = shapely.box(x - 3, y - 3, x + 3, y + 3)
+    shapes = [shape for shape in shapes if shape.intersects(near)]
     shapes = shapely.segmentize(np.asarray(shapes, object), 0.01)  # edges are straight in degrees
     shapes = shapely.transform(shapes, lambda p: np.stack(local(*p.T), axis=1))
     north, east = (int(np.ceil(2 * side / box.pixel - 1e-6)) for side in box.half)
@@ -271,10 +264,13 @@ _WORLD = Box(Site(10.5, 42.2), (90_000.0, 90_000.0), 1000.0)
 
 
 def _floor(
-    name: str, origin: str, prepare: Any, box: Box, expect: Any, exact: float = 1e-2, **options: Any
-) -> Rasters:
-    read = partial(bed, box=box, **options)
-    return Rasters(name, "sea bed", origin, prepare, read, lambda path: expect(path, box), exact)
+    name: str, origin: str, prepare: Any, box: Box, expect: Any, exact: float = 1e-2,
+    variables: tuple[str, ...] = (), **options: Any,
+) -> Rasters:  # fmt: skip
+    def read(path: Path) -> np.ndarray:
+        return read_bathymetry(path, box.site, box.extent, keep_shoals=False, **options).depth
+
+    return Rasters(name, "sea bed", origin, prepare, read, lambda path: expect(path, box), exact, variables)
 
 
 def _real(kind: str, name: str, read: Any, expect: Any) -> Rasters:
@@ -284,13 +280,16 @@ def _real(kind: str, name: str, read: Any, expect: Any) -> Rasters:
 RASTERS = (
     _floor("oban_gebco2020.tif", "real", copied("bathymetry/oban_gebco2020.tif"), _OBAN, tiff_depth),
     _floor("etopo60_rose.nc", "real", copied("elsewhere/etopo60_rose.nc"), _ROSE,
-           lambda p, b: axes_depth(p, ("ROSE", "ETOPO60X", "ETOPO60Y"), b, -1.0)),
+           lambda p, b: axes_depth(p, ("ROSE", "ETOPO60X", "ETOPO60Y"), b, -1.0),
+           variables=("ROSE", "ROSE", "ETOPO60X", "ETOPO60Y")),
     _floor("norfjords160_roms_native_24h.nc, h", "real", copied("currents/norfjords160_roms_native_24h.nc"),
-           _FJORD, lambda p, b: grid_depth(p, ("h", "lon_rho", "lat_rho"), b, "mask_rho"), 0.05),
+           _FJORD, lambda p, b: grid_depth(p, ("h", "lon_rho", "lat_rho"), b, "mask_rho"), 0.05,
+           ("h", "h", "lon_rho", "lat_rho")),
     _floor("norkyst_v3_800m_5h.nc, h", "real", copied("currents/norkyst_v3_800m_5h.nc"), _NORKYST,
-           lambda p, b: grid_depth(p, ("h", "lon", "lat"), b), 0.05),
+           lambda p, b: grid_depth(p, ("h", "lon", "lat"), b), 0.05, ("h", "h", "lon", "lat")),
     _floor("arctic20_polar_stereographic.nc, h", "real", copied("elsewhere/arctic20_polar_stereographic.nc"),
-           _ARCTIC, lambda p, b: grid_depth(p, ("h", "longitude", "latitude"), b), 1.0),
+           _ARCTIC, lambda p, b: grid_depth(p, ("h", "longitude", "latitude"), b), 1.0,
+           ("h", "h", "longitude", "latitude")),
     _floor("UTM GeoTIFF, packed in decimetres", "made", _utm_floor, _UTM, tiff_depth, positive="up"),
     _floor("GEBCO NetCDF across Greenwich, 0 to 360", "made", _gebco, _GREENWICH,
            lambda p, b: axes_depth(p, ("elevation", "lon", "lat"), b, -1.0)),

@@ -57,15 +57,11 @@ class Table:
         order = known[np.argsort(depth[known], kind="stable")]
         return depth[order], east[order], north[order]
 
-    def at_depth(self, frame: int, point: int, depth: float) -> np.ndarray:
-        """[2] m/s at a depth of a column: linear between levels, the first above; NaN below the deepest."""
-        levels, east, north = self.column(frame, point)
-        if not len(levels) or depth > levels[-1] + 1e-9:
-            return np.full(2, np.nan)
-        return np.array([np.interp(depth, levels, part) for part in (east, north)])
-
     def at(self, corners: Sequence[int], shares: Sequence[float], depth: float, second: float) -> np.ndarray:
-        """[2] m/s of a mixture of columns at a moment; NaN where one of them has no value."""
+        """[2] m/s of a mixture of columns at a moment, linear between levels.
+
+        The first level holds above; NaN where a column has none, and below its deepest.
+        """
         after = int(np.searchsorted(self.times, second))
         if after < len(self.times) and self.times[after] == second:
             frames: list[tuple[int, float]] = [(after, 1.0)]
@@ -76,7 +72,10 @@ class Table:
         for frame, weight in frames:
             for point, part in zip(corners, shares, strict=True):
                 if part > 0.0:
-                    total += weight * part * self.at_depth(frame, int(point), depth)
+                    levels, *current = self.column(frame, int(point))
+                    if not len(levels) or depth > levels[-1] + 1e-9:
+                        return np.full(2, np.nan)
+                    total += [weight * part * np.interp(depth, levels, axis) for axis in current]
         return total
 
     def mixture(self, longitude: float, latitude: float) -> tuple[list[int], list[float]] | None:
@@ -286,12 +285,9 @@ def halves(count_y: int, count_x: int) -> np.ndarray:
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
-Angle = Callable[[Raw, np.ndarray, np.ndarray], Any]
-
-
 def grid(
     paths: Sequence[Path], names: Sequence[str], *, depth: str | None = "depth", floor: str | None = None,
-    angle: Angle | None = None, renamed: Mapping[str, str] | None = None,
+    angle: Callable[..., np.ndarray] | None = None, renamed: Mapping[str, str] | None = None,
 ) -> Table:  # fmt: skip
     """A grid with both components at its points; names: east, north, longitude, latitude, time."""
     with Raw(*paths, names=renamed) as raw:
@@ -316,7 +312,7 @@ def grid(
         if np.nanmax(np.abs(flat[1])) > 90.0 + 1e-6 or not np.isfinite(flat[0]).any():
             raise Unreadable("no degrees")
         if angle is not None:
-            parts = list(turned(*parts, angle(raw, longitude, latitude).ravel()))
+            parts = list(turned(*parts, angle(raw, longitude).ravel()))
         land = ~np.isfinite(parts[0] + parts[1])
         parts = [np.where(land, np.nan, part) for part in parts]
         bed = None
@@ -474,8 +470,7 @@ def mesh(
         ))  # fmt: skip
 
 
-def polar(raw: Raw, longitude: np.ndarray, latitude: np.ndarray) -> np.ndarray:
+def polar(raw: Raw, longitude: np.ndarray) -> np.ndarray:
     """The angle of a polar stereographic x axis: as far as the meridian lies from the straight one."""
-    del latitude
     straight = float(raw.attribute("polar_stereographic", "straight_vertical_longitude_from_pole"))
     return np.deg2rad(straight - longitude)

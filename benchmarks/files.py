@@ -45,17 +45,21 @@ Place = tuple[float, float, float, float, np.ndarray]
 
 def places(table: Table, rng: np.random.Generator, count: int) -> np.ndarray:
     """[M, 3] frames, levels and points that have a current."""
-    known = np.isfinite(table.east) & np.isfinite(table.north) & np.isfinite(table.depth)
-    wet = np.argwhere(known)
+    wet = np.argwhere(np.isfinite(table.east) & np.isfinite(table.north) & np.isfinite(table.depth))
     return wet[rng.choice(len(wet), min(count, len(wet)), replace=False)]
+
+
+def node_values(table: Table, rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
+    """Some of the file's own points, levels and times that have a current: a `Place` each, by part."""
+    t, k, p = places(table, rng, count).T
+    depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
+    current = np.stack([table.east[t, k, p], table.north[t, k, p]], axis=1)
+    return table.longitude[p], table.latitude[p], depth, table.times[t], current
 
 
 def at_nodes(table: Table, rng: np.random.Generator) -> Iterator[Place]:
     """The file's own points, levels and times."""
-    t, k, p = places(table, rng, COUNT).T
-    depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
-    current = np.stack([table.east[t, k, p], table.north[t, k, p]], axis=1)
-    yield from zip(table.longitude[p], table.latitude[p], depth, table.times[t], current, strict=True)
+    yield from zip(*node_values(table, rng, COUNT), strict=True)
 
 
 def between(table: Table, rng: np.random.Generator) -> Iterator[Place]:
@@ -138,11 +142,10 @@ def on_local_grid(paths: list[Path], options: dict[str, Any], table: Table) -> t
     """Largest difference on the planner's grid, and the share of its values that were compared."""
     site, half, depth, spacing = box_of(table)
     frames = sorted({0, len(table.times) // 2})
-    times = {"times": (0.0, float(table.times[frames[-1]] - table.times[0]))}
-    given = {"crs": options.get("crs"), "data_epoch": options.get("epoch")}
     found = read_current(
         paths, site, lower=(-half, -half, 0.0), upper=(half, half, depth), spacing=spacing / 1.5,
-        outside="clamp", **times, **given,
+        outside="clamp", times=(0.0, float(table.times[frames[-1]] - table.times[0])),
+        crs=options.get("crs"), data_epoch=options.get("epoch"),
     )  # fmt: skip
     field = found.field
     found.source.close()
@@ -183,8 +186,8 @@ def nearest_level(table: Table, depth: float) -> float:
 
 def bearing(site: Site, longitude: float, latitude: float) -> float:
     """Bearing of true north in the local frame, rad, from two places on the meridian."""
-    (x, y) = (np.ravel(axis) for axis in site.to_local([longitude] * 2, [latitude - 1e-3, latitude + 1e-3]))
-    return float(np.arctan2(y[1] - y[0], x[1] - x[0]))
+    north, east = site.to_local([longitude] * 2, [latitude - 1e-3, latitude + 1e-3])
+    return float(np.arctan2(*np.diff([east, north])[:, 0]))
 
 
 def largest(found: Any, expected: Any) -> float:

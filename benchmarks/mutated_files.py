@@ -28,7 +28,7 @@ from benchmarks.apart import run_apart, within
 from benchmarks.file_models import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
-from benchmarks.files import largest, places
+from benchmarks.files import largest, node_values
 from benchmarks.fuzz.changes import damage
 from benchmarks.harness import Rng, launch
 
@@ -151,7 +151,6 @@ def structure(
 
 
 def netcdf(path: Path, variables: tuple[str, ...], rng: Rng) -> Change:
-    """Change a NetCDF file."""
     if rng.random() < 0.35:
         return damage(path, rng), "either", {}
     data = _loaded(path)
@@ -192,7 +191,6 @@ def _rewrite(path: Path, data: xr.Dataset) -> None:
 
 
 def text(path: Path, rng: Rng) -> Change:
-    """Change a GeoJSON file."""
     if rng.random() < 0.5:
         return damage(path, rng), "either", {}
     root = json.loads(path.read_text())
@@ -223,7 +221,6 @@ def text(path: Path, rng: Rng) -> Change:
 
 
 def tiff(path: Path, rng: Rng) -> Change:
-    """Change a GeoTIFF."""
     if rng.random() < 0.6:
         return damage(path, rng), "either", {}
     import rasterio
@@ -262,7 +259,7 @@ def thin(path: Path, variables: tuple[str, ...]) -> None:
     """Leave four times of a file, and of its fields those that bear on a current."""
     data = _loaded(path)
     time_dims = [d for d in data.dims if "time" in str(d).lower() or d == "tl"]
-    kept = {*variables, *_BEARING}
+    kept = {*variables, "zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid"}
     lost = [
         name
         for name, variable in data.data_vars.items()
@@ -273,14 +270,9 @@ def thin(path: Path, variables: tuple[str, ...]) -> None:
     _rewrite(path, data.isel({dim: slice(0, 4) for dim in time_dims}).drop_vars(lost))
 
 
-_BEARING = ("zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid")
-
-
 def sampled(table: Table) -> tuple[np.ndarray, ...]:
     """Longitudes, latitudes, depths and moments [M] of points, levels and times that have a current."""
-    t, k, p = places(table, np.random.default_rng(1), POINTS).T
-    depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
-    return table.longitude[p], table.latitude[p], depth, table.times[t]
+    return node_values(table, np.random.default_rng(1), POINTS)[:4]
 
 
 def expected(table: Table, sample: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -384,25 +376,13 @@ def copies_of(case: Currents | Rasters, pipe: Any) -> None:
             paths = [folder / path.name for path in whole]
             rng = np.random.default_rng([number, *case.name.encode()])
             path = paths[int(rng.integers(len(paths)))]
-            if path.suffix == ".nc":
-                variables = case.variables if isinstance(case, Currents) else BED_VARIABLES[case.name]
-                change = netcdf(path, variables, rng)
-            else:
-                change = {".geojson": text, ".tif": tiff}[path.suffix](path, rng)
+            by_format = {".geojson": text, ".tif": tiff, ".nc": partial(netcdf, variables=case.variables)}
+            change = by_format[path.suffix](path, rng=rng)
             pipe.send(change[0])
             work = partial(raster, case, paths[0], change, original)
             if isinstance(case, Currents):
                 work = partial(current, case, paths, options, change, original)
             pipe.send((outcome(work),))
-
-
-#: As `Currents.variables` of sea beds.
-BED_VARIABLES = {
-    "etopo60_rose.nc": ("ROSE", "ROSE", "ETOPO60X", "ETOPO60Y"),
-    "norfjords160_roms_native_24h.nc, h": ("h", "h", "lon_rho", "lat_rho"),
-    "norkyst_v3_800m_5h.nc, h": ("h", "h", "lon", "lat"),
-    "arctic20_polar_stereographic.nc, h": ("h", "h", "longitude", "latitude"),
-}
 
 
 @launch(
