@@ -12,6 +12,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.faults import Fault, Faults, HeldUp, Obstacle, SensorOut
 from auvplan.simulation.simulator import TIME_STEP
+from auvplan.view.scene import track_at
 from benchmarks.harness import Array
 
 #: Headings among which a way out is looked for; keeping station is another.
@@ -84,8 +85,8 @@ def _sensed(run: MissionRun, faults: Faults, leg: LegRecord, obstacle: int, time
             changes.append(float(leg.times[near.argmax()]) if near.any() else np.inf)
     since = max(change for change in changes if change <= time)
     for look in np.arange(leg.times[0], time, period):
-        place, obstacles = _at(leg, look)
-        away = np.linalg.norm(obstacles[obstacle] - place) - leg.obstacle_radii[obstacle]
+        apart = _traced(leg, obstacle, np.array([look]))[0] - track_at(leg, leg.positions, look)
+        away = np.linalg.norm(apart) - leg.obstacle_radii[obstacle]
         idle = faults.left(SensorOut, look) > 0.0 or faults.left(HeldUp, look) > 0.0
         if look >= since and away <= sensors.range and not idle:
             return float(look)
@@ -95,7 +96,7 @@ def _sensed(run: MissionRun, faults: Faults, leg: LegRecord, obstacle: int, time
 def _way_out(run: MissionRun, faults: Faults, leg: LegRecord, sensed: float, time: float) -> bool:
     """Return whether a course from where the vehicle was kept clear of everything."""
     times = np.arange(sensed, time + _AFTER, 1.0)
-    start, _ = _at(leg, sensed)
+    start = track_at(leg, leg.positions, sensed)
     speed = float(run.vehicle.speed) * faults.speed(sensed)  # type: ignore[arg-type]
     water = _water(leg, sensed, speed)
     heading = 2.0 * np.pi * np.arange(_HEADINGS) / _HEADINGS
@@ -123,19 +124,11 @@ def _sensors(run: MissionRun) -> SensorSettings:
     return SensorSettings.model_validate(run.scenario.get("sensors", {}))
 
 
-def _at(leg: LegRecord, time: float) -> tuple[Array, Array]:
-    """Place of the vehicle [3] m and of the obstacles [M, 3] m at a time, s."""
-    place = np.array([np.interp(time, leg.times, axis) for axis in leg.positions.T])
-    rows = range(leg.obstacle_positions.shape[1])
-    return place, np.array([_traced(leg, row, np.array([time]))[0] for row in rows])
-
-
 def _traced(leg: LegRecord, obstacle: int, times: Array) -> Array:
     """Return places [n, 3] m of an obstacle, which goes on as it did after the end of the leg."""
     trace = leg.obstacle_positions[:, obstacle]
-    known = np.stack([np.interp(times, leg.times, axis) for axis in trace.T], axis=1)
     moves = (trace[-1] - trace[-2]) / (leg.times[-1] - leg.times[-2])
-    return known + np.maximum(times - leg.times[-1], 0.0)[:, None] * moves
+    return track_at(leg, trace, times) + np.maximum(times - leg.times[-1], 0.0)[:, None] * moves
 
 
 def _water(leg: LegRecord, time: float, speed: float) -> Array:

@@ -60,7 +60,7 @@ def clockless(stated: object) -> object:
 
 
 def prints(folder: Path) -> dict[str, str]:
-    """A digest of each file: of its bytes, or of what it says but clock times where it tells these."""
+    """A digest of each file, clock times left out."""
 
     def stated(file: Path) -> bytes:
         if file.name == SUMMARY:

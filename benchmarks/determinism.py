@@ -43,10 +43,9 @@ LIFE = (0.4, 1.0)
 
 def digest(folder: Path) -> str:
     """What a summary says but for clocks."""
-    stated = clockless(json.loads((folder / SUMMARY).read_bytes()))
-    assert isinstance(stated, dict)
+    stated = json.loads((folder / SUMMARY).read_bytes())
     stated.pop("sheet", None)  # that of the command, which a study does not write
-    return hashlib.sha256(json.dumps(stated, indent=2).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(clockless(stated)).encode()).hexdigest()
 
 
 def _call(command: list[str], cores: int | None = None, **environment: str) -> None:

@@ -39,15 +39,13 @@ def _obstacle(rng: Rng, at: float, gap: tuple[float, float]) -> injected.Fault:
     return injected.Obstacle(at, float(ahead), float(aside), float(radius), velocity)
 
 
-def _wrong_forecast(rng: Rng, at: float) -> injected.Fault:
-    return injected.WrongForecast(at, float(rng.choice([0.0, 0.5, 1.5, 2.0, -1.0])))
-
-
 #: A fault of each kind at a time, s.
 KINDS: dict[str, Draw] = {
     "current steps, forecast": lambda rng, at: _step(rng, at, known=True),
     "current steps, unknown": lambda rng, at: _step(rng, at, known=False),
-    "forecast wrong by a factor": _wrong_forecast,
+    "forecast wrong by a factor": lambda rng, at: injected.WrongForecast(
+        at, float(rng.choice([0.0, 0.5, 1.5, 2.0, -1.0]))
+    ),
     "obstacle 50 to 300 m ahead": lambda rng, at: _obstacle(rng, at, (50.0, 300.0)),
     "obstacle within 5 m": lambda rng, at: _obstacle(rng, at, (0.5, 5.0)),
     "sensor out": lambda rng, at: injected.SensorOut(at, rng.uniform(60.0, 1800.0)),
@@ -69,8 +67,6 @@ MIXED = "several of these"
 
 
 class Outcome(NamedTuple):
-    """How a mission with faults ended."""
-
     kind: str
     faults: list[injected.Fault]
     seed: int
@@ -132,7 +128,6 @@ _CAUSES = (
 
 
 def summed(name: str, found: list[Outcome]) -> dict[str, Any]:
-    """A row of the missions with one kind of fault."""
     why = [row.reason for row in found if not row.success]
     failed = Counter(next((words for words in _CAUSES if words in one), one or "NO REASON") for one in why)
     hits = [hit.avoidable for row in found for hit in row.hits]

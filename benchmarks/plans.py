@@ -17,8 +17,8 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.path import habitats
-from benchmarks.harness import available, launch, show, take_turns
-from benchmarks.scoring import Array, Problem, in_c, problem
+from benchmarks.harness import Array, available, launch, show, take_turns
+from benchmarks.scoring import Problem, in_c, problem
 
 POPULATION, ITERATIONS = 100, 100
 BATCH = 32

@@ -29,7 +29,7 @@ from auvplan.path.cost import score
 from auvplan.path.problem import Problem as Leg
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
-from benchmarks.harness import clock, compiler, launch, screen, show, timed, track
+from benchmarks.harness import Array, clock, compiler, launch, screen, show, timed, track
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -40,7 +40,6 @@ TURN = 0.1
 AGREEMENT, AGREEING, APART = 1e-5, 0.999, 1e-4
 SIDE, PIXEL = 3500.0, 10.0
 
-Array = np.ndarray[Any, Any]
 Scores = tuple[Array, Array]
 
 SOURCE = Path(__file__).with_name("score.c")
@@ -97,8 +96,7 @@ class Problem:
 
     def paths(self, count: int, seed: int = 0) -> jax.Array:
         """[count, 3 n] m, smooth detours of all sizes."""
-        key = jax.random.key(seed)
-        return habitats.initial(key, count, self.leg, *self.bounds(), self.config)
+        return habitats.initial(jax.random.key(seed), count, self.leg, *self.bounds(), self.config)
 
     def numbers(self) -> dict[str, Any]:
         """The problem as plain numbers and contiguous single-precision arrays, named as in score.c."""
@@ -135,27 +133,19 @@ class Problem:
         prices = ("coast_margin", "obstacle_margin", "uncertain_price")
         return {
             **{name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()},
-            "first": first.astype(np.int32),
-            "first_step": first_step.astype(np.int32),
-            "samples": config.samples,
-            "controls": config.control_points,
-            "order": order,
-            "vortices": len(arrays["vortex"]),
-            "obstacles": len(arrays["obstacle"]),
-            "north": chart.shape[0],
-            "east": chart.shape[1],
-            "depart": 0.0,
             **{name: float(np.asarray(getattr(vehicle, name))) for name in limits},
-            "pitch_speed": float(vehicle.vertical_limits["pitch"]),
             **{name: getattr(config, name) for name in prices},
-            "chart_error": INTERPOLATION_ERROR * pixel,
-            "origin_north": float(origin[0]),
-            "origin_east": float(origin[1]),
-            "pixel_size": pixel,
+            "first": first.astype(np.int32), "first_step": first_step.astype(np.int32),
+            "samples": config.samples, "controls": config.control_points, "order": order,
+            "vortices": len(arrays["vortex"]), "obstacles": len(arrays["obstacle"]),
+            "north": chart.shape[0], "east": chart.shape[1], "pixel_size": pixel,
+            "origin_north": float(origin[0]), "origin_east": float(origin[1]),
+            "chart_error": INTERPOLATION_ERROR * pixel, "depart": 0.0,
             "straight": float(np.linalg.norm(ends[1] - ends[0])) / float(speed),
+            "pitch_speed": float(vehicle.vertical_limits["pitch"]),
             "uniform": np.asarray(current.uniform, np.float32),
             "weights": np.array([getattr(config.penalties, name) for name in LIMITS], np.float32),
-        }
+        }  # fmt: skip
 
 
 def problem(seed: int = 0) -> Problem:

@@ -124,9 +124,8 @@ def constant(mission: Mission, available: float) -> tuple[float, float, Any]:
     options = graph.options
     assert options is not None
     for k in range(len(options.speeds)):
-        one = slice(k, k + 1)
-        parts = options.speeds[one], options.power[one], options.travel_time[one], options.fixed
-        alone = SpeedOptions(*parts)
+        parts = (part[k : k + 1] for part in (options.speeds, options.power, options.travel_time))
+        alone = SpeedOptions(*parts, options.fixed)
         open_ = graph.adjacency & np.isfinite(alone.least[0])
         if not open_.any():
             continue
@@ -139,9 +138,10 @@ def constant(mission: Mission, available: float) -> tuple[float, float, Any]:
 
 def first_route(mission: Mission, graph: MissionGraph, available: float) -> Any:
     """Return the first route of a mission on a graph, with J that are available."""
-    config = mission.context.route_configs[0]
-    given = {"speed": 1.0, "key": mission.key, "config": config, "energy_available": available}
-    return plan_mission(graph, mission.here, mission.run.goal, mission.run.t_available, **given)
+    return plan_mission(
+        graph, mission.here, mission.run.goal, mission.run.t_available, speed=1.0, key=mission.key,
+        config=mission.context.route_configs[0], energy_available=available,
+    )  # fmt: skip
 
 
 def missions(seeds: Sequence[int]) -> dict[str, Any]:
@@ -211,11 +211,6 @@ def timed(seeds: Sequence[int]) -> dict[str, Any]:
     seeds=(range(100), "of the missions"),
 )
 def main(parts: list[str], small: int, large: int, first: int, seeds: range) -> dict[str, Any]:
-    found = {}
-    if "orders" in parts:
-        found |= orders(small, large, first)
-    if "missions" in parts:
-        found |= missions(seeds)
-    if "time" in parts:
-        found |= timed(seeds)
-    return found
+    found = orders(small, large, first) if "orders" in parts else {}
+    found |= missions(seeds) if "missions" in parts else {}
+    return found | (timed(seeds) if "time" in parts else {})

@@ -51,14 +51,14 @@ for k in range(int(sys.argv[1])):
 """
 
 
-def call(words: list[str], folder: Path) -> tuple[float, str]:
-    """Wall-clock time of a process and its errors; a mission that fails, status 1, is one all the same."""
+def call(words: list[str], folder: Path) -> tuple[float, list[str], list[str]]:
+    """Wall-clock time of a process, its output and errors; a mission that fails, status 1, is one too."""
     place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
     run = partial(subprocess.run, words, cwd=folder, env=place, capture_output=True, text=True)
     seconds, ended = clock(run)
     if ended.returncode not in (0, 1):
         raise RuntimeError(f"{' '.join(words)}: {ended.stderr.strip()}")
-    return seconds, ended.stderr.strip()
+    return seconds, ended.stdout.splitlines(), ended.stderr.splitlines()
 
 
 def ten_lines(folder: Path) -> list[str]:
@@ -87,12 +87,10 @@ def own_currents(count: int, folder: Path) -> list[dict[str, Any]]:
 
     The cache holds what plans in another function have left in it.
     """
-    place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
-    words = [sys.executable, "-c", OWN_CURRENTS]
 
     def seen(count: int) -> list[list[float]]:
-        ended = subprocess.run([*words, str(count)], env=place, check=True, capture_output=True, text=True)
-        return [[float(word) for word in line.split()] for line in ended.stdout.splitlines()]
+        _, lines, _ = call([sys.executable, "-c", OWN_CURRENTS, str(count)], folder)
+        return [[float(word) for word in line.split()] for line in lines]
 
     (empty, *_), *_ = seen(1)
     (warm, second, _), *others = seen(count)
@@ -115,8 +113,8 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
         first, *times = (call(words, folder)[0] for _ in range(1 + later))
         row = {"what": name, "first": first, "later": statistics.median(times or [first]), "beyond": None}
         if own:  # beyond the second of two calls in one process
-            _, said = call([sys.executable, "-c", TWICE, *words[len(AUVPLAN) :]], folder)
-            row["beyond"] = row["later"] - float(said.splitlines()[-1])
+            *_, said = call([sys.executable, "-c", TWICE, *words[len(AUVPLAN) :]], folder)
+            row["beyond"] = row["later"] - float(said[-1])
         rows.append(row)
         screen.print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
 

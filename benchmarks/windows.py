@@ -102,7 +102,6 @@ def most(case: Case, route: list[int]) -> tuple[float, float]:
     return most_priority(windows, known)
 
 
-#: The configurations that are compared.
 PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 

@@ -55,7 +55,7 @@ class Watch:
 
     found: list[str] = field(default_factory=list)  # what was done in the case under way, in words
     roots: tuple[str, ...] = ()  # folders whose files may be opened
-    named: bytes | None = None  # text in which files elsewhere may be named; None where none may
+    named: bytes = b""  # text in which files elsewhere may be named
     thread: int | None = None  # that is watched; None while no case is under way
     removing: bool = False  # whether the reader removes a folder of its own
 
@@ -66,8 +66,8 @@ class Watch:
     @contextlib.contextmanager
     def over(self, folder: Path, names: bool) -> Iterator[None]:
         """Watch a case, whose files lie in a folder."""
-        files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if names else []
-        self.named = b"".join(path.read_bytes() for path in files) if names else None
+        files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+        self.named = b"".join(path.read_bytes() for path in files) if names else b""
         self.roots = (*_own_folders(), str(folder), str(folder.resolve()))
         self.found, self.removing, self.thread = [], False, threading.get_ident()
         try:
@@ -98,9 +98,7 @@ class Watch:
         # What is removed with a folder is named as it is within that.
         if path.startswith(self.roots) or (self.removing and os.path.basename(name) == name):
             return True
-        return (
-            self.named is not None and os.path.basename(path).encode(errors="surrogateescape") in self.named
-        )
+        return os.fsencode(os.path.basename(path)) in self.named
 
 
 def _own_folders() -> tuple[str, ...]:
