@@ -73,7 +73,6 @@ def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
 
 
 def compared(sizes: list[int], cases: int, seconds: float, first: int) -> list[dict[str, Any]]:
-    """Rows of our prizes beside PyVRP's by size and kind."""
     rows, seeds = [], range(first, first + cases)
     for count, kind in product(sizes, ("R", "C", "RC")):
         problems = {seed: customers(seed, count, kind) for seed in seeds}
@@ -107,9 +106,8 @@ def posed(stated: dict[str, Any]) -> tuple[MissionGraph, float]:
 
     service = at_ends(np.full(len(x), float(stated["service"])), 0.0)
     windows = at_ends(ready, -np.inf), at_ends(due + HALF_TENTH, np.inf)
-    return timed_graph(places, travel[None], at_ends(profit, 0.0), service, *windows), stated[
-        "until"
-    ] + HALF_TENTH
+    graph = timed_graph(places, travel[None], at_ends(profit, 0.0), service, *windows)
+    return graph, stated["until"] + HALF_TENTH
 
 
 def profit_of(stated: dict[str, Any], nodes: list[int]) -> int:
@@ -173,6 +171,7 @@ def published(seeds: int, limit: float) -> list[dict[str, Any]]:
 def main(
     sizes: list[int], cases: int, seconds: float, first: int, seeds: int, limit: float
 ) -> dict[str, Any]:
-    solomon = published(seeds, limit) if seeds else []
-    peers = compared(sizes, cases, seconds, first) if sizes and cases else []
-    return {"solomon": solomon, "pyvrp": peers}
+    return {
+        "solomon": published(seeds, limit) if seeds else [],
+        "pyvrp": compared(sizes, cases, seconds, first) if sizes and cases else [],
+    }

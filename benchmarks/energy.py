@@ -39,7 +39,7 @@ def read(file: Path) -> pd.DataFrame:
 
 
 class Missions:
-    """The JaiaBot missions: terms [N, 3] in percent of the battery, drain [N] and day of each."""
+    """The JaiaBot missions: terms [N, 3] and drain [N] in percent of the battery, and day of each."""
 
     def __init__(self, table: pd.DataFrame) -> None:
         turns = np.radians(table.turn_density_deg_per_km) * table.planned_distance_m / 1000.0
@@ -63,17 +63,8 @@ class Missions:
             found[inside] = self.terms[inside][:, terms] @ self.fitted(~inside, terms)
         return found
 
-    def scores(self, predicted: Array) -> dict[str, float]:
-        """Bias, MAE and RMSE, points."""
-        error = predicted - self.drain
-        return {
-            "bias": float(error.mean()),
-            "mae": float(np.abs(error).mean()),
-            "rmse": float(np.sqrt((error**2).mean())),
-        }
-
     def rows(self) -> list[dict[str, Any]]:
-        """Scores of each way to predict."""
+        """Bias, MAE and RMSE of each way to predict, points."""
         single = np.arange(len(self.drain)).astype(str)
         days = np.array([np.mean(self.drain[self.days != day]) for day in self.days])
         ways = {
@@ -83,14 +74,19 @@ class Missions:
             "transit, dive and turns, a mission left out": self.left_out(single, [0, 1, 2]),
             "transit, dive and turns, a fleet-day left out": self.left_out(self.days, [0, 1, 2]),
         }
-        return [{"prediction": name} | self.scores(predicted) for name, predicted in ways.items()]
+        errors = {name: predicted - self.drain for name, predicted in ways.items()}
+        return [
+            {"prediction": name, "bias": float(error.mean()), "mae": float(np.abs(error).mean()),
+             "rmse": float(np.sqrt((error**2).mean()))}
+            for name, error in errors.items()
+        ]  # fmt: skip
 
     def constants(self) -> dict[str, tuple[float, float, float]]:
         """Each constant by all missions, and its least and greatest where a fleet-day is left out."""
         terms = [0, 1, 2]
         days = [self.fitted(self.days != day, terms) for day in np.unique(self.days)]
-        whole, low, high = self.fitted(slice(None), terms), np.min(days, axis=0), np.max(days, axis=0)
-        return {name: (float(whole[k]), float(low[k]), float(high[k])) for k, name in enumerate(CONSTANTS)}
+        found = self.fitted(slice(None), terms), np.min(days, axis=0), np.max(days, axis=0)
+        return dict(zip(CONSTANTS, zip(*map(np.ndarray.tolist, found), strict=True), strict=True))
 
 
 def gliders(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -99,16 +95,14 @@ def gliders(table: pd.DataFrame) -> list[dict[str, Any]]:
     table = table[(table.submerged_s > LONG_DIVE) & (table.check_residual_m < 200.0)]
     for glider, own in table.groupby("glider", sort=False):
         drift = own.dr_error_m / own.submerged_s
-        found.append({
-            "glider": glider, "dives": len(own),
-            "power_w": float(own.mean_power_W.median()),
-            "wh_a_dive": float((own.energy_Wh / own.n_profiles).median()),
-            "wh_per_km": float((own.energy_Wh / own.dr_path_m * 1000.0).median()),
-            "error_m": float(own.dr_error_m.median()),
-            "error_m_per_s": float(drift.median()),
-            "error_m_per_s_90": float(drift.quantile(0.9)),
-            "error_share": float((own.dr_error_m / own.dr_path_m).median()),
-        })  # fmt: skip
+        medians = {
+            "power_w": own.mean_power_W, "wh_a_dive": own.energy_Wh / own.n_profiles,
+            "wh_per_km": own.energy_Wh / own.dr_path_m * 1000.0, "error_m": own.dr_error_m,
+            "error_m_per_s": drift, "error_share": own.dr_error_m / own.dr_path_m,
+        }  # fmt: skip
+        row = {name: float(values.median()) for name, values in medians.items()}
+        row |= {"error_m_per_s_90": float(drift.quantile(0.9))}
+        found.append({"glider": glider, "dives": len(own)} | row)
     return found
 
 
@@ -223,7 +217,6 @@ def growth(dives: pd.DataFrame, draws: int = 400) -> list[dict[str, Any]]:
 
 
 def draw(missions: Missions, file: Path) -> None:
-    """Draw predictions against what was measured."""
     from auvplan.plot import style
 
     axes = style.own_axes(None, 5.2, 4.8)

@@ -82,14 +82,12 @@ class Sea:
     power: PowerModel
 
     @property
-    def ends(self) -> tuple[Array, Array]:
-        return np.array([0.0, 0.0, self.depths[0]]), np.array([self.distance, 0.0, self.depths[1]])
-
-    @property
-    def env(self) -> ap.Environment:
+    def leg(self) -> tuple[Array, Array, ap.Environment]:
+        """Start and goal, [3] m each, and the world."""
+        ends = np.array([0.0, 0.0, self.depths[0]]), np.array([self.distance, 0.0, self.depths[1]])
         aside = 0.5 * self.distance
         low, high = (-aside, -aside, 0.0), (self.distance + aside, aside, self.bottom)
-        return ap.Environment(jax.tree.map(jnp.asarray, self.current), lower=low, upper=high)
+        return *ends, ap.Environment(jax.tree.map(jnp.asarray, self.current), lower=low, upper=high)
 
 
 def seas(seed: int) -> list[Sea]:
@@ -160,7 +158,6 @@ class Programme:
 
     @classmethod
     def of(cls, sea: Sea, step: tuple[float, float], pitch: float) -> "Programme":
-        """Work out what moves take in a sea."""
         ahead, fine = step
         depths = np.arange(round(sea.bottom / fine) + 1) * fine
         reach = round(1.5 * ahead / fine)
@@ -267,10 +264,10 @@ def compared(sea: Sea, seed: int) -> dict[str, Any]:
     places, speeds = fine.free(sea)
 
     def planned(vehicle: ap.Vehicle) -> ap.PathPlan:
-        return plan_least_energy(*sea.ends, sea.env, vehicle, key=key, speeds=SPEEDS)
+        return plan_least_energy(*sea.leg, vehicle, key=key, speeds=SPEEDS)
 
     def fixed(vehicle: ap.Vehicle) -> ap.PathPlan:
-        return ap.plan_path(*sea.ends, sea.env, vehicle, key=key)
+        return ap.plan_path(*sea.leg, vehicle, key=key)
 
     def spent(plan: ap.PathPlan) -> float:
         speed = float(np.asarray(plan.conditions.vehicle.speed))
@@ -300,7 +297,6 @@ def compared(sea: Sea, seed: int) -> dict[str, Any]:
 
 
 def draw(rows: Sequence[dict[str, Any]], file: Path) -> None:
-    """Draw depths along the way."""
     import matplotlib.pyplot as plt
 
     from auvplan.plot import style

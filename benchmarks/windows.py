@@ -21,11 +21,10 @@ from scipy.spatial.distance import cdist
 
 import auvplan as ap
 from auvplan.mission import MissionConfig, MissionGraph, random_graph
-from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.harness import grouped, launch, screen, show, track
 from benchmarks.missions.labels import Windows, most_priority
-from benchmarks.missions.sets import Case
+from benchmarks.missions.sets import Case, timed_graph
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -66,17 +65,14 @@ def case(seed: int) -> Case:
         adjacency = random_graph(rng, positions, neighbours=int(rng.integers(7, 13))).adjacency
     available = float(rng.integers(*AVAILABLE)) + HALF_SECOND
     tight = TIGHT_SHARES[seed % len(TIGHT_SHARES)]
-    graph, opens, closes = _tasks(rng, positions, adjacency, available, tight)
+    tasks = _tasks(rng, SIZE, available, tight)
     travel = np.where(adjacency, np.maximum(np.round(cdist(positions, positions) / SPEED), 1.0), np.inf)
-    graph = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
+    graph = timed_graph(positions, travel[None], *tasks)
     return Case(f"{seed}", FAMILIES[seed % 2], graph, 0, SIZE - 1, available, SPEED)
 
 
-def _tasks(
-    rng: np.random.Generator, positions: np.ndarray, adjacency: np.ndarray, available: float, tight: float
-) -> tuple[MissionGraph, np.ndarray, np.ndarray]:
-    """A task at each waypoint but the ends, and when it may begin: opens and closes [N, N, 2] s."""
-    size = len(positions)
+def _tasks(rng: np.random.Generator, size: int, available: float, tight: float) -> tuple[np.ndarray, ...]:
+    """Priority and duration [N] of a task at each waypoint but the ends; opens and closes [N, 2] s."""
     priority, duration = rng.integers(1, 10, size).astype(float), rng.integers(60, 601, size).astype(float)
     priority[[0, -1]] = duration[[0, -1]] = 0.0
     is_tight = rng.random((size, 1)) < tight
@@ -87,10 +83,7 @@ def _tasks(
     single = rng.random(size) < 0.5
     opens[single, 1], closes[single, 1] = np.inf, -np.inf
     opens[[0, -1]], closes[[0, -1]] = -np.inf, np.inf
-    square = size, size
-    priority, duration = (np.broadcast_to(values, square).copy() for values in (priority, duration))
-    opens, closes = (np.broadcast_to(times, (*square, 2)).copy() for times in (opens, closes))
-    return MissionGraph(positions, adjacency, priority, duration), opens, closes
+    return priority, duration, opens, closes
 
 
 def most(case: Case, route: list[int]) -> tuple[float, float]:
@@ -177,18 +170,19 @@ def timings(repeats: int) -> list[dict[str, Any]]:
     for size, seconds in ((SIZE, 0.2), (5 * SIZE, 2.0)):
         rng = np.random.default_rng(size)
         positions = rng.uniform(0.0, EXTENT, (size, 3)) * [1.0, 1.0, 0.01]
-        adjacency = random_graph(rng, positions).adjacency
-        graph, opens, closes = _tasks(rng, positions, adjacency, AVAILABLE[0], TIGHT_SHARES[1])
+        graph = random_graph(rng, positions)
         if size == SIZE:
-            what = f"travel times, {size} waypoints, {adjacency.sum():,} edges, {DEPARTURES} departures"
+            edges = graph.adjacency.sum()
+            what = f"travel times, {size} waypoints, {edges:,} edges, {DEPARTURES} departures"
             found = measure(what, 1.0, lambda _, graph=graph: travel(graph))
             every = replace(graph, adjacency=~np.eye(size, dtype=bool))
             what = f"the same, complete: {size * (size - 1):,} edges"
             measure(what, 1.0, lambda _, every=every: travel(every))
         else:
             found = graph.times_at(sea, ap.Vehicle(speed=SPEED), departures)
-        tasks = graph.with_timetable(Timetable(departures, found, opens, closes))
-        timed = Case("", "", tasks, 0, size - 1, AVAILABLE[0], SPEED)
+        tasks = _tasks(rng, size, AVAILABLE[0], TIGHT_SHARES[1])
+        by_clock = timed_graph(positions, found, *tasks, departures=departures)
+        timed = Case("", "", by_clock, 0, size - 1, AVAILABLE[0], SPEED)
         what = f"plan, {size} waypoints, {DEPARTURES} departures, windows"
         measure(what, seconds, timed.plan)
     return rows

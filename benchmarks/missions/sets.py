@@ -56,17 +56,20 @@ def timed_graph(
     """Return a graph by the clock, whose tasks are at waypoints.
 
     Args:
-        places: [N, 2] m.
+        places: [N, 2] m, or [N, 3].
         travel: [T, N, N] s, infinite where there is no edge.
-        tasks: [N] priority and duration [s], and when the task opens and closes [s].
+        tasks: [N] priority and duration [s], and when the task opens and closes, [N] or [N, W] s.
         departures: [T] s; None for steady travel times.
     """
     size = len(places)
-    square = size, size
-    priority, duration, opens, closes = (np.broadcast_to(task.astype(float), square).copy() for task in tasks)
-    graph = MissionGraph(np.c_[places, np.zeros(size)], np.isfinite(travel[0]), priority, duration)
+    priority, duration, *windows = (
+        np.broadcast_to(task.astype(float), (size, *task.shape)).copy() for task in tasks
+    )
+    positions = places if places.shape[1] == 3 else np.c_[places, np.zeros(size)]
+    graph = MissionGraph(positions, np.isfinite(travel[0]), priority, duration)
+    opens, closes = (np.atleast_3d(times) for times in windows)
     departures = np.zeros(1) if departures is None else departures
-    return graph.with_timetable(Timetable(departures, travel, opens[..., None], closes[..., None]))
+    return graph.with_timetable(Timetable(departures, travel, opens, closes))
 
 
 def generated() -> Iterator[Case]:
