@@ -90,7 +90,6 @@ def in_sheared_seas(folder: Path, count: int) -> Iterator[tuple[str, list[dict[s
 
 
 def study(folder: Path, design: Design, workers: int | None = None) -> xr.Dataset:
-    """Run one study, or continue or load it."""
     if (folder / DATASET).is_file():
         return load_study(folder)
     screen.print(f"{folder.name} ...")

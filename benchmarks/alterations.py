@@ -84,7 +84,6 @@ def _swapped(nodes: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
 
 
 def _moved(places: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
-    """A planned place moves north."""
     places[rng.integers(len(places)), 1, 0] += 10.0
 
 

@@ -75,7 +75,6 @@ def _peaks(dim: int, count: int, highest: float, width: float) -> tuple[np.ndarr
 
 
 def instance(seed: int, dim: int) -> Instance:
-    """Shift and rotations of a seed."""
     from evosax.problems import BBOBProblem
 
     params = BBOBProblem("sphere", dim, seed=seed)._params
@@ -83,7 +82,6 @@ def instance(seed: int, dim: int) -> Instance:
 
 
 def ours(config: bbo.BBOConfig, dim: int) -> Search:
-    """`bbo.run` from uniform draws."""
     lower, upper = jnp.full(dim, LOWER), jnp.full(dim, UPPER)
 
     def search(key: jax.Array, number: jax.Array, instance: Instance) -> jax.Array:

@@ -82,7 +82,6 @@ def calls() -> dict[str, tuple[Call, Callable[[Any], float]]]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Processes that keep all cores busy."""
     others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(cores.count())]
     try:
         yield

@@ -113,7 +113,6 @@ def _prepare(name: str, result: Path, out: Path) -> set[str]:
 
 
 def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) -> list[str]:
-    """Outcomes of a command that is killed at random moments."""
     chance, out, found = random.Random(name), folder / f"{name}-out", []
     words = command(name, scenario, result, out)
     _prepare(name, result, out)

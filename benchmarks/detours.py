@@ -34,8 +34,6 @@ SPEED, COAST = 1.5, 20.0
 
 @dataclass(frozen=True)
 class Case:
-    """A day's work."""
-
     jobs: dict[str, tuple[Array, int, int]]  # name to (place [2] m north and east, priority, seconds)
     closed: dict[str, Array]  # outlines [n, 2] m north and east, by name
     islands: dict[str, Array]  # outlines [n, 2] m north and east, by name

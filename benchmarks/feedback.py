@@ -57,7 +57,6 @@ def world(seed: int) -> ap.Environment:
 
 
 def steered(seed: int) -> list[dict[str, Any]]:
-    """Return how a leg goes in true currents, by the plan and by policies."""
     env, vehicle = world(seed), ap.Vehicle(speed=SPEED)
     forecast = _forecast(env.current)
     rng = np.random.default_rng(90_000 + seed)
@@ -187,7 +186,6 @@ def _forecast(current: Any) -> Water:
 
 @launch(legs=(range(20), "legs, by their seeds"))
 def main(legs: range) -> dict[str, Any]:
-    """Follow plans and policies; return a row for each leg and steering."""
     if not available("feedback policy", ["hj_reachability"]):
         return {}
     rows = [row for seed in track(legs, "legs") for row in steered(seed)]

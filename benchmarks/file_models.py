@@ -119,8 +119,6 @@ def spelt(units: str, factor: float, **standard: str) -> Change:
 
 
 def axis(name: str, values: Any = None, **stated: Any) -> Change:
-    """A change of the values of an axis, and of its attributes."""
-
     def change(data: xr.Dataset) -> xr.Dataset:
         own = data[name].values if values is None else values
         return data.assign_coords({name: (name, own, data[name].attrs | stated)})
@@ -172,7 +170,6 @@ def roms(folder: Path, name: str, transform: int, croco: bool = False) -> Made:
 
 
 def pop(folder: Path) -> Made:
-    """POP."""
     data = samples.pop()
     lon, lat = data["ULONG"].values, data["ULAT"].values
     return written(folder, "pop", data), {}, table(lon, lat, triangles=halves(*lon.shape))
@@ -412,7 +409,6 @@ def _bare(data: xr.Dataset, names: tuple[str, str]) -> xr.Dataset:
 
 
 def made(folder: Path) -> list[Currents]:
-    """The made files, written once into a folder."""
     found = []
     for name, model, maker in MADE:
         paths, options, known = maker(folder)

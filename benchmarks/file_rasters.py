@@ -57,8 +57,6 @@ class Box:
 
 @dataclass(frozen=True)
 class Rasters:
-    """A file of a sea bed or a chart."""
-
     name: str  # what it is; kind is "sea bed", "chart" or "picture"
     kind: str
     origin: str

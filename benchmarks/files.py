@@ -233,7 +233,6 @@ def shown(value: float | None) -> str:
 
 
 def copies_table(counts: dict[str, Any]) -> list[str]:
-    """What became of damaged and altered copies, and of each that failed."""
     keys = "copies", "refused", "right", "failed"
     rows = [[name, *(kinds.get(key, 0) for key in keys)] for name, kinds in counts.items()]
     every = ["all", *np.sum([row[1:] for row in rows], axis=0)]

@@ -143,7 +143,6 @@ def books(record, plan: RollingPlan, peer, reach: float) -> tuple[int, int]:
 
 
 def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: bool = False) -> dict:
-    """Execute one mission and count."""
     scenario = load_scenario(SCENARIOS / "link.yaml")
     area = replace(load_area(scenario, "."), obstacles=(WRECK,))
     plan = RollingPlan(scenario, seed, area=area)

@@ -33,7 +33,6 @@ COLUMNS = {
 
 
 def case(scenario: ap.Scenario, seed: int, how: str) -> dict[str, Any]:
-    """Return figures of one mission."""
     measures, one = how != COUNTED_ON[0], how != COUNTED_ON[2]
     planned_in = scenario.with_({"current.members": None}) if one else scenario
     plan, area = RollingPlan(planned_in, seed), load_area_at(scenario, [0.0])
@@ -73,7 +72,6 @@ def velocities(current: Current, places: np.ndarray, times: np.ndarray) -> np.nd
 
 @launch(seeds=(range(1000, 1008), "departures"))
 def main(seeds: range) -> dict[str, Any]:
-    """Measure, re-plan, execute; return the rows and their means."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in track(seeds, "departures"):

@@ -26,8 +26,6 @@ _DRAWN = 2000
 
 @dataclass(frozen=True)
 class Walked:
-    """What the walks found."""
-
     drawn: int
     paths: int  # of them that the planner called clear
     collisions: int  # of those that touch something

@@ -79,7 +79,6 @@ def cases(sea: str, seed: int, folder: Path, fixed: bool, turning: bool) -> Iter
 
 
 def row(sea: str, seed: int, asked: str, run: Any, promise: Any, truth: Truth, rng: Any) -> dict[str, Any]:
-    """Return figures of a plan, and how it goes in the true seas."""
     ends, won = follow(run, promise.turns, truth, rng)
     home = ends <= run.t_available
     return {
@@ -148,7 +147,6 @@ def along_track(places: np.ndarray, speed: float, now: np.ndarray, truth: Truth)
 
 
 def mission_of(scenario: ap.Scenario, seed: int, depart: float = 0.0) -> Mission:
-    """Return a mission that is about to be planned."""
     area = load_area_at(scenario, [depart])
     context = planning_context(scenario, None, area, depart)
     (mission,) = leaving(context, prng.of_seeds([seed])[0], [depart], seed)
@@ -283,7 +281,6 @@ WORLDS = {"vortices": vortices, "ocean": ocean, "fjord": fjord}
     turning=(False, "compare plans with a rule for what is late, too"),
 )
 def main(seas: list[str], seeds: range, fixed: bool, turning: bool) -> dict[str, Any]:
-    """Plan and follow; return the rows and their means."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for sea in seas:

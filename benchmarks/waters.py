@@ -65,7 +65,6 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
 
 
 def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
-    """Return a row for each family and preset, and for all families together."""
     found = []
     groups = grouped(runs, lambda run: [(name, run["preset"]) for name in (run["family"], "all")])
     for (family, _), members in groups.items():

@@ -106,7 +106,6 @@ def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
 
 
 def compared(count: int, first: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of all planners, and what plans and labels found of each graph from a seed on."""
     cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
         for config in PLANNERS.values():

@@ -65,7 +65,6 @@ class Watch:
 
     @contextlib.contextmanager
     def over(self, folder: Path, names: bool) -> Iterator[None]:
-        """Watch a case, whose files lie in a folder."""
         files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
         self.named = b"".join(path.read_bytes() for path in files) if names else b""
         self.roots = (*_own_folders(), str(folder), str(folder.resolve()))
@@ -157,8 +156,6 @@ def write_outside(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Cases:
-    """The cases of a reader."""
-
     name: str
     seeds: tuple[Seed, ...]
     folder: Path  # with a folder of each of them

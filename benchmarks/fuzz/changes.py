@@ -140,7 +140,6 @@ def _extreme(rng: Rng, outside: Path, words: Sequence[str]) -> Any:
 
 
 def _alter(tree: Tree, rng: Rng, outside: Path, words: Sequence[str]) -> str:
-    """Change a tree in place."""
     if not (places := _places(tree)):
         return "nothing"
     inside, key = _pick(rng, places)

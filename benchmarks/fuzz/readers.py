@@ -98,8 +98,6 @@ class Seed:
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader."""
-
     read: Callable[[Path], object]
     files: Mapping[str, Files]  # by the name of the folder
     names: bool = False  # whether its files may name others, anywhere

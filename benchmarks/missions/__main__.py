@@ -31,8 +31,6 @@ LIMIT, SECONDS = 60.0, 2.0
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to plan."""
-
     name: str
     plan: Callable[[Case, int], Any]  # (case, seed) into waypoints, none where there is no plan
     # a call that compiles what `plan` needs; None where nothing is compiled

@@ -19,8 +19,6 @@ from benchmarks.harness import SHARED
 
 @dataclass(frozen=True)
 class Case:
-    """One mission to plan."""
-
     name: str
     family: str  # cases of one family have one size N and share a row of the table
     graph: MissionGraph

@@ -25,8 +25,6 @@ NO_VIOLATION = 1e-3
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and what was found."""
-
     claim: str  # in a few words
     where: str  # section, equation or figure
     criterion: str  # what makes it confirmed
@@ -86,7 +84,6 @@ def judge(paper: Evidence, default: Evidence | None = None) -> list[Claim]:
 
 
 def as_markdown(claims: Sequence[Claim]) -> str:
-    """Return the claims as a table."""
     rows = ((c.claim, c.where, c.paper, c.default or "-", c.verdict, c.criterion) for c in claims)
     escaped = ([cell.replace("|", r"\|") for cell in row] for row in rows)
     heads = ("claim", "where", "paper's preset", "default", "verdict", "criterion")

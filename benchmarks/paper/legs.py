@@ -115,7 +115,6 @@ def legs_dataset(legs: Legs) -> xr.Dataset:
 
 
 def leg_of(run: MissionRun) -> LegRecord:
-    """Return the one leg of a run."""
     return run.legs[0]
 
 

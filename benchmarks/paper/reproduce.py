@@ -25,8 +25,6 @@ PRESETS = "paper", "default"
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is run."""
-
     missions: int = 100  # of each preset
     seeds: int = 10  # of each of the three scenarios
     rate_seeds: int = 40  # of scenario-1 at each update rate

@@ -115,8 +115,6 @@ class SillCurrent:
 
 @dataclass(frozen=True)
 class _Leg:
-    """Where a leg leads."""
-
     speed: float  # m/s through the water
     length: float  # m, level
     along: Array  # [2], its direction
@@ -334,8 +332,6 @@ def _spheres(rng: Rng) -> PathProblem | None:
 
 @dataclass(frozen=True)
 class _Source:
-    """A file of currents with levels."""
-
     path: str  # beneath the shared data
     place: tuple[float, float]  # longitude and latitude of the box's middle, degrees
     half: tuple[float, float]  # m, sides of the box are twice as long, north and east

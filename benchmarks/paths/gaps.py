@@ -81,13 +81,11 @@ def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def rows(runs: Iterable[Run], by: str) -> list[dict[str, Any]]:
-    """A row for each family or problem, as `by` says, and preset."""
     groups = grouped(runs, lambda run: [(run[by], run["preset"])])
     return [summed(name, members) for (name, _), members in groups.items()]
 
 
 def show_gaps(title: str, found: Sequence[dict[str, Any]], **more: str) -> None:
-    """Print sums, with more columns."""
     columns = {
         "set": "{name}", "preset": "{preset}", "mean gap": "{mean:.2%}", "median": "{median:.2%}",
         "95 %": "{p95:.2%}", "99 %": "{p99:.2%}", "worst": "{worst:.2%}",

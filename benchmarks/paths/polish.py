@@ -28,8 +28,6 @@ _SWEEPS = 8
 
 @dataclass(frozen=True)
 class Stage:
-    """One descent."""
-
     segments: int
     parts: int  # points of each segment at which the current and the clearance are looked up
     price: float  # of missing clearance, units of time per squared unit of length
@@ -134,7 +132,6 @@ def _shapes(segments: int) -> Array:
 
 
 def _data(problem: PathProblem, world: World) -> tuple:
-    """What the descent needs of a problem."""
     vehicle = problem.vehicle
     limits = tuple(
         float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)

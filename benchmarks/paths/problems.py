@@ -46,8 +46,6 @@ LONGEST = 1.6
 
 @dataclass(frozen=True, eq=False)
 class PathProblem:
-    """One path to plan."""
-
     name: str
     family: str  # problems of one family share a row of the table
     environment: ap.Environment

@@ -45,8 +45,6 @@ _POLISHED = 3
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The quickest path known."""
-
     travel_time: float | None  # s, by the ruler; None where no path was found
     # relative difference of what the two grids lead to; None where only one of them leads to a path
     error: float | None

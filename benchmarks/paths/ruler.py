@@ -44,8 +44,6 @@ _UPRIGHT = 0.01
 
 @dataclass(frozen=True)
 class Score:
-    """A path as measured."""
-
     travel_time: float  # s; infinite where the current cannot be held
     # whether it keeps clear of everything, keeps the vehicle's limits and makes way everywhere
     feasible: bool
