@@ -71,19 +71,6 @@ def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
     return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=DEPART)
 
 
-def rows(presets: list[str], rounds: int) -> list[dict[str, Any]]:
-    known, found = currents(), []
-    for preset in presets:
-        calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}
-        turns = take_turns(calls, dict.fromkeys(calls, rounds), 0)
-        for name, row in turns.items():
-            row["feasible"] = float(np.mean([plan.feasible for plan in row.pop("results")]))
-            for layers, other in (("one_layer", ONE_LAYER), ("three_layers", THREE_LAYERS)):
-                row[f"to_{layers}"] = row["least_seconds"] / turns[other]["least_seconds"]
-            found.append({"preset": preset, "current": name} | row)
-    return found
-
-
 #: Periods, in the times of legs in still water; nodes and time steps of the drift.
 _PERIODS, _NODES, _STEPS = (0.25, 20.0), 600, 200_001
 
@@ -158,6 +145,14 @@ def main(preset: list[str], rounds: int, turning: range) -> dict[str, Any]:
         found = turning_rows(preset, turning)
         show("Legs on which a tide turns: gap to the closed form", found, TURNING, names=2)
         return {"turning": [turning.start, turning.stop], "rows": found}
-    found = rows(preset, rounds)
+    known, found = currents(), []
+    for name in preset:
+        calls = {current: partial(_plan, field, PRESETS[name]()) for current, field in known.items()}
+        turns = take_turns(calls, dict.fromkeys(calls, rounds), 0)
+        for current, row in turns.items():
+            row["feasible"] = float(np.mean([plan.feasible for plan in row.pop("results")]))
+            for layers, other in (("one_layer", ONE_LAYER), ("three_layers", THREE_LAYERS)):
+                row[f"to_{layers}"] = row["least_seconds"] / turns[other]["least_seconds"]
+            found.append({"preset": name, "current": current} | row)
     show(TITLE, found, COLUMNS, names=2, no_wrap=True)
     return {"rounds": rounds, "rows": found}

@@ -37,41 +37,27 @@ WRECK = KnownObstacle("wreck", (1300.0, 1200.0), 60.0)
 LIMITS = Limits(reply=0.3, attempts=20, uploads=8, silence=3.0, outdated=0.2, late=60.0)
 
 
-class Reports:
-    """One notice, at a time of the mission."""
+class Events:
+    """Rules fired at moments of a mission: what is reported, what happens to vehicle and link."""
 
-    def __init__(self, link, plan: RollingPlan, seed: int) -> None:
-        self._link, self._plan, self._kind, self._stated = link, plan, seed % 3, False
-        self._when = 300.0 + 40.0 * seed
-
-    def read(self):
-        if self._stated or self._kind == 0 or self._link.now < self._when:
-            return
-        self._stated = True
-        if self._kind == 1:
-            ahead = [leg for leg in self._plan.legs if leg.times[0] > self._link.now] or self._plan.legs[-1:]
-            north, east, _ = ahead[0].positions[len(ahead[0].positions) // 2]
-            yield ObstacleNotice(KnownObstacle("reported", (float(north), float(east)), 40.0))
-        else:
-            yield CurrentNotice(np.array([0.25, -0.15, 0.0]))
-
-
-class RandomEvents:
-    """Rules fired at random over a mission: what is reported, what happens to vehicle and link."""
-
-    def __init__(self, link, plan: RollingPlan, peer, proxy, seed: int) -> None:
+    def __init__(self, link, plan: RollingPlan, peer, proxy, seed: int, eventful: bool) -> None:
         self._link, self._plan, self._peer, self._proxy = link, plan, peer, proxy
         self._random = rng = random.Random(1000 + seed)
         self.fired: list[str] = []
+        self._reported: list = []
+        self._due: list = []
+        if not eventful:
+            rules = [self.ahead, self.steady]
+            self._due += [(300.0 + 40.0 * seed, rules[seed % 3 - 1])] if seed % 3 else []
+            return
         rules = [self.obstacle, self.gone, self.current, self.silence, self.stuck, self.driven]
         if hasattr(peer, "abort"):
             rules += [peer.restart, peer.halt]
         ends = [getattr(peer, name) for name in ("abort", "stop") if hasattr(peer, name)]
         times = sorted(rng.uniform(0.0, 2200.0) for _ in range(rng.randint(3, 8)))
-        self._due = [(time, rng.choice(rules)) for time in times]
+        self._due += [(time, rng.choice(rules)) for time in times]
         if ends and rng.random() < 0.3:
             self._due.append((rng.uniform(200.0, 2200.0), rng.choice(ends)))
-        self._reported: list = []
 
     def read(self):
         """Fire what is due, and yield what is reported."""
@@ -85,6 +71,15 @@ class RandomEvents:
     def _later(self, name: str, seconds: float, undo) -> None:
         undo.__name__ = f"end of {name}"
         self._due.append((self._link.now + seconds, undo))
+
+    def ahead(self) -> None:
+        """An obstacle amid a leg that is ahead."""
+        ahead = [leg for leg in self._plan.legs if leg.times[0] > self._link.now] or self._plan.legs[-1:]
+        north, east, _ = ahead[0].positions[len(ahead[0].positions) // 2]
+        self._reported.append(ObstacleNotice(KnownObstacle("reported", (float(north), float(east)), 40.0)))
+
+    def steady(self) -> None:
+        self._reported.append(CurrentNotice(np.array([0.25, -0.15, 0.0])))
 
     def obstacle(self) -> None:
         """One to any side of the vehicle, that stands or comes its way."""
@@ -159,7 +154,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: 
         return notes
 
     link.upload = upload
-    notices = RandomEvents(link, plan, peer, proxy, seed) if eventful else Reports(link, plan, seed)
+    notices = Events(link, plan, peer, proxy, seed, eventful)
     begin = time.perf_counter()
     try:
         record = execute(plan, link, limits=limits, notices=notices, tell=tell)
@@ -172,7 +167,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: 
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
         "doubled": doubled, "counts": dict(Counter(event.kind for event in record.events)),
         "packets": proxy.counts, "wall_s": round(time.perf_counter() - begin, 1),
-        "fired": getattr(notices, "fired", []),
+        "fired": notices.fired,
     }  # fmt: skip
 
 

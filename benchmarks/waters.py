@@ -64,17 +64,6 @@ def plan_all(cases: Cases, presets: Sequence[str]) -> tuple[list[Run], set[str]]
     return runs, replaced
 
 
-def rows(runs: Sequence[Run], replaced: set[str]) -> list[dict[str, Any]]:
-    found = []
-    groups = grouped(runs, lambda run: [(name, run["preset"]) for name in (run["family"], "all")])
-    for (family, _), members in groups.items():
-        errors = figures([run["error"] for run in members if run["error"] is not None])
-        own = {"error": errors["mean"], "worst_error": errors["worst"]}
-        own["replaced"] = len(replaced & {run["problem"] for run in members})
-        found.append(summed(family, members) | own)
-    return sorted(found, key=lambda row: (row["name"] == "all", row["name"]))
-
-
 @launch(
     seeds=(range(4), "FIRST:END, the end left out"),
     families=((*KINDS, *DEPTH_FAMILIES), "of waters", [*KINDS, *DEPTH_FAMILIES]),
@@ -101,7 +90,13 @@ def main(seeds: range, families: list[str], preset: list[str], references: bool)
     if references:
         return None
     runs, replaced = plan_all(cases, preset)
-    found = rows(runs, replaced)
+    found = []
+    groups = grouped(runs, lambda run: [(name, run["preset"]) for name in (run["family"], "all")])
+    for (family, _), members in sorted(groups.items(), key=lambda group: (group[0][0] == "all", group[0][0])):
+        errors = figures([run["error"] for run in members if run["error"] is not None])
+        own = {"error": errors["mean"], "worst_error": errors["worst"]}
+        own["replaced"] = len(replaced & {run["problem"] for run in members})
+        found.append(summed(family, members) | own)
     if found:
         errors = {"error, mean": "{error:.3%}", "error, worst": "{worst_error:.2%}"}
         show_gaps("Random waters: gap to the reference", found, **errors)

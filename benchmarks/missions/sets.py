@@ -16,6 +16,9 @@ from auvplan.mission import MissionGraph, MissionRoute, plan_mission, random_gra
 from auvplan.mission.timetable import Timetable
 from benchmarks.harness import SHARED
 
+#: Task graphs of 40 waypoints and their proven optima.
+GRAPHS = SHARED / "missions" / "graphs.json.gz"
+
 
 @dataclass(frozen=True)
 class Case:
@@ -80,10 +83,9 @@ def generated() -> Iterator[Case]:
 
 def task_graphs() -> list[Case]:
     """Graphs of the shared data with proven optima; none where they are absent."""
-    path = SHARED / "missions" / "graphs.json.gz"
-    if not path.exists():
+    if not GRAPHS.exists():
         return []
-    with gzip.open(path) as file:
+    with gzip.open(GRAPHS) as file:
         stored = json.load(file)
     cases = []
     for case in stored:

@@ -1,9 +1,5 @@
 """Graphs for the tests of the mission layer, and plain twins of it, one route at a time."""
 
-import gzip
-import json
-from pathlib import Path
-
 import jax
 import numpy as np
 import pytest
@@ -12,9 +8,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from auvplan.mission import MissionConfig, MissionGraph
 from auvplan.mission.problem import Edges, Problem, prepare
+from benchmarks.missions.sets import GRAPHS, Case, task_graphs
 
-#: Task graphs of 40 waypoints and their proven optima.
-GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
 needs_graphs = pytest.mark.skipif(
     not GRAPHS.exists(), reason=f"no task graphs with proven optima at {GRAPHS}"
 )
@@ -33,18 +28,9 @@ PLAIN = MissionConfig.plain().replace(bbo=QUICK.bbo)
 BLIND = PLAIN.replace(bbo=QUICK.bbo.replace(iterations=0))
 
 
-def proven(name: str) -> tuple[dict, MissionGraph]:
-    """A case with `start`, `dest`, time `T`, speed `v` and `optimum`, and its graph."""
-    with gzip.open(GRAPHS) as file:
-        case = next(case for case in json.load(file) if case["name"] == name)
-    square = (case["n"], case["n"])
-    adjacency, priority, duration = np.zeros(square, bool), np.zeros(square), np.zeros(square)
-    travel = np.full(square, np.nan)
-    for i, j, length, rho, delta in case["edges"]:
-        for edge in ((i, j), (j, i)):
-            adjacency[edge], priority[edge], duration[edge] = True, rho, delta
-            travel[edge] = length / case["v"]
-    return case, MissionGraph(np.array(case["nodes"]), adjacency, priority, duration, travel)
+def proven(name: str) -> Case:
+    """A case whose optimum is proven."""
+    return next(case for case in task_graphs() if case.name == name)
 
 
 def problem(

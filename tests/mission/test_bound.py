@@ -174,9 +174,8 @@ def test_bad_arguments_are_refused(change: dict, message: str) -> None:
 @needs_graphs
 @pytest.mark.parametrize(("name", "gap"), [("full40-s0", 0.03), ("knn40-s0", 0.03), ("rnd40-s0", 0.06)])
 def test_close_to_the_proven_optimum(name: str, gap: float) -> None:
-    case, graph = proven(name)
-    bound = upper_bound(graph.leg_times(case["v"]), graph.priority, case["start"], case["dest"], case["T"])
-    assert case["optimum"] <= bound <= (1.0 + gap) * case["optimum"]
+    case = proven(name)
+    assert case.optimum <= upper_bound(*case.searched) <= (1.0 + gap) * case.optimum
 
 
 # Waypoints that may be visited again

@@ -116,7 +116,6 @@ def test_without_or_tools_one_line_says_what_to_install(monkeypatch: pytest.Monk
 
 @needs_graphs
 def test_the_proven_optimum_of_a_task_graph() -> None:
-    case, graph = proven("knn40-s0")
-    asked = case["start"], case["dest"], case["T"]
-    route = solve_exact(graph.leg_times(case["v"]), graph.priority, *asked, time_limit=30.0)
-    assert (route.priority, route.bound, route.proved) == (case["optimum"], case["optimum"], True)
+    case = proven("knn40-s0")
+    route = solve_exact(*case.searched, time_limit=30.0)
+    assert (route.priority, route.bound, route.proved) == (case.optimum, case.optimum, True)

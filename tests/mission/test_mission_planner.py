@@ -266,11 +266,10 @@ def test_bad_settings_are_refused(setting: dict) -> None:
     "name", ["full40-s0", *(pytest.param(name, marks=pytest.mark.slow) for name in ("knn40-s0", "rnd40-s0"))]
 )
 def test_close_to_the_proven_optimum(name: str) -> None:
-    case, graph = proven(name)
-    asked = case["start"], case["dest"], case["T"]
-    route = plan_mission(graph, *asked, speed=case["v"], key=jax.random.key(0))
-    assert check_route(graph, route.nodes, *asked, case["v"])
-    assert 0.93 * case["optimum"] <= route.priority <= case["optimum"]
+    case = proven(name)
+    route = case.plan(0)
+    assert check_route(case.graph, route.nodes, case.start, case.goal, case.time_available, case.speed)
+    assert 0.93 * case.optimum <= route.priority <= case.optimum
 
 
 @pytest.mark.parametrize("seed", range(3))
