@@ -120,10 +120,6 @@ def _jobs_swapped(stated: dict[str, Any], rng: Rng) -> None:
     jobs[one]["position"], jobs[two]["position"] = jobs[two]["position"], jobs[one]["position"]
 
 
-def _digest(stated: list[dict[str, Any]], rng: Rng) -> None:
-    rng.choice(stated)["sha256"] = "0" * 64
-
-
 #: What is altered, by how much it says so.
 KINDS: dict[str, Alter] = {
     "a position 3 m north": _track("x", 3.0),
@@ -160,7 +156,7 @@ KINDS: dict[str, Alter] = {
     "a job's window by 10 s": _kept("jobs", _job_window),
     "two jobs swapped": _kept("jobs", _jobs_swapped),
     "the current by 0.1 m/s": _values("current_north", lambda values, *_: np.add(values, 0.1, out=values)),
-    "the digest of a file": _kept("sources", _digest),
+    "the digest of a file": _kept("sources", lambda stated, rng: rng.choice(stated).update(sha256="0" * 64)),
     "summary: mission time by 10 s": _figure("t_mission", 10.0),
     "summary: time left by 10 s": _figure("t_residual", 10.0),
     "summary: tasks by 1": _figure("tasks", 1),

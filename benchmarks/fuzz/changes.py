@@ -24,12 +24,13 @@ from benchmarks.harness import Rng
 
 Tree = Any
 
-#: What replaces a value in a tree, and a number.
+#: What replaces a value in a tree, beside names of files, and a number.
 EXTREMES: tuple[Any, ...] = (
     float("nan"), float("inf"), -0.0, 0, -1, 1e308, -1e308, 5e-324, 2**31, -(2**63), 10**30, 10**400, "",
     None, True, [], {}, [[]], [None], {"": None}, "1e400", "0x10", "nan", "2026-13-45T99:00:00Z",
     "9999-12-31T23:59:59Z", "24:00Z/23:00Z", "\x00", "\ud800", "a\nb", "\u202e", "%s%n{0}",
 )  # fmt: skip
+NAMES = "/etc/passwd", "../" * 12 + "etc/passwd", "file:///etc/passwd", "~/.bashrc", "/dev/zero"
 NUMBERS = (
     float("nan"), 1e308, -1e308, -0.0, 0.0, 1e-300, 10**30, 10**400, -1, 2**31, 1e9, "@@digits@@",
 )  # fmt: skip
@@ -131,14 +132,6 @@ def _files(outside: Path) -> list[str]:
     return [str(file) for file in sorted(outside.iterdir())]
 
 
-def _extreme(rng: Rng, outside: Path, words: Sequence[str]) -> Any:
-    kind = rng.random()
-    if kind < 0.15:
-        named = "/etc/passwd", "../" * 12 + "etc/passwd", "file:///etc/passwd", "~/.bashrc", "/dev/zero"
-        return _pick(rng, [*named, *_files(outside)])
-    return _pick(rng, words if kind < 0.4 else EXTREMES)
-
-
 def _alter(tree: Tree, rng: Rng, outside: Path, words: Sequence[str]) -> str:
     if not (places := _places(tree)):
         return "nothing"
@@ -147,7 +140,13 @@ def _alter(tree: Tree, rng: Rng, outside: Path, words: Sequence[str]) -> str:
     if kind < 5:
         # A value within its kind gets farther than one of another kind.
         number = isinstance(inside[key], float | int) and not isinstance(inside[key], bool)
-        inside[key] = _pick(rng, NUMBERS) if kind < 2 and number else _extreme(rng, outside, words)
+        if kind < 2 and number:
+            values = NUMBERS
+        elif (share := rng.random()) < 0.15:
+            values = [*NAMES, *_files(outside)]
+        else:
+            values = words if share < 0.4 else EXTREMES
+        inside[key] = _pick(rng, values)
         return f"{str(key)[:40]} = {repr(inside[key])[:40]}"
     if kind == 5:
         del inside[key]
@@ -190,13 +189,13 @@ def _element(tree: Tree) -> ElementTree.Element:
     return element
 
 
-def _marked_up(tree: Tree, rng: Rng) -> str:
-    return ElementTree.tostring(_element(tree), encoding="unicode")
-
-
 #: How a text is read into a tree and written, and the words that stand for raw text in it.
 Form = tuple[Callable[[str], Tree], Callable[[Tree, Rng], str], dict[str, str]]
-_XML: Form = lambda text: _nested(ElementTree.fromstring(text)), _marked_up, _RAW
+_XML: Form = (
+    lambda text: _nested(ElementTree.fromstring(text)),
+    lambda tree, rng: ElementTree.tostring(_element(tree), encoding="unicode"),
+    _RAW,
+)
 _FORMS: dict[str, Form] = {
     "json": (json.loads, lambda tree, rng: json.dumps(tree, ensure_ascii=bool(rng.random() < 0.7)), _RAW),
     "lines": (
@@ -215,8 +214,7 @@ _FORMS: dict[str, Form] = {
 }
 
 
-def _text(path: Path, rng: Rng, outside: Path, form: Form) -> str:
-    change = _xml if form is _XML else partial(_altered, form=form)
+def _text(path: Path, rng: Rng, outside: Path, change: Callable[..., tuple[str, str]]) -> str:
     text, said = change(path.read_text(encoding="utf-8"), rng, outside)
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     return said
@@ -457,9 +455,10 @@ def _arrays(path: Path, rng: Rng, outside: Path) -> str:
     return f"{name} {said}"
 
 
-_JSON, _LINES, _YAML_FILE, _TABLE, _WORDS, _MARKUP = (
-    partial(_text, form=form) for form in (*_FORMS.values(), _XML)
+_JSON, _LINES, _YAML_FILE, _TABLE, _WORDS = (
+    partial(_text, change=partial(_altered, form=form)) for form in _FORMS.values()
 )
+_MARKUP = partial(_text, change=_xml)
 _FORMATS: dict[str, Callable[[Path, Rng, Path], str]] = {
     ".geojson": _JSON, ".json": _JSON, ".plan": _JSON, ".jsonl": _LINES, ".yaml": _YAML_FILE, ".csv": _TABLE,
     ".gpx": _MARKUP, ".kml": _MARKUP, ".kmz": _kmz, ".nc": _netcdf, ".tif": _tiff, ".png": _png,

@@ -18,7 +18,7 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.executive import seed_keys
-from auvplan.executive.context import Mission, MissionContext, make_context
+from auvplan.executive.context import make_context
 from auvplan.executive.legs import set_out
 from auvplan.executive.loop import start_mission
 from auvplan.executive.path_calls import believed
@@ -101,7 +101,10 @@ def path_readings() -> dict[str, ap.PathConfig]:
 def path_rows(seeds: int) -> Iterator[dict[str, Any]]:
     """A row for each scenario and reading: seeds whose violation vanishes, and after which iteration."""
     for name in SCENARIOS:
-        context, missions = first_legs(name, seeds)
+        context = make_context(changed(name, "paper"), ".")
+        missions = [start_mission(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
+        for mission in missions:  # what lies ahead is believed, no path is planned
+            set_out(mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
         env = believed(missions)
         starts = np.stack([mission.active_leg.origin for mission in missions])
         goals = np.stack([mission.active_leg.target for mission in missions])
@@ -116,15 +119,6 @@ def path_rows(seeds: int) -> Iterator[dict[str, Any]]:
                 "iteration": float(np.median(when)), "end": float(np.median(mean[:, -1])),
                 "feasible": int(plans.feasible.sum()), "cost": float(best[:, -1].mean()),
             }  # fmt: skip
-
-
-def first_legs(name: str, seeds: int) -> tuple[MissionContext, list[Mission]]:
-    """Missions on the first leg of a scenario, what lies ahead believed but no path planned."""
-    context = make_context(changed(name, "paper"), ".")
-    missions = [start_mission(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
-    for mission in missions:
-        set_out(mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
-    return context, missions
 
 
 @launch(

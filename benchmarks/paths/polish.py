@@ -61,7 +61,10 @@ def polish(problem: PathProblem, world: World, positions: Array) -> Polished:
     """Descend from a path [n, 2] m, from start to goal."""
     unit = world.side / _LENGTHS
     points, extra, slack = positions, _EXTRA * unit, 0.0
-    data = _data(problem, world)
+    vehicle = problem.vehicle
+    limits = tuple(map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)))
+    units = unit, problem.distance / limits[0] / _TIMES
+    data = problem.environment.current, limits, problem.depart, world, units
     for stage in STAGES:
         points = _descended(points, stage, extra, slack, data)
     result = Polished(points, evaluate(problem, points, world))
@@ -129,15 +132,6 @@ def _shapes(segments: int) -> Array:
     """Sines that vanish at both ends, each scaled by its wave length, [segments + 1, segments - 1]."""
     place, wave = np.arange(segments + 1) / segments, np.arange(1, segments)
     return np.sin(np.pi * place[:, None] * wave) / wave
-
-
-def _data(problem: PathProblem, world: World) -> tuple:
-    vehicle = problem.vehicle
-    limits = tuple(
-        float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
-    )
-    units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
-    return problem.environment.current, limits, problem.depart, world, units
 
 
 def _cost(

@@ -6,7 +6,7 @@ planner takes part.
 
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -129,7 +129,14 @@ def _tightened(
 def _best_in_plane(problem: PathProblem, world: World, nodes: int) -> Polished | None:
     """Return the quickest feasible path that a grid leads to; None where it leads to none."""
     grid, polished = Grid.plane(problem, world, nodes), 0
-    candidates = _candidates(problem, world, grid)
+    grids = [grid]
+    if len(grid.movers):
+        # The label that arrives first need not be the one that passes behind what moves, or through before
+        # it: paths that are tightened from where less moves may.
+        smaller = grid.movers.copy()
+        smaller[:, 6] *= _SMALLER
+        grids += [replace(grid, movers=smaller), replace(grid, movers=smaller[:0])]
+    candidates = chain.from_iterable(passages(problem, world, each, _PASSAGES) for each in grids)
     for path in _tightened(
         problem, world, grid, candidates, _PLANE_SLOWER, lambda score: bool(np.isfinite(score.travel_time))
     ):
@@ -142,20 +149,6 @@ def _best_in_plane(problem: PathProblem, world: World, nodes: int) -> Polished |
             if turning.score.feasible:
                 return turning
     return None
-
-
-def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tuple[float, Array]]:
-    """Yield paths on the grid and their times [s]; where things move, those of smaller and of none as well.
-
-    The label that arrives first need not be the one that passes behind what moves, or through before it:
-    paths that are tightened from where less moves may.
-    """
-    grids = [grid]
-    if len(grid.movers):
-        smaller = grid.movers.copy()
-        smaller[:, 6] *= _SMALLER
-        grids += [replace(grid, movers=smaller), replace(grid, movers=smaller[:0])]
-    return chain.from_iterable(passages(problem, world, each, _PASSAGES) for each in grids)
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
