@@ -189,7 +189,7 @@ def clock_all(
 
 
 def take_turns(
-    calls: Mapping[str, Callable[[int], Any]], rounds: Mapping[str, int], first: int
+    calls: Mapping[str, Callable[[int], Any]], rounds: Mapping[str, int], first: int, lasts: float = 0.0
 ) -> dict[str, dict[str, Any]]:
     """Time calls of seeds 0, 1, ... in turns, so that all see the same machine.
 
@@ -197,6 +197,7 @@ def take_turns(
         calls: by name.
         rounds: for each of them.
         first: seed of the calls that compile.
+        lasts: s, of a turn, in which a call is repeated; at least one call.
 
     Returns:
         By name: median and least time of a call, how much longer the first one took, s, and all results.
@@ -207,10 +208,9 @@ def take_turns(
         for name, call in calls.items():
             if turn < rounds[name]:
                 # The first call of a turn finds the caches as another contender left them.
-                jax.block_until_ready(call(turn))
-                seconds, result = clock(partial(call, turn))
-                times[name].append(seconds)
+                warm, result = clock(partial(call, turn))
                 results[name].append(result)
+                times[name] += [clock(partial(call, turn))[0] for _ in range(max(1, int(lasts / warm)))]
     return {name: timed(compiling[name], times[name]) | {"results": results[name]} for name in calls}
 
 

@@ -1,10 +1,10 @@
 """Scoring a population of paths: the package's kernel against one in C, and the price of gradients.
 
 `python -m benchmarks.scoring` times 100 and 10,000 paths of 128 samples with 16 free control points. The
-contenders take turns; C runs on one thread, JAX on as many as it likes. Before anything is timed all must
-agree, cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4. `score.c` takes what the problem
-here has: one layer of vortices, spheres in linear motion, a chart, a steady current, the "track" reading of
-the speed and, in the vertical, a limit on pitch.
+contenders take turns; C runs on one thread, JAX on as many as it likes. All must agree, cusps included: on
+99.9 % of all paths to 1e-5, on every path to 1e-4. `score.c` takes what the problem here has: one layer of
+vortices, spheres in linear motion, a chart, a steady current, the "track" reading of the speed and, in the
+vertical, a limit on pitch.
 """
 
 import ctypes
@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from auvplan.path.cost import score
 from auvplan.path.problem import Problem as Leg
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import Vehicle
-from benchmarks.harness import Array, clock, compiler, launch, screen, show, timed, track
+from benchmarks.harness import Array, clock, compiler, launch, screen, show, take_turns
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -255,28 +255,18 @@ def rows(rounds: int = ROUNDS) -> list[dict[str, Any]]:
     known = contenders(leg)
     for count in COUNTS:
         device = leg.paths(count)
-        host = np.ascontiguousarray(device, np.float32)
-        first, then, costs = {}, {name: [] for name in known}, {}
-        for name, (call, made) in known.items():
-            first[name], scored = clock(partial(call, device, host))
-            first[name] += made
-            costs[name] = np.asarray(scored[0])
+        given = device, np.ascontiguousarray(device, np.float32)
+        calls = {name: lambda _, call=call, given=given: call(*given) for name, (call, _) in known.items()}
+        rates = take_turns(calls, dict.fromkeys(calls, rounds), 0, TURN)
+        costs = {name: np.asarray(rate.pop("results")[0][0]) for name, rate in rates.items()}
         apart = {name: np.abs(cost - costs["JAX"]) / costs["JAX"] for name, cost in costs.items()}
         for name, gap in apart.items():
             if gap.max() > APART or (gap < AGREEMENT).mean() < AGREEING:
                 raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
-        shuffle = np.random.default_rng(0)
-        for _ in track(range(rounds), f"{count:,} paths"):
-            for name in shuffle.permutation(list(known)):
-                # The first call finds the caches as another contender left them.
-                call = known[name][0]
-                warm, _ = clock(partial(call, device, host))
-                for _ in range(max(1, int(TURN / warm))):
-                    then[name].append(clock(partial(call, device, host))[0])
-        rates = {name: timed(first[name], times) for name, times in then.items()}
         native = rates.get("C, 1 thread", {"seconds": None})["seconds"]
         for name, rate in rates.items():
             row = {"paths": count, "name": name, "difference": float(apart[name].max())} | rate
+            row["compile_seconds"] += known[name][1]
             row["to_c"] = None if native is None else rate["seconds"] / native
             row["to_value"] = rate["seconds"] / rates["JAX"]["seconds"]
             result.append(row)
