@@ -56,27 +56,22 @@ class Question(NamedTuple):
     claim: str
     where: str
     criterion: str
+    missions_alone: bool  # whether missions alone decide it
     ask: Callable[[Evidence], Finding]
 
 
-#: In the paper's order, and those of them that missions alone decide.
+#: In the paper's order.
 QUESTIONS: list[Question] = []
-MISSION_QUESTIONS: list[Question] = []
 
 
 def _question(claim: str, where: str, criterion: str, missions_alone: bool = False) -> Callable[[Any], Any]:
-    def add(ask: Callable[[Evidence], Finding]) -> Callable[[Evidence], Finding]:
-        QUESTIONS.append(Question(claim, where, criterion, ask))
-        MISSION_QUESTIONS.extend(QUESTIONS[-1:] * missions_alone)
-        return ask
-
-    return add
+    return lambda ask: QUESTIONS.append(Question(claim, where, criterion, missions_alone, ask))
 
 
 def judge(paper: Evidence, default: Evidence | None = None) -> list[Claim]:
     """Judge every claim by the paper's preset, and show the default's figures beside it."""
     found, verdicts = [], {True: "confirmed", None: "partly", False: "not confirmed"}
-    for claim, where, criterion, ask in QUESTIONS:
+    for claim, where, criterion, _, ask in QUESTIONS:
         words, met = ask(paper)
         theirs = "" if default is None else ask(default).words
         found.append(Claim(claim, where, criterion, words, theirs, verdicts[met]))
@@ -94,11 +89,6 @@ def _share(met: np.ndarray | Sequence[bool]) -> bool | None:
     """Return whether all are met; None where at least half are."""
     count, size = np.sum(met), np.size(met)
     return True if size and count == size else (None if size and 2 * count >= size else False)
-
-
-def _of_two(met: Sequence[bool]) -> bool | None:
-    """Return whether all are met; None where one is."""
-    return True if all(met) else (None if any(met) else False)
 
 
 def last_finite(history: np.ndarray) -> np.ndarray:
@@ -258,7 +248,7 @@ def _similar_times(evidence: Evidence) -> Finding:
     correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
     error = 100.0 * float(np.nanmedian(statistics.relative_errors(evidence.missions)))
     words = f"correlation {correlation:.3f}, median relative error {error:.1f} %, {both.sum()} legs"
-    return Finding(words, _of_two([error <= 10.0, correlation >= 0.9]))
+    return Finding(words, _share([error <= 10.0, correlation >= 0.9]))
 
 
 @_question(
@@ -282,7 +272,7 @@ def _stable_calls(evidence: Evidence) -> Finding:
     call, all_ = (values.std() / values.mean() for values in (evidence.calls["first_cpu"].values, whole))
     words = f"standard deviation over missions {100.0 * call:.0f} % of the mean for a call, "
     words += f"{100.0 * all_:.0f} % for all planning of a mission"
-    return Finding(words, _of_two([call < 0.5, all_ < 0.5]))
+    return Finding(words, _share([call < 0.5, all_ < 0.5]))
 
 
 def cut_off(missions: xr.Dataset) -> np.ndarray:
@@ -325,7 +315,7 @@ def _as_in_fig15(**figures: tuple[np.ndarray, float, str]) -> Finding:
         low, middle, high = (round(float(q), 1) for q in np.nanquantile(values, [0.05, 0.5, 0.95]))
         words.append(f"{name} {middle:,g}{unit} ({low:,g} to {high:,g})")
         met.append(bool(low <= paper <= high))
-    return Finding("; ".join(words), _of_two(met))
+    return Finding("; ".join(words), True if all(met) else (None if any(met) else False))
 
 
 @_question(

@@ -27,7 +27,7 @@ from auvplan.study import Design
 from auvplan.study.statistics import leg_times
 from benchmarks.ablations import study
 from benchmarks.harness import launch, screen, show
-from benchmarks.paper.claims import MISSION_QUESTIONS, NO_VIOLATION, Evidence, cut_off, late_legs
+from benchmarks.paper.claims import NO_VIOLATION, QUESTIONS, Evidence, cut_off, late_legs
 from benchmarks.paper.legs import SCENARIOS, changed
 
 _WHOLE = {"task_time": "whole"}
@@ -75,7 +75,9 @@ def said(missions: xr.Dataset) -> list[str]:
         f"{routes.sum()} new routes; legs {np.median(done.sum(axis=1)):g}; priority {priority.mean():.1f}"
     )
     lines, evidence = [figures], Evidence(xr.Dataset(), missions, xr.Dataset(), 0.0)
-    for claim, where, _, ask in MISSION_QUESTIONS:
+    for claim, where, _, missions_alone, ask in QUESTIONS:
+        if not missions_alone:
+            continue
         words, met = ask(evidence)
         lines.append(f"    {where}, {claim}: {'in part' if met is None else 'yes' if met else 'no'}; {words}")
     return lines
