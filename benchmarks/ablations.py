@@ -101,9 +101,9 @@ def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
     for name, dataset in found.items():
         row = {"name": name}
         for key, of in (("priority", lambda one: one["total_priority"].values), ("use", use_of_time)):
-            mean, low, _ = mean_interval(np.asarray(of(dataset), float) - np.asarray(of(base), float))
-            row[key] = f"{np.mean(of(dataset)):.2f}"
-            row[key] += "" if dataset is base else f" ({mean:+.2f} ± {mean - low:.2f})"
+            values, before = (np.asarray(of(one), float) for one in (dataset, base))
+            mean, low, _ = mean_interval(values - before)
+            row[key] = f"{values.mean():.2f}" + f" ({mean:+.2f} ± {mean - low:.2f})" * (dataset is not base)
         seconds = sum(dataset[layer].values for layer in ("path_cpu", "mission_cpu", "travel_time_cpu"))
         yield row | {
             "success": int((dataset["success"].values == 1).sum()),

@@ -171,20 +171,6 @@ def measured(name: str, dim: int, seeds: tuple[int, ...]) -> np.ndarray:
     return np.maximum(np.log10(np.maximum(np.asarray(cost), 1e-300)), FLOOR)
 
 
-def table(results: dict[str, dict[int, np.ndarray]]) -> str:
-    """Markdown: a row a group and dimension, a column a search; the least is bold.
-
-    A value is the median over the functions of a group of the median over the seeds.
-    """
-    rows = []
-    for group, members in GROUPS.items():
-        for dim in next(iter(results.values())):
-            values = [float(np.median(np.median(by[dim], axis=1)[members])) for by in results.values()]
-            shown = [f"**{v:.1f}**" if round(v, 1) <= round(min(values), 1) else f"{v:.1f}" for v in values]
-            rows.append([group, str(dim), *shown])
-    return "\n".join(markdown(["group", "D", *results], rows))
-
-
 @launch(
     seeds=(SEEDS, "of the instances"),
     dims=(DIMENSIONS, "numbers of dimensions"),
@@ -196,5 +182,12 @@ def main(seeds: list[int], dims: list[int], only: list[str]) -> dict[str, Any]:
     for name, dim in product(only, dims):
         seconds, results[name][dim] = clock(partial(measured, name, dim, tuple(seeds)))
         print(f"<!-- {name}, {dim}-D: {seconds:.0f} s -->", flush=True)
-    print(table(results))
+    rows = []
+    for group, members in GROUPS.items():
+        for dim in dims:
+            # The median over the functions of a group of the median over the seeds; the least is bold.
+            values = [float(np.median(np.median(by[dim], axis=1)[members])) for by in results.values()]
+            shown = [f"**{v:.1f}**" if round(v, 1) <= round(min(values), 1) else f"{v:.1f}" for v in values]
+            rows.append([group, str(dim), *shown])
+    print("\n".join(markdown(["group", "D", *results], rows)))
     return {name: {dim: found.tolist() for dim, found in by.items()} for name, by in results.items()}

@@ -124,11 +124,8 @@ def compared(name: str, seed: int, count: int, kills: int, folder: Path) -> list
     on_two_workers(study, seconds, folder / "dask")
     broken = killed_and_resumed(study, kills, seconds, folder / "killed")
     unbroken = without_clocks(load_study(first))
-    ways = {
-        "local": [first],
-        "one of two Dask workers killed": [folder / "dask"],
-        "killed and resumed": broken,
-    }
+    ways = {"local": [first], "one of two Dask workers killed": [folder / "dask"]}
+    ways["killed and resumed"] = broken
     for how, folders in ways.items():
         for at in folders:
             note(f"study, {how}", min((at / RUNS).iterdir()))

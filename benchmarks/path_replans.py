@@ -123,12 +123,13 @@ def rows(count: int) -> list[dict[str, Any]]:
             seconds[way, k], plan = clock(call)
             times[way, k] = plan.travel_time if plan.feasible else np.nan
     excess = times / times[list(WAYS).index(LARGEST)] - 1.0
-    found = []
-    for way, name in enumerate(WAYS):
-        row = {"name": name, "mean": np.nanmean(excess[way]), "worst": np.nanmax(excess[way])}
-        row |= {"feasible": np.isfinite(times[way]).mean(), "first_seconds": first[way]}
-        found.append(row | {"milliseconds": 1e3 * np.median(seconds[way])})
-    return [{key: value if key == "name" else float(value) for key, value in row.items()} for row in found]
+    found = {
+        "mean": np.nanmean(excess, axis=1), "worst": np.nanmax(excess, axis=1),
+        "feasible": np.isfinite(times).mean(axis=1), "first_seconds": first,
+        "milliseconds": 1e3 * np.median(seconds, axis=1),
+    }  # fmt: skip
+    by_way = zip(WAYS, *map(np.ndarray.tolist, found.values()), strict=True)
+    return [dict(zip(("name", *found), row, strict=True)) for row in by_way]
 
 
 @launch(situations=(SITUATIONS, "in which plans are made anew"))

@@ -132,13 +132,11 @@ def pycma(problem: Problem, population: int, iterations: int) -> Search:
     return search
 
 
-#: Name, packages needed and maker of every peer.
-PEERS: tuple[tuple[str, tuple[str, ...], Callable[[Problem, int, int], Search]], ...] = (
-    ("mealpy OriginalBBO", ("mealpy",), mealpy_bbo),
-    ("evosax DE", ("evosax",), partial(evosax, name="DifferentialEvolution")),
-    ("evosax CMA-ES", ("evosax",), partial(evosax, name="CMA_ES")),
-    ("cma CMA-ES", ("cma",), pycma),
-)
+#: Maker of every peer, by its name, which begins with that of the package.
+PEERS: dict[str, Callable[[Problem, int, int], Search]] = {
+    "mealpy OriginalBBO": mealpy_bbo, "evosax DE": partial(evosax, name="DifferentialEvolution"),
+    "evosax CMA-ES": partial(evosax, name="CMA_ES"), "cma CMA-ES": pycma,
+}  # fmt: skip
 
 
 #: The paper's planner, with as many control points as the peers are given.
@@ -155,8 +153,8 @@ def contenders(leg: Problem) -> dict[str, tuple[Search, int]]:
         sized = config.replace(bbo=config.bbo.replace(population=POPULATION, iterations=ITERATIONS))
         found[name] = partial(_plan, leg, sized, 1), 1
         found[f"{name}, {BATCH} in one call"] = partial(_plan, leg, sized, BATCH), BATCH
-    for name, packages, make in PEERS:
-        if available(name, packages):
+    for name, make in PEERS.items():
+        if available(name, name.split()[:1]):
             found[name] = make(leg, POPULATION, ITERATIONS), 1
     return found
 
