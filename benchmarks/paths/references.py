@@ -53,53 +53,29 @@ class Reference:
     # s, of the quickest path in the vertical plane, another search; None where there is none
     plane: float | None = None
 
-    @classmethod
-    def of(
-        cls,
-        found: Sequence[Polished],
-        begin: float,
-        grids: Sequence[Polished] = (),
-        plane: float | None = None,
-    ) -> "Reference":
-        """Return what the quickest of some paths is a reference of.
 
-        Args:
-            begin: when the search began.
-            grids: the best path that each grid leads to.
-        """
-        best, seconds = _quickest(found), time.perf_counter() - begin
-        times = sorted(path.score.travel_time for path in grids)
-        error = times[1] / times[0] - 1.0 if len(times) == 2 else None
-        if best is None:
-            return cls(None, error, np.zeros((0, 2)), seconds, plane)
-        return cls(best.score.travel_time, error, best.positions, seconds, plane)
-
-
-def water_reference(problem: PathProblem) -> Reference:
-    """Find the quickest path of a planar problem on both grids."""
-    begin, world = time.perf_counter(), World.of(problem)
-    found = [best for nodes in _PLANES if (best := _best_in_plane(problem, world, nodes)) is not None]
-    return Reference.of(found, begin, found)
-
-
-def depth_reference(problem: PathProblem) -> Reference:
-    """Find the quickest path of a problem with depth, and in the vertical plane where there is one."""
-    begin, world = time.perf_counter(), World.of(problem)
-    found = []
-    for cells in _CORRIDORS:
-        grid = Grid.corridor(problem, world, cells)
-        how = _DEEP_SEGMENTS, grid.width
-        candidates = ways(problem, world, grid, _WAYS)
-        found += _tightened(
-            problem, world, grid, candidates, _DEEP_SLOWER, lambda score: score.feasible, *how
-        )[:1]
-    grids, upright = list(found), vertical(problem, world)
-    more = [upright]
-    if best := _quickest(found):
-        narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
-        more.append(tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow))
-    found += [path for path in more if path is not None and path.score.feasible]
-    return Reference.of(found, begin, grids, None if upright is None else upright.score.travel_time)
+def found_reference(problem: PathProblem) -> Reference:
+    """Find the quickest path on both grids; where there is depth, in the vertical plane as well."""
+    begin, world, plane = time.perf_counter(), World.of(problem), None
+    deep = bool(world.high[2] > world.low[2])
+    lay, sizes, best_on = (
+        (Grid.corridor, _CORRIDORS, _best_in_depth) if deep else (Grid.plane, _PLANES, _best_in_plane)
+    )
+    grids = [lay(problem, world, size) for size in sizes]
+    found = [best for grid in grids if (best := best_on(problem, world, grid)) is not None]
+    times = sorted(path.score.travel_time for path in found)
+    error = times[1] / times[0] - 1.0 if len(times) == 2 else None
+    if deep:
+        more = [vertical(problem, world)]
+        plane = more[0] and more[0].score.travel_time
+        if best := _quickest(found):
+            narrow = 0.25 * grids[-1].width[0], 0.25 * grids[-1].width[1]
+            more.append(tighten(problem, world, grids[-1], best.positions, _DEEP_FINEST, narrow))
+        found += [path for path in more if path is not None and path.score.feasible]
+    best, seconds = _quickest(found), time.perf_counter() - begin
+    if best is None:
+        return Reference(None, error, np.zeros((0, 2)), seconds, plane)
+    return Reference(best.score.travel_time, error, best.positions, seconds, plane)
 
 
 def _quickest(paths: Sequence[Polished]) -> Polished | None:
@@ -126,10 +102,18 @@ def _tightened(
     return sorted(found, key=lambda path: path.score.travel_time)
 
 
-def _best_in_plane(problem: PathProblem, world: World, nodes: int) -> Polished | None:
+def _best_in_depth(problem: PathProblem, world: World, grid: Grid) -> Polished | None:
     """Return the quickest feasible path that a grid leads to; None where it leads to none."""
-    grid, polished = Grid.plane(problem, world, nodes), 0
-    grids = [grid]
+    tightened = _tightened(
+        problem, world, grid, ways(problem, world, grid, _WAYS), _DEEP_SLOWER, lambda score: score.feasible,
+        _DEEP_SEGMENTS, grid.width,
+    )  # fmt: skip
+    return tightened[0] if tightened else None
+
+
+def _best_in_plane(problem: PathProblem, world: World, grid: Grid) -> Polished | None:
+    """Return the same where there is no depth; paths that turn too sharply are polished."""
+    grids, polished = [grid], 0
     if len(grid.movers):
         # The label that arrives first need not be the one that passes behind what moves, or through before
         # it: paths that are tightened from where less moves may.
@@ -159,8 +143,7 @@ def reference_of(problem: PathProblem, path: Path) -> Reference:
     """Return a problem's reference, found and stored in a file where it is not there yet."""
     reference = stored_reference(problem, load(path))
     if reference is None:
-        deep = problem.environment.upper[2] > problem.environment.lower[2]
-        reference = (depth_reference if deep else water_reference)(problem)
+        reference = found_reference(problem)
         store(problem, reference, path)
     return reference
 

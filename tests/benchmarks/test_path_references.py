@@ -15,7 +15,7 @@ from benchmarks.path_walks import walks
 from benchmarks.paths.depths import LayeredCurrent, depth_problem, way
 from benchmarks.paths.grid import Grid, passages, ways
 from benchmarks.paths.problems import PathProblem, unlimited_vehicle
-from benchmarks.paths.references import STORED_DEEP, Reference, depth_reference, load, store, stored_reference
+from benchmarks.paths.references import STORED_DEEP, Reference, found_reference, load, store, stored_reference
 from benchmarks.paths.ruler import World, evaluate
 from benchmarks.paths.tighten import tighten
 from benchmarks.paths.waters import FAMILIES, water_problem
@@ -70,7 +70,7 @@ def test_a_reference_is_the_closed_form_of_a_dive_through_one_thin_interface():
     layers = LayeredCurrent(*(jnp.asarray(v) for v in ([0.0, 0.0], [c, 0.0], interface, 0.5)))
     env = ap.Environment(layers, None, None, (-600, -1600, 0), (2600, 1600, 100))
     problem = PathProblem("own", "own", env, (0.0, 0.0, 10.0), (length, 0.0, 10.0), unlimited_vehicle(speed))
-    found = depth_reference(problem)
+    found = found_reference(problem)
     deep, angle = interface - 10.0, np.arccos(speed / (speed + c))
     expected = (length - 2.0 * deep / np.tan(angle)) / (speed + c) + 2.0 * deep / (speed * np.sin(angle))
     assert expected < 0.8 * length / speed
