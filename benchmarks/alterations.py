@@ -61,16 +61,19 @@ def _flipped(values: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
     values[k] = 1 - values[k]
 
 
-def _figure(name: str, change: float) -> Alter:
-    return lambda summary, dataset, rng: summary.update({name: summary[name] + change})
+def _stated(name: str, change: float, rows_of: Callable[[Summary, xr.Dataset], Any]) -> Alter:
+    """A figure of one of some rows."""
 
-
-def _leg_figure(name: str, change: float) -> Alter:
     def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
-        rows = [row for row in summary["legs"] if row[name] is not None]
+        rows = [row for row in rows_of(summary, dataset) if row[name] is not None]
         rows[rng.integers(len(rows))][name] += change
 
     return alter
+
+
+_figure = partial(_stated, rows_of=lambda summary, dataset: [summary])
+_leg_figure = partial(_stated, rows_of=lambda summary, dataset: summary["legs"])
+_attribute = partial(_stated, rows_of=lambda summary, dataset: [dataset.attrs])
 
 
 def _swapped(nodes: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
@@ -85,10 +88,6 @@ def _swapped(nodes: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
 
 def _moved(places: np.ndarray, dataset: xr.Dataset, rng: Rng) -> None:
     places[rng.integers(len(places)), 1, 0] += 10.0
-
-
-def _attribute(name: str, change: float) -> Alter:
-    return lambda summary, dataset, rng: dataset.attrs.update({name: dataset.attrs[name] + change})
 
 
 def _kept(name: str, change: Callable[[Any, Rng], None]) -> Alter:
