@@ -60,7 +60,9 @@ def table(lon: Any, lat: Any, depths: Any = DEPTHS, parts: Any = None, **more: A
 def save(path: Path, data: xr.Dataset, form: Any = "NETCDF4") -> Path:
     """Write variables and their attributes as they are."""
     plain = {
-        name: {"_FillValue": None} for name, own in data.variables.items() if "_FillValue" not in own.attrs
+        name: {"_FillValue": None}
+        for name, own in data.variables.items()
+        if not {"_FillValue"} & {*own.attrs, *own.encoding}
     }
     data.reset_coords().to_netcdf(path, engine="netcdf4", format=form, encoding=plain)
     return path
@@ -73,10 +75,8 @@ def copied(*names: str, **options: Any) -> Callable[[Path], Prepared]:
 
 def written(folder: Path, name: str, *parts: xr.Dataset, form: Any = "NETCDF4") -> list[Path]:
     """Write data sets, one of them by a name, more of them numbered."""
-    paths = []
-    for number, data in enumerate(parts):
-        paths.append(save(folder / (f"{name}.nc" if len(parts) == 1 else f"{name}{number}.nc"), data, form))
-    return paths
+    names = [name] if len(parts) == 1 else [f"{name}{number}" for number in range(len(parts))]
+    return [save(folder / f"{own}.nc", data, form) for own, data in zip(names, parts, strict=True)]
 
 
 def regular_file(
@@ -86,14 +86,8 @@ def regular_file(
     """A regular grid, changed; packed into 16 bits where a step is given."""
     data = samples.regular(lon, lat, DEPTHS, TIMES, about=middle)
     if pack is not None:
-        for own in ("uo", "vo"):
-            whole = np.rint((data[own].values - 0.5) / pack).astype(np.int16)
-            stated = data[own].attrs | {
-                "scale_factor": pack,
-                "add_offset": 0.5,
-                "_FillValue": np.int16(-30000),
-            }
-            data[own] = data[own].dims, whole, stated
+        packed = {"dtype": "int16", "scale_factor": pack, "add_offset": 0.5, "_FillValue": -30000}
+        data["uo"].encoding = data["vo"].encoding = packed
     places = np.meshgrid(lon, lat)
     data, rows = change(data), np.arange(places[0].size).reshape(places[0].shape)
     parts = samples.flow(
