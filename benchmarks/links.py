@@ -167,7 +167,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell, eventful: 
         "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
         "doubled": doubled, "counts": dict(Counter(event.kind for event in record.events)),
         "packets": proxy.counts, "wall_s": round(time.perf_counter() - begin, 1),
-        "fired": notices.fired,
+        "fired": notices.fired if eventful else [],
     }  # fmt: skip
 
 
