@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from auvplan.io import save_run
-from auvplan.study.store import DESIGN, RUNS
+from auvplan.runtime.files import DESIGN
+from auvplan.study.store import RUNS
 from tests.io.sample_run import make_run
 
 
