@@ -29,6 +29,7 @@ from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.executive.promise import plan_with_promise, planned_with, promise_of
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.vortices import LambVortices
+from auvplan.plot import style
 from auvplan.runtime import prng
 from benchmarks.harness import SCENARIOS, SHARED, launch, means, show, track
 
@@ -274,13 +275,35 @@ def drawn_errors(
 WORLDS = {"vortices": vortices, "ocean": ocean, "fjord": fjord}
 
 
+def draw(rows: list[dict[str, Any]], picture: Path) -> None:
+    """Draw what was promised against what was kept: plans, and their means in ten bins."""
+    figure = style.new_figure(6.0, 5.4)
+    axes = figure.subplots()
+    axes.plot([0, 100], [0, 100], color=style.GREY, lw=1.0, zorder=1)
+    colours = dict(zip(WORLDS, (style.BLUE, style.ORANGE, style.GREEN), strict=True))
+    for sea in dict.fromkeys(row["sea"] for row in rows):
+        stated, kept = (
+            100.0 * np.asarray([row[of] for row in rows if row["sea"] == sea]) for of in ("stated", "kept")
+        )
+        axes.scatter(stated, kept, s=12, alpha=0.35, color=colours[sea], lw=0)
+        bins = np.clip(stated // 10.0, 0, 9)
+        points = [(stated[bins == k].mean(), kept[bins == k].mean()) for k in np.unique(bins)]
+        axes.plot(*np.transpose(points), "o-", color=colours[sea], label=sea, ms=5)
+    axes.set(xlabel="promised: home in time in drawn seas [%]", ylabel="kept in true seas [%]")
+    axes.set_aspect("equal")
+    axes.legend(frameon=False)
+    style.grid(axes)
+    figure.savefig(picture)
+
+
 @launch(
     seas=(list(WORLDS), "seas", list(WORLDS)),
     seeds=(range(20), "missions in each"),
     fixed=(False, "compare shares of the time that are kept back, too"),
     turning=(False, "compare plans with a rule for what is late, too"),
+    picture=(Path, "PNG of what was promised against what was kept"),
 )
-def main(seas: list[str], seeds: range, fixed: bool, turning: bool) -> dict[str, Any]:
+def main(seas: list[str], seeds: range, fixed: bool, turning: bool, picture: Path | None) -> dict[str, Any]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for sea in seas:
@@ -290,4 +313,6 @@ def main(seas: list[str], seeds: range, fixed: bool, turning: bool) -> dict[str,
         summary(sea, asked, rows) for sea in seas for asked in dict.fromkeys(row["asked"] for row in rows)
     ]
     show("plans of promises, and how many of the true seas they are home in time in", kept, KEPT)
+    if picture is not None:
+        draw(rows, picture)
     return {"promises": kept, "plans": rows}
