@@ -16,6 +16,7 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.io.example import write_example
+from auvplan.runtime.files import DESIGN
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
@@ -93,7 +94,7 @@ def study(folder: Path, design: Design, workers: int | None = None) -> xr.Datase
     if (folder / DATASET).is_file():
         return load_study(folder)
     screen.print(f"{folder.name} ...")
-    return run_study(design, folder, workers=workers, resume=(folder / "study.json").is_file())
+    return run_study(design, folder, workers=workers, resume=(folder / DESIGN).is_file())
 
 
 def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:

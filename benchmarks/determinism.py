@@ -20,9 +20,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from auvplan.runtime.files import SUMMARY
+from auvplan.runtime.files import DESIGN, SUMMARY
 from auvplan.study import load_study, without_clocks
-from auvplan.study.store import DATASET, DESIGN, PIECES, RUNS
+from auvplan.study.store import DATASET, PIECES, RUNS
 from benchmarks.crashes import clockless
 from benchmarks.harness import AUVPLAN, SCENARIOS, clock, launch, screen, show
 
