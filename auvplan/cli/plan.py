@@ -270,7 +270,8 @@ def rehearse(
         simulated = counted(found["missions"], "simulated mission")
         shared.print_facts(f"{settings.name}: the plan in {simulated}", _facts(found))
         allowance = settings.planning.allowance
-        if found["all_planned_tasks"] < 0.8 * found["missions"]:
+        held = [found["on_time"], *(job["come_to"] for job in found["jobs"] if job["planned"])]
+        if min(held) < 0.8 * found["missions"]:
             shared.say(
                 f"hint: planning.allowance is {allowance:g}; with planning.allowance={allowance + 0.1:g} "
                 "less is planned, and more of it holds"

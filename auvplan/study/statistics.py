@@ -269,8 +269,9 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     A survey line counts as done where a mission earns `_MOST` of what the plan earns on it.
 
     Returns:
-        What `summarise` returns of the missions; the plan's figures; how many missions did each job, and what
-        share of what is planned of it they earn on average; how many did all that is planned, on time.
+        What `summarise` returns of the missions; the plan's figures; how many missions came to each job, how
+        many did it, and what share of what is planned of it they earn on average; how many did all that is
+        planned, on time.
     """
     names, count = planned.names, executed.sizes["mission"]
     nodes = {job.name: job.nodes for job in jobs_of(names)}
@@ -286,12 +287,13 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
 
     wanted, whole = did([(leg.start, leg.goal, leg.priority) for leg in planned.earning])
     lines = {name for name in wanted if len(nodes.get(name, ())) > 1}
-    done, shares, complete = Counter[str](), dict.fromkeys(wanted, 0.0), 0
+    come, done, shares, complete = Counter[str](), Counter[str](), dict.fromkeys(wanted, 0.0), 0
     for row in range(count):
         legs = {of: executed[f"leg_{of}"].values[row] for of in ("arrived", "priority", "from", "to")}
         earning = (legs["arrived"] == 1) & (legs["priority"] > 0.0)
         starts, goals, priorities = (legs[of][earning].tolist() for of in ("from", "to", "priority"))
         found, earned = did(list(zip(map(int, starts), map(int, goals), priorities, strict=True)))
+        come.update(found)
         found -= {name for name in lines if earned[name] < _MOST * whole[name]}
         for name in shares:
             shares[name] += min(earned[name] / whole[name], 1.0) / count
@@ -299,7 +301,13 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
         complete += bool(executed["success"].values[row] == 1 and wanted <= found)
     plan = {"tasks": planned.tasks, "total_priority": planned.total_priority, "time_s": planned.t_mission}
     jobs = [
-        {"name": name, "planned": name in wanted, "done": done[name], "share": shares.get(name)}
+        {
+            "name": name,
+            "planned": name in wanted,
+            "come_to": come[name],
+            "done": done[name],
+            "share": shares.get(name),
+        }
         for name in nodes
     ]
     more = {"plan": plan, "all_planned_tasks": complete, "jobs": jobs}

@@ -88,7 +88,7 @@ def test_a_survey_line_counts_as_done_where_it_is_covered():
     plan = surveyed(0.0, 2.0, 2.0)
     found, _ = rehearsal(plan, [surveyed(0.0, 1.6, 2.0), surveyed(0.0, 1.98, 1.98), surveyed(0.0, 2.0, 2.0)])
     (ridge,) = found["jobs"]
-    assert (ridge["name"], ridge["planned"], ridge["done"]) == ("ridge", True, 2)
+    assert (ridge["name"], ridge["planned"], ridge["come_to"], ridge["done"]) == ("ridge", True, 3, 2)
     assert ridge["share"] == pytest.approx((3.6 + 3.96 + 4.0) / 12.0)
     assert found["all_planned_tasks"] == 2
 
