@@ -22,11 +22,10 @@ from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.ocean.currents import SumCurrent, combine, partition
-from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights
+from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights, perturbed
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.obstacles import closest_approach
-from auvplan.ocean.perturbed import perturbed
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import PLANS, expecting

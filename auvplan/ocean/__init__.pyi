@@ -4,10 +4,10 @@ from .currents import Current as Current
 from .currents import FunctionCurrent as FunctionCurrent
 from .currents import UniformCurrent as UniformCurrent
 from .environment import Environment as Environment
+from .environment import Price as Price
 from .gridded import CurrentError as CurrentError
 from .gridded import GriddedCurrent as GriddedCurrent
 from .obstacles import Obstacles as Obstacles
-from .price import Price as Price
 from .seabed import Seabed as Seabed
 from .seabed import SeabedError as SeabedError
 from .vortices import CurrentUpdate as CurrentUpdate

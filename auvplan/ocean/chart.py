@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
-from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
+from auvplan.ocean.classify import UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, is_traced, numbers
@@ -97,8 +97,6 @@ class Chart(Raster):
         rgb: NDArray[np.uint8],
         pixel_size: float = 10.0,
         origin: tuple[float, float] = (0.0, 0.0),
-        clusters: int = DEFAULT_CLUSTERS,
-        seed: int = 0,
         colours: ChartColours = DEFAULT_COLOURS,
     ) -> Self:
         """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify_picture`).
@@ -106,7 +104,7 @@ class Chart(Raster):
         Raises:
             ChartError: which colours are water and land is in doubt, and `colours` does not settle it.
         """
-        found = settled(classify_picture(rgb, None, clusters, seed, colours), "the picture")
+        found = settled(classify_picture(rgb, colours=colours), "the picture")
         return cls.from_classified(found, pixel_size, origin)
 
     @classmethod
@@ -123,8 +121,6 @@ class Chart(Raster):
         path: str | Path,
         pixel_size: float = 10.0,
         origin: tuple[float, float] = (0.0, 0.0),
-        clusters: int = DEFAULT_CLUSTERS,
-        seed: int = 0,
         colours: ChartColours = DEFAULT_COLOURS,
     ) -> Self:
         """Return a chart from a picture file with north up: PNG, JPEG, TIFF, GIF, BMP, WebP or JPEG 2000.
@@ -136,8 +132,7 @@ class Chart(Raster):
         Warns:
             ScenarioWarning: the picture does not look like a chart.
         """
-        found = settled(classify_file(path, clusters, seed, colours), path)
-        return cls.from_classified(found, pixel_size, origin)
+        return cls.from_classified(settled(classify_file(path, colours), path), pixel_size, origin)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -249,13 +244,8 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
     return np.where(land, -inland, water)
 
 
-def classify_file(
-    path: str | Path,
-    clusters: int = DEFAULT_CLUSTERS,
-    seed: int = 0,
-    colours: ChartColours = DEFAULT_COLOURS,
-) -> Classified:
-    """Return what the pixels of a picture file stand for, in doubt or not; arguments as `classify_picture`.
+def classify_file(path: str | Path, colours: ChartColours = DEFAULT_COLOURS) -> Classified:
+    """Return what the pixels of a picture file stand for, in doubt or not; see `classify_picture`.
 
     Raises:
         ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` states
@@ -279,7 +269,7 @@ def classify_file(
             )
         blank |= values == nodata
         values = np.repeat(values[..., None], 3, axis=2)
-    return classify_picture(values, blank, clusters, seed, colours)
+    return classify_picture(values, blank, colours=colours)
 
 
 def settled(found: Classified, what: str | Path) -> Classified:

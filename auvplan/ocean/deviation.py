@@ -36,7 +36,7 @@ def deviation(current: object, places: Places, edges: Edges) -> Array | None:
 
 
 def interpolation_deviation(
-    fields: Sequence[Array], nodes: Sequence[Array], places: Places, edges: Edges, upward: bool = False
+    fields: Sequence[Array], nodes: Sequence[Array], places: Places, edges: Edges
 ) -> Array:
     """Bound the departure of multilinear interpolation from means within boxes, in the fields' unit.
 
@@ -49,14 +49,17 @@ def interpolation_deviation(
         fields: components of a vector, on the nodes.
         nodes: rising, along each axis; values are held beyond the outer ones.
         places, edges: of boxes along these axes.
-        upward: of one field, only by how much it may exceed means: where slopes fall.
     """
     widest = [float(np.max(edge, initial=0.0)) for edge in edges]
     lines, cut = zip(*map(_held, nodes, places, widest), strict=True)
     parts = [np.asarray(field, float)[np.ix_(*cut)] for field in fields]
-    count = len(lines)
-    gaps = [_along(np.diff(line), k, count) for k, line in enumerate(lines)]
-    spans = [_planes(line, place, edge) for line, place, edge in zip(lines, places, edges, strict=True)]
+    count, spans = len(lines), []
+    gaps = [np.expand_dims(np.diff(line), [*range(k), *range(k + 1, count)]) for k, line in enumerate(lines)]
+    for line, place, edge in zip(lines, places, edges, strict=True):
+        # The first node within each box, and the first beyond it.
+        half = 0.5 * np.asarray(edge)
+        first = np.searchsorted(line, place - half, "right")
+        spans.append((first, np.maximum(first, np.searchsorted(line, place + half, "left"))))
     # The node at or before each box's beginning, and how many there are at most from it to beyond its end.
     before = [np.clip(first - 1, 0, len(line) - 2) for (first, _), line in zip(spans, lines, strict=True)]
     across = [
@@ -68,8 +71,9 @@ def interpolation_deviation(
             continue
         slopes = [np.diff(part, axis=i) / gaps[i] for part in parts]
         bends = [np.diff(slope, axis=i) for slope in slopes]
-        jump = np.maximum(-bends[0], 0.0) if upward else np.sqrt(sum(bend**2 for bend in bends))
-        jump = _most(jump, [1 if k == i else across[k] for k in range(count)])
+        jump = _most(
+            np.sqrt(sum(bend**2 for bend in bends)), [1 if k == i else across[k] for k in range(count)]
+        )
         # Jumps are at the nodes but the outer ones: sums of those before each.
         sums = np.pad(
             np.cumsum(jump, axis=i), [(2, 1) if k == i else (0, 0) for k in range(count)], mode="edge"
@@ -84,13 +88,6 @@ def interpolation_deviation(
             twist = _most(twist, [across[k] - (k in (i, j)) for k in range(count)])
             total = total + 0.25 * np.asarray(edges[i]) * np.asarray(edges[j]) * twist[tuple(before)]
     return total
-
-
-def _planes(line: Array, place: Array, edge: Any) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-    """Return the first node within each box, and the first beyond it."""
-    half = 0.5 * np.asarray(edge)
-    first, last = np.searchsorted(line, place - half, "right"), np.searchsorted(line, place + half, "left")
-    return first, np.maximum(first, last)
 
 
 def _most(values: Array, sizes: Sequence[int]) -> Array:
@@ -110,7 +107,3 @@ def _held(line: Array, place: Array, edge: float) -> tuple[Array, NDArray[np.int
     low = line[first - 1] if first > 0 else line[0] - gap
     high = line[last] if last < len(line) else line[-1] + gap
     return np.r_[low, line[first:last], high], np.clip(np.arange(first - 1, last + 1), 0, len(line) - 1)
-
-
-def _along(values: Array, axis: int, count: int) -> Array:
-    return values.reshape([-1 if k == axis else 1 for k in range(count)])

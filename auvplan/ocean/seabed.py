@@ -109,7 +109,9 @@ class Seabed(Raster):
         if corner.shape != (2,) or not np.isfinite(corner).all():
             raise SeabedError(f"origin must be (north, east), got {origin}")
         raster = np.where(np.isnan(raster), UNKNOWN, raster)
-        parts = _parts(raster.shape, pixel_size)
+        parts = 1  # a side that each pixel is divided into: an odd number, so that old centres are new ones
+        while pixel_size / parts > FINE and (parts + 2) ** 2 * raster.size <= MANY:
+            parts += 2
         raster, size = _divided(raster, parts), float(pixel_size) / parts
         # In pixels: doubling, as far as the raster needs them.
         most = int(np.log2(min(FARTHEST, max(raster.shape))))
@@ -184,14 +186,6 @@ def _shallowest_at(seabed: Seabed, x: ArrayLike, y: ArrayLike, length: ArrayLike
         layer = layer + (half > seabed.reach[k]).astype(jnp.int32)
     found = seabed.interpolated(seabed.shallow, x, y, layer)
     return found - seabed.steepest * jnp.maximum(half - seabed.reach[-1], 0.0)
-
-
-def _parts(shape: tuple[int, ...], size: float) -> int:
-    """Into how many pixels a side each pixel is divided: an odd number, so that old centres are new ones."""
-    parts = 1
-    while size / parts > FINE and (parts + 2) ** 2 * int(np.prod(shape)) <= MANY:
-        parts += 2
-    return parts
 
 
 def _divided(raster: NDArray[np.floating], parts: int) -> NDArray[np.floating]:

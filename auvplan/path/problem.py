@@ -12,8 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.ocean.currents import Current, Velocity, is_quasi_steady, is_steady
-from auvplan.ocean.environment import Environment
-from auvplan.ocean.price import ScaledPrice
+from auvplan.ocean.environment import Environment, ScaledPrice
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import TINY
 from auvplan.vehicle import Vehicle

@@ -8,14 +8,25 @@ import difflib
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from typing import Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from auvplan.errors import AuvplanError, RuleError
-from auvplan.scenario.places import SWAPPED, localised
+from auvplan.runtime.files import read_text
+from auvplan.scenario.section import SWAPPED, localised
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
-from auvplan.scenario.yaml_lines import Document, Path, Place, short, value_at
+from auvplan.scenario.yaml_lines import (
+    MAX_BYTES,
+    Document,
+    Path,
+    Place,
+    YamlError,
+    read_yaml,
+    short,
+    value_at,
+)
 
 #: Characters of a reason that are shown.
 _LONGEST = 500
@@ -94,6 +105,21 @@ class _Fault:
         if self.kind == "rule":
             return any(out[: len(of)] == of[: len(out)] for out in taken for of in self.concerns)
         return self.path[:2] in taken or self.path[:1] in taken
+
+
+def read_section(path: str | FilePath, model: type[_Model], fault: type[AuvplanError]) -> _Model:
+    """Read a YAML file that is a section by itself.
+
+    Raises:
+        AuvplanError: a `fault`; one line that names file, field and reason of what is wrong first.
+    """
+    try:
+        found, faults, _ = check_fields(read_yaml(read_text(path, fault, MAX_BYTES)), model)
+    except YamlError as error:
+        raise fault(f"{path}: is no YAML: {error}") from None
+    if faults or found is None:
+        raise fault(first_of(faults, str(path), is_file=False))
+    return found
 
 
 def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Finding], set[Path]]:

@@ -12,13 +12,10 @@ from auvplan.runtime.files import read_text
 from auvplan.scenario.fields import Finding, check_fields, first_of
 from auvplan.scenario.plausibility import implausible
 from auvplan.scenario.scenario import Scenario, change_scenario, put_fields, warn_of_overrides
-from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
+from auvplan.scenario.yaml_lines import MAX_BYTES, Document, YamlError, read_yaml
 from auvplan.scenario.yaml_lines import Path as YamlPath
 
 _SHIPPED = files("auvplan") / "data" / "scenarios"
-
-#: Larger files are no scenarios.
-_MAX_BYTES = 200_000
 
 
 def shipped_scenarios() -> dict[str, Scenario]:
@@ -131,7 +128,7 @@ def _read(source: str | Path) -> str:
     if path.suffix not in (".yaml", ".yml") and "/" not in str(source) and shipped.is_file():
         return shipped.read_text(encoding="utf-8")
     try:
-        return read_text(path, ScenarioError, _MAX_BYTES)
+        return read_text(path, ScenarioError, MAX_BYTES)
     except ScenarioError as error:
         if path.is_file():
             raise

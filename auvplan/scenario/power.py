@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from auvplan.errors import RuleError
-from auvplan.scenario.places import NotNegative, Positive
-from auvplan.scenario.section import Section, optional, setting
+from auvplan.scenario.section import NotNegative, Positive, Section, optional, setting
 
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 Numbers = Annotated[tuple[NotNegative, ...], Field(min_length=2)]

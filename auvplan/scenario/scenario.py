@@ -11,7 +11,7 @@ from pydantic import ModelWrapValidatorHandler, PrivateAttr, model_validator
 
 from auvplan.errors import RuleError, ScenarioError, ScenarioWarning
 from auvplan.scenario.fields import check_fields, first_of
-from auvplan.scenario.places import by_degrees, localised
+from auvplan.scenario.section import by_degrees, localised
 from auvplan.scenario.settings import (
     PITCH_LIMITS,
     PRESETS,

@@ -9,9 +9,8 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
-from auvplan.scenario.places import Finite, NotNegative, Point, Positive, Seconds
 from auvplan.scenario.power import NavigationSettings, PowerSettings
-from auvplan.scenario.section import Section, optional, setting
+from auvplan.scenario.section import Finite, NotNegative, Point, Positive, Seconds, Section, optional, setting
 from auvplan.site import Site, as_utc
 
 Velocity = tuple[Finite, Finite, Finite]

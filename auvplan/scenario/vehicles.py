@@ -7,19 +7,15 @@ from typing import TYPE_CHECKING, Any
 from pydantic import field_validator
 
 from auvplan.errors import ScenarioError
-from auvplan.scenario.fields import check_fields, first_of
-from auvplan.scenario.places import Positive
+from auvplan.scenario.fields import read_section
 from auvplan.scenario.power import NavigationSettings, PowerSettings, is_file_name
-from auvplan.scenario.section import Section, optional, setting
-from auvplan.scenario.yaml_lines import read_yaml_file
+from auvplan.scenario.section import Positive, Section, optional, setting
 
 # It loads JAX, which scenarios need later only.
 if TYPE_CHECKING:
     from auvplan.energy.power import PowerModel
 
 _SHIPPED = files("auvplan") / "data" / "vehicles"
-#: Larger files are no vehicles.
-_MAX_BYTES = 100_000
 
 
 class VehicleFile(Section):
@@ -65,10 +61,7 @@ def load_vehicle(name: str, folder: str | Path = ".") -> VehicleFile:
     path = Path(folder) / Path(name).expanduser() if is_file_name(name) else Path(f"{_SHIPPED / name}.yaml")
     if not is_file_name(name) and name not in shipped_vehicles():
         raise ScenarioError(f"{name!r} is no shipped vehicle: {', '.join(shipped_vehicles())}")
-    found, faults, _ = check_fields(read_yaml_file(path, ScenarioError, _MAX_BYTES), VehicleFile)
-    if faults or found is None:
-        raise ScenarioError(first_of(faults, str(path), is_file=False))
-    return found
+    return read_section(path, VehicleFile, ScenarioError)
 
 
 def power_model(

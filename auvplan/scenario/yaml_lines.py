@@ -6,16 +6,12 @@ Only mappings, lists and scalars are taken: no tags, aliases, merged or repeated
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
 from typing import Any
 
 import yaml
 
-from auvplan.errors import AuvplanError
-from auvplan.runtime.files import read_text
-
-#: Values nested deeper are refused.
-MAX_DEPTH = 32
+#: Values nested deeper, and files of more bytes, are refused.
+MAX_DEPTH, MAX_BYTES = 32, 1_000_000
 
 _PREFIX = "tag:yaml.org,2002:"
 _NUMBERS = (_PREFIX + "int", _PREFIX + "float")
@@ -88,15 +84,6 @@ def read_yaml(text: str) -> Document:
         if loader is not None:
             loader.dispose()
     return document
-
-
-def read_yaml_file(path: str | FilePath, fault: type[AuvplanError], limit: int) -> Document:
-    """Plain data with places of a file of `limit` bytes at most; without it `fault` is raised."""
-    text = read_text(path, fault, limit)
-    try:
-        return read_yaml(text)
-    except YamlError as error:
-        raise fault(f"{path}: is no YAML: {error}") from None
 
 
 def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from auvplan.ocean.currents import Current
-from auvplan.ocean.perturbed import perturbed
+from auvplan.ocean.ensemble import perturbed
 from auvplan.runtime.arrays import Array
 from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import KINDS, TrueObstacles

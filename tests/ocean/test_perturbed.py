@@ -6,7 +6,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.ocean.currents import SumCurrent
-from auvplan.ocean.perturbed import perturbed
+from auvplan.ocean.ensemble import perturbed
 from auvplan.ocean.tides import HarmonicCurrent
 
 PLACES = np.array([300.0, 900.0]), np.array([200.0, 700.0]), np.array([5.0, 5.0]), np.array([0.0, 50.0])

@@ -4,7 +4,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.util import find_spec
 from pathlib import Path
@@ -202,24 +202,21 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
         CurrentError: there is no such file, or one is no readable NetCDF file or Zarr folder.
     """
     given = [paths] if isinstance(paths, str | Path | xr.Dataset) else list(paths)
-    sources: list[str | xr.Dataset] = []
-    names: set[str] = set()
+    sources: dict[Any, str | xr.Dataset] = {}  # each once
     for source in given:
         if isinstance(source, xr.Dataset):
-            sources.append(source)
-            continue
-        found = [str(source)] if os.path.exists(source) else sorted(glob(str(source)))
-        if not found:
+            sources[id(source)] = source
+        elif found := [str(source)] if os.path.exists(source) else sorted(glob(str(source))):
+            sources |= {name: name for name in found}
+        else:
             raise CurrentError(f"{source}: no such file")
-        sources += [name for name in found if name not in names]
-        names.update(found)
     if not sources:
         raise CurrentError("no file of currents is named")
     files: list[File] = []
     try:
-        for source in sources:
-            opened = _held if isinstance(source, xr.Dataset) else _open
-            files.append(opened(source, crs, epoch))  # type: ignore[arg-type]
+        for source in sources.values():
+            opened = _open(source) if isinstance(source, str) else _held(source)
+            files.append(replace(opened, crs=crs, epoch=epoch))
     except CurrentError:
         close_all(files)
         raise
@@ -247,7 +244,7 @@ def open_members(source: Source) -> Sequence[Source]:
     return [source]
 
 
-def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:
+def _held(dataset: xr.Dataset) -> File:
     """Return a dataset as if it were opened from a file, with its times as numbers and all its attributes."""
     variables = {}
     for name, given in dataset.variables.items():
@@ -256,10 +253,10 @@ def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:
         kept = {key: given.encoding[key] for key in ("coordinates", "grid_mapping") if key in given.encoding}
         variable.attrs = kept | variable.attrs
         variables[str(name)] = variable.to_base_variable()
-    return File("dataset", variables, dataset.attrs, lambda: None, crs, epoch)
+    return File("dataset", variables, dataset.attrs, lambda: None)
 
 
-def _open(path: str, crs: Any, epoch: float | None) -> File:
+def _open(path: str) -> File:
     dataset = open_lazily(path, CurrentError)
     variables = {str(name): variable for name, variable in dataset.variables.items()}
     if not any(variable.ndim > 1 for variable in variables.values()) and h5py.is_hdf5(path):
@@ -271,7 +268,7 @@ def _open(path: str, crs: Any, epoch: float | None) -> File:
                 f"{path}: its variables are in the groups {', '.join(groups)}: take one out, such as by "
                 f"ncks -G : -g {groups[0]}"
             )
-    return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
+    return File(path, variables, dataset.attrs, dataset.close)
 
 
 def open_lazily(path: str, fault: type[AuvplanError]) -> xr.Dataset:

@@ -15,7 +15,7 @@ from xarray.core import indexing
 
 from auvplan.errors import reason_of
 from auvplan.io.currents.files import Array, File, Paths, open_files, text
-from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, bounds, mix, offset
+from auvplan.io.currents.geometry import DEGREE, ENOUGH, Window, along, bounds, mix, offset
 from auvplan.io.currents.model import Model, Part, find_model
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
@@ -186,7 +186,20 @@ class OceanData(AbstractContextManager):
         if weights.outside.any():
             raise self.fail(f"a place is outside the data, {describe(weights.beyond)}")
         self.check_times(float(seconds.min()), float(seconds.max()))
-        to_east, to_north, up = (values.reshape(shape) for values in self._sampled(weights, down, seconds))
+        window = self.geometry.window(weights.index)
+        before, share, _ = along(self.times, seconds)
+        ends = np.full((2, 3, len(down)), np.nan)  # at the times before and after, m/s east, north and up
+        for frame in np.unique(np.concatenate([before, before[share > 0] + 1])):
+            block = None
+            for end in range(2):
+                wanted = np.flatnonzero((before + end == frame) & ((share > 0) if end else (share < 1)))
+                if len(wanted):
+                    block = block or self.part(slice(int(frame), int(frame) + 1), window).block
+                    corners, weight = window.index[wanted], weights.weight[wanted]
+                    ends[end][:, wanted] = block.at(down[wanted], weight, corners)
+        values = (1.0 - share) * ends[0] + share * ends[1]
+        values = np.where(share <= 0, ends[0], np.where(share >= 1, ends[1], values))
+        to_east, to_north, up = (component.reshape(shape) for component in values)
         return to_east, to_north, None if self.model.up is None else up
 
     def is_water(
@@ -278,22 +291,6 @@ class OceanData(AbstractContextManager):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _sampled(self, weights: Weights, depth: Array, seconds: Array) -> Array:
-        """[3, M] m/s east, north and up, NaN where there is no water."""
-        window = self.geometry.window(weights.index)
-        before, share, _ = along(self.times, seconds)
-        ends = np.full((2, 3, len(depth)), np.nan)
-        for frame in np.unique(np.concatenate([before, before[share > 0] + 1])):
-            block = None
-            for end in range(2):
-                wanted = np.flatnonzero((before + end == frame) & ((share > 0) if end else (share < 1)))
-                if len(wanted):
-                    block = block or self.part(slice(int(frame), int(frame) + 1), window).block
-                    corners, weight = window.index[wanted], weights.weight[wanted]
-                    ends[end][:, wanted] = block.at(depth[wanted], weight, corners)
-        values = (1.0 - share) * ends[0] + share * ends[1]
-        return np.where(share <= 0, ends[0], np.where(share >= 1, ends[1], values))
 
 
 def describe(beyond: Array) -> str:
@@ -407,7 +404,19 @@ class _Lazy(BackendArray):
         first, last = int(frames.min()), int(frames.max())
         wanted = first, last, points.tobytes()
         part = self.last.get(wanted) or self.ocean.part(slice(first, last + 1), grid.window(points))
-        values = self._of(part)[..., part.window.index]
+        if self.name == "zos":
+            values = part.rise  # [T or 1, P]
+        elif self.name == "deptho":
+            values = part.floor[0]  # [P]
+        elif self.name == "zcor":
+            block, rise = part.block, part.rise
+            if block.floor is not None and "deptho" in self.ocean.names:
+                rise = block.floor - part.floor
+            values = rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
+        else:  # [T, K, P], as that of levels
+            values = {"uo": part.block.east, "vo": part.block.north, "wo": part.block.up}[self.name]
+            assert values is not None
+        values = values[..., part.window.index]
         if "time" in self.dims:
             self.last.clear()
             self.last[wanted] = part
@@ -415,19 +424,3 @@ class _Lazy(BackendArray):
         for levels in picks.values():
             values = values[:, levels]
         return values[tuple(0 if isinstance(one, int | np.integer) else slice(None) for one in key)]
-
-    def _of(self, part: Part) -> Array:
-        """[T or 1, K, P], [T or 1, P] or [P] of a part."""
-        if self.name == "zos":
-            return part.rise
-        if self.name == "deptho":
-            return part.floor[0]
-        block = part.block
-        if self.name == "zcor":
-            rise = part.rise
-            if block.floor is not None and "deptho" in self.ocean.names:
-                rise = block.floor - part.floor
-            return rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
-        values = {"uo": block.east, "vo": block.north, "wo": block.up}[self.name]
-        assert values is not None
-        return values

@@ -229,7 +229,16 @@ def _read(box: _Box, grid: _Grid, frames: slice, depths: Array, epoch: datetime)
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
         raise source.fail("the current is missing everywhere in the box: there is land only")
-    _check_times(source, frames)
+    steps = np.diff(source.times)
+    usual = float(np.median(steps)) if len(steps) > 1 else np.inf
+    if wide := [k for k in range(frames.start, frames.stop - 1) if steps[k] > _GAP * usual]:
+        k = max(wide, key=lambda k: steps[k])
+        more = f", and in {len(wide) - 1} more gaps" if len(wide) > 1 else ""
+        warn(
+            f"{source.label}: has no current between {stamp(source.times[k])} and "
+            f"{stamp(source.times[k + 1])}{more}, {steps[k] / 3600.0:.3g} h where its usual step is "
+            f"{usual / 3600.0:.3g} h: it is interpolated"
+        )
     _check_values(source, grid, frames, depths, u, v)
     origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
@@ -345,29 +354,23 @@ def _depths(box: _Box, grid: _Grid, frames: slice, depths: ArrayLike | None) -> 
     if known is not None and deepest > levels[-1]:
         box.notes.append(f"below {levels[-1]:g} m the deepest level is extrapolated")
     levels = levels[: int(np.searchsorted(levels, deepest)) + 1]
-    return levels if known is not None else _between(box, levels, _columns(box.source, grid, frames))
+    return levels if known is not None else _between(box, grid, frames, levels)
 
 
-def _columns(source: OceanData, grid: _Grid, frames: slice) -> tuple[Array, Array, Array]:
-    """Return east and north [2, K, C] m/s, depths [K, C] m and the sea bed [C] m of some of the columns."""
-    points = np.unique(grid.weights.index)
-    window, found = source.geometry.window(points[:: -(-len(points) // _COLUMNS)]), []
-    for frame in np.unique(np.linspace(frames.start, frames.stop - 1, _MOMENTS).astype(int)):
-        block, chosen = source.part(slice(frame, frame + 1), window).block, window.index
-        assert block.floor is not None
-        current = np.stack([block.east[0][:, chosen], block.north[0][:, chosen]])
-        found.append((current, block.depths[0][:, chosen], block.floor[0][chosen]))
-    current, depths, floor = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
-    return current, depths, floor
-
-
-def _between(box: _Box, depths: Array, columns: tuple[Array, Array, Array]) -> Array:
-    """Return depths [D] m, and others between them where the current of columns needs them.
+def _between(box: _Box, grid: _Grid, frames: slice, depths: Array) -> Array:
+    """Return depths [D] m, and others between them where the current of some columns needs them.
 
     A column's current is taken to be that of its last depth with water from there down to its sea bed.
     """
-    current, levels, floor = columns
-    # The last level's value holds to the bed.
+    points = np.unique(grid.weights.index)
+    window, columns = box.source.geometry.window(points[:: -(-len(points) // _COLUMNS)]), []
+    for frame in np.unique(np.linspace(frames.start, frames.stop - 1, _MOMENTS).astype(int)):
+        block, chosen = box.source.part(slice(frame, frame + 1), window).block, window.index
+        assert block.floor is not None
+        velocity = np.stack([block.east[0][:, chosen], block.north[0][:, chosen]])
+        columns.append((velocity, block.depths[0][:, chosen], block.floor[0][chosen]))
+    # East and north [2, K, C] m/s, levels [K, C] m, the sea bed [C] m, to which the last level's value holds.
+    current, levels, floor = (np.concatenate(part, axis=-1) for part in zip(*columns, strict=True))
     there = np.isfinite(current).all(axis=0) & np.isfinite(levels)
     last = np.where(there, np.arange(len(levels))[:, None], 0).max(axis=0)
     places = np.concatenate([np.where(there, levels, np.nan), floor[None]])
@@ -431,22 +434,6 @@ def _gridded(
     if lacking.any():
         box.notes.append("where the level current is given and the vertical one is not, that is taken as 0")
     return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
-
-
-def _check_times(ocean: OceanData, frames: slice) -> None:
-    """Warn of times that were read and are farther apart than the usual step of the files."""
-    steps, usual = np.diff(ocean.times), 0.0
-    if len(steps) > 1:
-        usual = float(np.median(steps))
-    wide = [k for k in range(frames.start, frames.stop - 1) if usual and steps[k] > _GAP * usual]
-    if wide:
-        k = max(wide, key=lambda k: steps[k])
-        more = f", and in {len(wide) - 1} more gaps" if len(wide) > 1 else ""
-        warn(
-            f"{ocean.label}: has no current between {stamp(ocean.times[k])} and {stamp(ocean.times[k + 1])}"
-            f"{more}, {steps[k] / 3600.0:.3g} h where its usual step is {usual / 3600.0:.3g} h: it is "
-            "interpolated"
-        )
 
 
 def _check_values(ocean: OceanData, grid: _Grid, frames: slice, depths: Array, u: Array, v: Array) -> None:

@@ -172,13 +172,11 @@ def _nemo(file: File, east: str, north: str) -> File:
                 variables[own] = flat
     mask, level = variables.get("tmask"), variables[east].dims[-3]
     if mask is not None and mask.ndim > 2 and mask.shape[-3] == variables[east].shape[-3]:
-        deep = mask.isel(dict.fromkeys(mask.dims[:-3], 0))
-        renamed = {deep.dims[0]: level} if deep.dims[0] != level else {}
-        variables["tmask"] = xr.Dataset({"mask": deep}).rename_dims(renamed)["mask"].variable
+        variables["tmask"] = deep = mask.isel(dict.fromkeys(mask.dims[:-3], 0))
+        deep.dims = (level, *deep.dims[1:])
     for name, edge, axis in ((east, "u", 1), (north, "v", 0)):
-        own = {dim: f"{dim}_{edge}" for dim in dims}
-        edges = variables[name].isel({dims[axis]: slice(0, -1)})
-        variables[name] = xr.Dataset({"edges": edges}).rename_dims(own)["edges"].variable
+        variables[name] = edges = variables[name].isel({dims[axis]: slice(0, -1)})
+        edges.dims = (*edges.dims[:-2], *(f"{dim}_{edge}" for dim in dims))
     for name in ("nav_lon", "nav_lat"):
         variables.pop(name, None)
     return replace(file, variables=variables)

@@ -10,8 +10,7 @@ from auvplan.io.geo.error import GeoError, label, reading
 from auvplan.io.geo.features import Feature, Features, each, local_positions, read_features
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.fields import check_fields
-from auvplan.scenario.places import NotNegative
-from auvplan.scenario.section import Section
+from auvplan.scenario.section import NotNegative, Section
 from auvplan.scenario.yaml_lines import Document
 from auvplan.site import Site
 
