@@ -163,7 +163,12 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
             track.near("coast_clearance", shore.distances(leg.positions))
         for area in closed:
             track.pass_through(area)
-        track.pass_by(known, _met(run, leg))
+        met = np.ones(len(leg.radii), bool)
+        if "obstacle_kind" in run:
+            kinds = run.data["obstacle_kind"]
+            names, codes = str(kinds.attrs["flag_meanings"]).split(), kinds.values[leg.number][: len(met)]
+            met = np.array([names[int(code)] != "known" for code in codes], bool)
+        track.pass_by(known, met)
         if places is not None:
             here = *places(*samples.positions[:, :2].T), samples.positions[:, 2]
             for source in files:
@@ -197,15 +202,6 @@ def _late_path_faults(
             for stretch in events(inside)
         ]
     return found
-
-
-def _met(run: Saved, leg: Leg) -> Mask:
-    """[M] whether an obstacle of a leg was not known before."""
-    if "obstacle_kind" not in run:
-        return np.ones(len(leg.radii), bool)
-    kinds = run.data["obstacle_kind"]
-    names, codes = str(kinds.attrs["flag_meanings"]).split(), kinds.values[leg.number][: len(leg.radii)]
-    return np.array([names[int(code)] != "known" for code in codes], bool)
 
 
 def _sampled(leg: Leg, speed: float, report: CheckReport) -> SampledTrack | None:

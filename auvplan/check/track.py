@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+import scipy
 import shapely
 import xarray as xr
 from numpy.typing import NDArray
@@ -135,13 +136,8 @@ class Bed(_Raster):
 
     def altitude(self, positions: Array) -> Array:
         """Altitude of positions [n, 3] above the bed, [n] m, negative below it; bilinear between centres."""
-        last = np.asarray(self.values.shape) - 1
-        place = np.clip((positions[:, :2] - self.corner) / self.size - 0.5, 0.0, last)
-        (i, j), (a, b) = np.floor(place).astype(int).T, (place % 1.0).T
-        up, right = np.minimum(i + 1, last[0]), np.minimum(j + 1, last[1])
-        south = self.values[i, j] * (1.0 - b) + self.values[i, right] * b
-        north = self.values[up, j] * (1.0 - b) + self.values[up, right] * b
-        return south * (1.0 - a) + north * a - positions[:, 2]
+        place = (positions[:, :2] - self.corner) / self.size - 0.5
+        return scipy.ndimage.map_coordinates(self.values, place.T, order=1, mode="nearest") - positions[:, 2]
 
 
 def events(inside: Mask) -> Iterator[tuple[int, int]]:

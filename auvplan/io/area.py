@@ -241,19 +241,15 @@ class AreaFiles:
         found = [self.readable(part) for part in ("current", "truth", "jobs", "land")]
         notes = [note for part in found if part is not None for note in part.notes]
         _, of_seabed = self.readable("seabed") or (None, ())
-        return tuple(dict.fromkeys((*self._lacking(), *notes, *of_seabed)))
-
-    def _lacking(self) -> Iterator[str]:
-        """Yield what is not known of a place on Earth and missions are planned without."""
-        chart, seabed = self.scenario.chart, self.scenario.bathymetry
-        if self.scenario.site is None:
-            return
-        if chart.source == "none":
-            yield "no coast is known: chart.source is 'none', which is open water"
-        elif chart.accuracy > 0.0:
-            yield f"the coast is good to {chart.accuracy:,.0f} m at best: no chart for navigation"
-        if seabed.source == "none":
-            yield "no sea bed is known, bathymetry.source is 'none': nothing keeps the vehicle off the bottom"
+        chart, lacking = self.scenario.chart, []
+        if self.scenario.site is not None and chart.source == "none":
+            lacking.append("no coast is known: chart.source is 'none', which is open water")
+        elif self.scenario.site is not None and chart.accuracy > 0.0:
+            lacking.append(f"the coast is good to {chart.accuracy:,.0f} m at best: no chart for navigation")
+        if self.scenario.site is not None and self.scenario.bathymetry.source == "none":
+            what = "no sea bed is known, bathymetry.source is 'none'"
+            lacking.append(f"{what}: nothing keeps the vehicle off the bottom")
+        return tuple(dict.fromkeys((*lacking, *notes, *of_seabed)))
 
     @property
     def site(self) -> Site | None:

@@ -1,6 +1,6 @@
 """Whether chart, sea bed and current agree on where land is, and jobs on where the area is."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -226,7 +226,14 @@ def _require_about(file: str, places: NDArray, site: Site | None, box: Corners) 
         return
     which = "its job lies" if len(flat) == 1 else f"all its {len(flat)} places lie"
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - flat, flat - high), 0.0), axis=1).min())
-    for what, turned in _turned(flat, site):
+    turns = {"north and east seem swapped in it": flat[:, ::-1]}
+    if site is not None and (np.linalg.norm(flat, axis=1) < 1.9e7).all():
+        longitude, latitude = site.to_geographic(flat[:, 0], flat[:, 1])
+        if all(is_place(y, x) for x, y in zip(longitude, latitude, strict=True)):
+            such = f"such as ({longitude[0]:.4f}, {latitude[0]:.4f}), or in the scenario's site"
+            swapped = np.stack(site.to_local(latitude, longitude), axis=-1)
+            turns = {f"longitude and latitude seem swapped in it, {such}": swapped} | turns
+    for what, turned in turns.items():
         if inside(turned).mean() > 0.5:
             raise ScenarioError(f"{file}: {which} outside the area; {what}")
     if nearest > _AREAS * float(np.linalg.norm(high - low)):
@@ -241,16 +248,3 @@ def _require_about(file: str, places: NDArray, site: Site | None, box: Corners) 
         raise ScenarioError(
             f"{file}: {which} {nearest / 1000.0:,.0f} km and more from the area{where}{units}"
         )
-
-
-def _turned(flat: NDArray, site: Site | None) -> Iterator[tuple[str, NDArray]]:
-    """Places [n, 2] with their coordinates the other way round, and what to say if they are meant so."""
-    if site is not None and (np.linalg.norm(flat, axis=1) < 1.9e7).all():
-        longitude, latitude = site.to_geographic(flat[:, 0], flat[:, 1])
-        if all(is_place(y, x) for x, y in zip(longitude, latitude, strict=True)):
-            first = f"({longitude[0]:.4f}, {latitude[0]:.4f})"
-            yield (
-                f"longitude and latitude seem swapped in it, such as {first}, or in the scenario's site",
-                np.stack(site.to_local(latitude, longitude), axis=-1),
-            )
-    yield "north and east seem swapped in it", flat[:, ::-1]

@@ -1,6 +1,7 @@
 """Validation of a scenario: all that is found in its text, its fields and the files that it names."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
@@ -142,7 +143,11 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
     """
     paths = sorted(path for path in folder.iterdir() if path.suffix in (".yaml", ".yml") and path.is_file())
     # What a scenario names, such as constituents of a tide, is none itself.
-    named = {(folder / name).resolve() for path in paths for name in _names(path)}
+    named = set()
+    for path in paths:
+        with suppress(OSError, ValueError):  # a faulty text, which is reported below
+            plain = read_yaml(path.read_text(encoding="utf-8")).data
+            named |= {(folder / name).resolve() for _, name in file_names(plain)}
     paths = [path for path in paths if path.resolve() not in named]
     if not paths:
         raise ScenarioError(f"{folder}: no scenario (*.yaml) in this folder")
@@ -151,14 +156,6 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
             yield examine_scenario(path)
         except ScenarioError as error:
             yield Examination(str(path), (Finding("", error.reason.removeprefix(f"{path}: ")),))
-
-
-def _names(path: Path) -> list[str]:
-    """Return the files that a scenario names; none where its text is at fault."""
-    try:
-        return [name for _, name in file_names(read_yaml(path.read_text(encoding="utf-8")).data)]
-    except (OSError, ValueError):
-        return []
 
 
 def _missing(document: Document, folder: Path) -> dict[str, Finding]:

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 import shapely
 from numpy.typing import NDArray
+from pyproj import Geod
 from shapely.affinity import translate
 from shapely.geometry import Polygon
 
@@ -33,8 +34,8 @@ CAUTION = (
     "navigation; put a chart of your own in its place"
 )
 _COAST, _JOBS = "coast.geojson", "jobs.geojson"
-#: m, of that coast; mean radius of the Earth.
-_ACCURACY, _RADIUS = 1000.0, 6_371_000.0
+#: m, of that coast.
+_ACCURACY = 1000.0
 #: Least and greatest size of the area, km, and the latitude that its middle may lie at.
 _SIZES, _FARTHEST = (2.0, 100.0), 80.0
 #: m beyond the area from which the coast is written: farther than distances to it are stated.
@@ -144,13 +145,20 @@ def write_example_at(
     if on_land:
         notes.append(f"the place itself is on land: the start is {away / 1000.0:.1f} km from it, in water")
     notes.append(CAUTION if shapes else "the packaged coast has no land in the area, which is open water")
+    jobs = []
+    for number, (place, depth) in enumerate(zip(places[2:], _DEPTHS, strict=True), 1):
+        stated = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
+        jobs.append((stated, {"type": "Point", "coordinates": list(_place(site, place))}))
     content = {
         SCENARIO: _scenario(site, size, places, bool(shapes)),
-        _JOBS: _jobs(site, places[2:]),
+        _JOBS: _collection(jobs),
         "NOTICE.md": _notice("world_land.npz"),
     }
     if shapes:
-        content[_COAST] = _coast(shapes)
+        rounded = shapely.get_parts([shapely.set_precision(shape, 1e-5) for shape in shapes])
+        parts = [part for part in rounded if isinstance(part, Polygon) and not part.is_empty]
+        ordered = sorted(parts, key=lambda part: (-part.area, *part.bounds))
+        content[_COAST] = _collection(({}, json.loads(shapely.to_geojson(part))) for part in ordered)
     written = _write(folder, content, force)
     return Beginning(tuple(written), _bounds(site, half), tuple(notes))
 
@@ -206,21 +214,6 @@ def _place(site: Site, place: Array) -> tuple[float, float]:
     """Longitude and latitude, rounded to some metres."""
     longitude, latitude = site.to_geographic(place[0], place[1])
     return round(float(longitude), 5), round(float(latitude), 5)
-
-
-def _jobs(site: Site, places: Array) -> bytes:
-    features = []
-    for number, (place, depth) in enumerate(zip(places, _DEPTHS, strict=True), 1):
-        stated = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
-        features.append((stated, {"type": "Point", "coordinates": list(_place(site, place))}))
-    return _collection(features)
-
-
-def _coast(shapes: list[Polygon]) -> bytes:
-    rounded = [shapely.set_precision(shape, 1e-5) for shape in shapes]
-    parts = [part for part in shapely.get_parts(rounded) if isinstance(part, Polygon) and not part.is_empty]
-    ordered = sorted(parts, key=lambda part: (-part.area, *part.bounds))
-    return _collection(({}, json.loads(shapely.to_geojson(part))) for part in ordered)
 
 
 def _collection(features: Iterable[tuple[dict, dict]]) -> bytes:
@@ -284,8 +277,6 @@ def land_within(west: float, south: float, east: float, north: float) -> list[Po
 
 def distance_to_coast(longitude: float, latitude: float) -> float:
     """Return how far the nearest point of the world's coast is, m, to a kilometre or so."""
-    places = np.radians(shapely.get_coordinates(_world()))
-    here = np.radians([longitude, latitude])
-    east, north = ((places - here) / 2.0).T
-    share = np.sin(north) ** 2 + np.cos(here[1]) * np.cos(places[:, 1]) * np.sin(east) ** 2
-    return float(2.0 * _RADIUS * np.arcsin(np.sqrt(share.min())))
+    east, north = shapely.get_coordinates(_world()).T
+    there = np.full_like(east, longitude), np.full_like(east, latitude)
+    return float(np.nanmin(Geod(ellps="WGS84").inv(*there, east, north)[2]))

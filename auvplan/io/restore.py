@@ -41,18 +41,18 @@ def restore_run(folder: str | Path) -> MissionRun:
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
     try:
-        _require_unchanged(dataset.attrs, Path(folder))
-        return _run_of(summary, dataset)
+        return _run_of(summary, dataset, Path(folder))
     except AuvplanError:
         raise
     except Exception as error:  # whatever values of the wrong kind lead to
         raise ResultError(f"{Path(folder) / MISSION}: incomplete ({reason_of(error)})") from None
 
 
-def _require_unchanged(attributes: dict[str, Any], folder: Path) -> None:
-    """Refuse a run whose currents or closed areas would be read from other files than it was made from."""
-    settings, sources = json.loads(attributes["scenario"]), json.loads(attributes.get("sources", "null"))
-    current, home = settings["current"], str(attributes["scenario_folder"])
+def _run_of(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> MissionRun:
+    attributes = dataset.attrs
+    settings, home = json.loads(attributes["scenario"]), str(attributes["scenario_folder"])
+    sources, current = json.loads(attributes.get("sources", "null")), settings["current"]
+    # Currents and closed areas are read from files: from those that the run was made from alone.
     read = {
         "current": {name: current.get(name) for name in ("files", "constituents", "truth")},
         "chart": {"no_go": settings["chart"].get("no_go")},
@@ -60,17 +60,12 @@ def _require_unchanged(attributes: dict[str, Any], folder: Path) -> None:
     if sources is not None and (changed := changed_source(sources, read, home)):
         line = "put back what the run was made from, or make the run again"
         raise ResultError(f"{folder / MISSION}: {changed}: {line}")
-
-
-def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
-    attributes = dataset.attrs
-    settings, home = json.loads(attributes["scenario"]), str(attributes["scenario_folder"])
     power, prefix = json.loads(attributes.get("power_model", "null")), "vehicle_"
     stated = {k.removeprefix(prefix): float(v) for k, v in attributes.items() if k.startswith(prefix)}
     # A limit in the vertical that is not stated is one that the vehicle does not have.
     limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | stated
     model = None
-    if settings["current"]["source"] in ("file", "harmonic") and "plan_leg" in dataset:
+    if current["source"] in ("file", "harmonic") and "plan_leg" in dataset:
         model = AreaFiles(validate_scenario(settings, "saved scenario"), home).true_current
     site, closures = site_of(dataset), ()
     if settings["chart"].get("no_go"):  # areas that were closed at some hours are read again
@@ -99,7 +94,7 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset) -> MissionRun:
         closures=closures,
         followable=dataset["task_followable"].values if "task_followable" in dataset else None,
         coast=chart_of(dataset, "coast", "coast") or (None if known["zones"] else chart),
-        sources=json.loads(attributes.get("sources", "null")),
+        sources=sources,
         saved_bound=float(summary.get("priority_bound", 0.0)),
         **own,
         **known,

@@ -189,6 +189,18 @@ _LINE = {
     "across_mean": "mean distance off the line, where it is covered",
     "across_worst": "greatest distance off the line, where it is covered",
 }
+_SQUARE = ("waypoint", "waypoint_to")
+#: Figures of the graph of tasks by variable: attribute of the graph, dimensions, what they are, units.
+_GRAPH = {
+    "waypoint_position": ("positions", ("waypoint", "axis"), "place of the waypoint", "m"),
+    "task_priority": ("priority", _SQUARE, "priority of the edge's task, 0 without one", "1"),
+    "task_duration": ("duration", _SQUARE, "time of the edge's task", "s"),
+    "waypoint_priority": (
+        "waypoint_priority", "waypoint",
+        "part of the priority of edges into the waypoint that belongs to a task there, done once", "1",
+    ),
+    "waypoint_duration": ("waypoint_duration", "waypoint", "the same part of their time", "s"),
+}  # fmt: skip
 #: Of tasks along edges: names of the two arrays of their windows, of the second's unit, and what they are.
 _ALONG = (
     ("enters", "until", "s", "in one of which the edge is entered and its task is done"),
@@ -223,6 +235,12 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
     counts = np.asarray([len(leg.times) for leg in legs], np.int32)
     index = np.repeat(np.arange(len(legs), dtype=np.int32), counts)
     words = "observations of the leg; none where it was refused"
+    covered = [{} if leg.line is None else leg.line.figures(leg.coverage) for leg in legs]
+    lines = {
+        f"leg_line_{name}": variable("leg", [float(row.get(name, np.nan)) for row in covered], what, "m")
+        for name, what in _LINE.items()
+        if any(covered)
+    }
     return {
         "time": variable(
             "obs", time, "time since the scenario's epoch", TIME_UNITS,
@@ -241,22 +259,11 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
         ),
         "row_size": variable("leg", counts, words, "1", sample_dimension="obs"),
         **table(LEG, legs),
-        **_lines(legs),
+        **lines,
         **_obstacles(legs),
         **_current(legs),
         **motion_variables("obs", Motion.joined([leg.motion for leg in legs])),
     }  # fmt: skip
-
-
-def _lines(legs: Sequence[LegRecord]) -> Variables:
-    """Return what of survey lines was covered; nothing where there is none."""
-    if not any(leg.line for leg in legs):
-        return {}
-    rows = [{} if leg.line is None else leg.line.figures(leg.coverage) for leg in legs]
-    return {
-        f"leg_line_{name}": variable("leg", [float(row.get(name, np.nan)) for row in rows], words, "m")
-        for name, words in _LINE.items()
-    }
 
 
 def _obstacles(legs: Sequence[LegRecord]) -> Variables:
@@ -309,12 +316,17 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
     ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
     codes = dataset.get("obstacle_kind")
     names = [] if codes is None else str(codes.attrs["flag_meanings"]).split()
+    places = dataset["waypoint_position"].values.astype(float)
+    tolerances = dataset.get("leg_line_tolerance")  # of survey lines
     legs = []
     for row, figures in enumerate(rows_of(LEG, dataset)):
         part = slice(int(ends[row] - counts[row]), int(ends[row]))
         leg = LegRecord(**figures, plans=plans[row], refused=refusals[row])
         leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
-        leg.motion, leg.line = motion[part], _line_of(dataset, row)
+        leg.motion = motion[part]
+        if tolerances is not None and not np.isnan(tolerances.values[row]):
+            start, end = (tuple(places[node].tolist()) for node in (leg.start, leg.goal))
+            leg.line = LinePart(start, end, float(tolerances.values[row]))
         leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))
         if codes is not None:
             radii = dataset["obstacle_radius"].values[row].astype(float)
@@ -327,15 +339,6 @@ def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
             leg.current = np.stack(known, axis=1).astype(float)
         legs.append(leg)
     return legs
-
-
-def _line_of(dataset: xr.Dataset, leg: int) -> LinePart | None:
-    """Return the part of a survey line that a leg follows, or None."""
-    if "leg_line_tolerance" not in dataset or np.isnan(dataset["leg_line_tolerance"].values[leg]):
-        return None
-    places = dataset["waypoint_position"].values.astype(float)
-    start, end = (tuple(places[int(dataset[name].values[leg])].tolist()) for name in ("leg_from", "leg_to"))
-    return LinePart(start, end, float(dataset["leg_line_tolerance"].values[leg]))
 
 
 # --- energy ------------------------------------------------------------------------------------------
@@ -410,26 +413,16 @@ def _plans_of(dataset: xr.Dataset, model: Current | None) -> list[list[PlanRecor
 
 def graph_variables(run: MissionRun) -> Variables:
     """Return waypoints and tasks as they were at the start, and when they may be done."""
-    square, graph = ("waypoint", "waypoint_to"), run.graph
-    single = "part of the priority of edges into the waypoint that belongs to a task there, done once"
+    graph = run.graph
     found = {
-        "waypoint_position": variable(
-            ("waypoint", "axis"), np.asarray(graph.positions, float), "place of the waypoint", "m"
-        ),
-        "adjacency": yes_or_no(square, np.asarray(graph.adjacency), "whether an edge leads there"),
-        "task_priority": variable(
-            square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
-        ),
-        "task_duration": variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
-        "waypoint_priority": variable("waypoint", np.asarray(graph.waypoint_priority, float), single, "1"),
-        "waypoint_duration": variable(
-            "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
-        ),
+        name: variable(dims, np.asarray(getattr(graph, own), float), words, units)
+        for name, (own, dims, words, units) in _GRAPH.items()
     }
+    found["adjacency"] = yes_or_no(_SQUARE, np.asarray(graph.adjacency), "whether an edge leads there")
     if (table := graph.timetable) is not None:
         for first, last, unit, what in _ALONG:
             if getattr(table, first).shape[-1]:
-                what, dims = f"of the times since the epoch {what}", (*square, first)
+                what, dims = f"of the times since the epoch {what}", (*_SQUARE, first)
                 found[f"edge_{first}"] = variable(dims, getattr(table, first), f"beginnings {what}", "s")
                 found[f"edge_{last}"] = variable(dims, getattr(table, last), f"ends {what}", unit)
         if table.opens.shape[-1]:
@@ -442,20 +435,14 @@ def graph_variables(run: MissionRun) -> Variables:
         words = (
             "share of the edge's own task that can be done, known obstacles and the coast being as they are"
         )
-        found["task_followable"] = variable(square, run.followable, words, "1")
+        found["task_followable"] = variable(_SQUARE, run.followable, words, "1")
     return found
 
 
 def graph_of(dataset: xr.Dataset, speed: float, waiting: bool) -> MissionGraph:
     """Return the graph that `graph_variables` wrote; `waiting` says whether missions wait for a window."""
-    graph = MissionGraph(
-        dataset["waypoint_position"].values,
-        dataset["adjacency"].values.astype(bool),
-        dataset["task_priority"].values,
-        dataset["task_duration"].values,
-        waypoint_priority=dataset["waypoint_priority"].values,
-        waypoint_duration=dataset["waypoint_duration"].values,
-    )
+    figures: dict[str, Any] = {own: dataset[name].values for name, (own, *_) in _GRAPH.items()}
+    graph = MissionGraph(adjacency=dataset["adjacency"].values.astype(bool), **figures)
     hours = {}
     for name in ("opens", "closes"):
         if f"window_{name}" in dataset:

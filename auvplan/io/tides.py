@@ -15,8 +15,6 @@ from auvplan.scenario.fields import read_section
 from auvplan.scenario.section import Finite, Section
 from auvplan.site import Site
 
-#: utide's flags for corrections that are exact at the moment that is asked for.
-_EXACT = (False, False, False, False)
 _DAY = 86_400.0
 
 
@@ -108,7 +106,8 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
     shape = 2, len(places), len(names)
     in_phase, quadrature, mean = np.zeros(shape), np.zeros(shape), np.zeros(shape[:2])
     for p, one in enumerate(places):
-        factor, nodal, argument = FUV(np.array([days]), days, index, one.latitude, list(_EXACT))
+        # None of its short cuts: corrections are exact at the moment that is asked for.
+        factor, nodal, argument = FUV(np.array([days]), days, index, one.latitude, [False] * 4)
         phase = 2.0 * np.pi * (nodal[0] + argument[0]) - rate * middle
         for name, constituent in one.constituents.items():
             # The argument at the epoch turns the amplitudes, north and east.

@@ -190,7 +190,12 @@ def _cluster(
 
     share, tones = shares(labels, k), [to_hex(to_rgb(centre)) for centre in centres]
     kinds = [KINDS[kind] for kind in naming.kinds]
-    scatter, between = _spread(sampled, np.asarray(model.labels_), centres, naming.kinds)
+    # How far pixels scatter about their clusters (CIELAB, r.m.s.), and how many lie between the classes: less
+    # than twice as far from a cluster of another class as from their own.
+    distances, label = np.linalg.norm(sampled[:, None] - centres, axis=-1), np.asarray(model.labels_)
+    own, kind_of = distances[np.arange(len(sampled)), label], naming.kinds[label][:, None]
+    other = np.where(naming.kinds != kind_of, distances, np.inf).min(axis=1)
+    scatter, between = float(np.sqrt(np.mean(own**2))), float((own > 0.5 * other).mean())
     doubts = [doubt.reason for doubt in naming.doubts]
     if between > _BETWEEN_MAX and not colours.complete:
         doubts.append(f"{between:.0%} of the pixels lie between the classes")
@@ -208,20 +213,3 @@ def _cluster(
     found = tuple(Cluster(tones[n], float(share[n]), kinds[n]) for n in np.argsort(-share, kind="stable"))
     passability = out.reshape(rgb.shape[:2])
     return Classified(passability, found, tuple(doubts), naming.notes, tuple(warnings))
-
-
-def _spread(
-    colour: NDArray[np.floating],
-    label: NDArray[np.integer],
-    centres: NDArray[np.floating],
-    kinds: NDArray[np.uint8],
-) -> tuple[float, float]:
-    """Return how far pixels scatter about their clusters (CIELAB, r.m.s.), and how many lie between classes.
-
-    A pixel lies between the classes if it is less than twice as far from a cluster of another class as from
-    its own.
-    """
-    distance = np.linalg.norm(colour[:, None] - centres, axis=-1)
-    own = distance[np.arange(len(colour)), label]
-    other = np.where(kinds != kinds[label][:, None], distance, np.inf).min(axis=1)
-    return float(np.sqrt(np.mean(own**2))), float((own > 0.5 * other).mean())

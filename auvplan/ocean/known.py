@@ -86,23 +86,17 @@ def spheres(obstacles: Sequence[KnownObstacle], depths: tuple[float, float], now
         depths: m, least and greatest depth that the vehicle goes to.
         now: s since the epoch.
     """
-    found = [sphere for obstacle in obstacles for sphere in _covering(obstacle, depths, now)]
-    if not found:
-        return Spheres(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
-    position, radius, velocity = (np.asarray(part, float) for part in zip(*found, strict=True))
-    return Spheres(position, radius, velocity)
-
-
-def _covering(obstacle: KnownObstacle, depths: tuple[float, float], now: float) -> list[tuple]:
-    """Centre, radius and velocity of each sphere of a cylinder."""
-    top = max(obstacle.depth_min, depths[0] - _BEYOND)
-    bottom = min(obstacle.depth_max, depths[1] + _BEYOND)
-    if bottom < top:
-        return []
-    radius = obstacle.radius + max(EXCESS[0] * obstacle.radius, EXCESS[1])
-    apart = 2.0 * np.sqrt(radius**2 - obstacle.radius**2)
-    count = max(1, int(np.ceil((bottom - top) / apart)))
-    part = (bottom - top) / count
-    covered = np.hypot(obstacle.radius, 0.5 * part)
-    north, east = (p + v * now for p, v in zip(obstacle.position, obstacle.velocity, strict=True))
-    return [((north, east, top + (k + 0.5) * part), covered, (*obstacle.velocity, 0.0)) for k in range(count)]
+    position, radius, velocity = [], [], []
+    for obstacle in obstacles:
+        top = max(obstacle.depth_min, depths[0] - _BEYOND)
+        bottom = min(obstacle.depth_max, depths[1] + _BEYOND)
+        if bottom < top:
+            continue
+        widest = obstacle.radius + max(EXCESS[0] * obstacle.radius, EXCESS[1])
+        apart = 2.0 * np.sqrt(widest**2 - obstacle.radius**2)
+        count = max(1, int(np.ceil((bottom - top) / apart)))
+        part = (bottom - top) / count
+        position += [(*obstacle.after(now).position, top + (k + 0.5) * part) for k in range(count)]
+        radius += [np.hypot(obstacle.radius, 0.5 * part)] * count
+        velocity += [(*obstacle.velocity, 0.0)] * count
+    return Spheres(np.reshape(position, (-1, 3)), np.array(radius, float), np.reshape(velocity, (-1, 3)))

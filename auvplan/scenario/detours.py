@@ -283,16 +283,12 @@ class _Grid:
 
     def path(self, start: Array, goal: Array) -> Array | None:
         """Return the open cells [C, 2] m of the shortest path between two places; None if none."""
-        first, last = (self._nearest_open(np.asarray(place)[:2]) for place in (start, goal))
-        if first is None or last is None or self._water[first] != self._water[last]:
+        away = [np.linalg.norm(self._places - np.asarray(place)[:2], axis=1) for place in (start, goal)]
+        away = np.where(self._open, away, np.inf)
+        first, last = away.argmin(axis=1).tolist()  # the nearest open cells, of those within two cells
+        if (away.min(axis=1) > 3.0 * self._size).any() or self._water[first] != self._water[last]:
             return None
         before, nodes = self._before(first), [last]
         while nodes[-1] != first:
             nodes.append(int(before[nodes[-1]]))
         return self._places[nodes[::-1]]
-
-    def _nearest_open(self, place: Array) -> int | None:
-        """Return the open cell nearest to a place, of those within two cells; None without one."""
-        away = np.where(self._open, np.linalg.norm(self._places - place, axis=1), np.inf)
-        nearest = int(np.argmin(away))
-        return nearest if away[nearest] <= 3.0 * self._size else None

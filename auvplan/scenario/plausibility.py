@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from datetime import date, datetime
+from contextlib import suppress
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -44,18 +45,11 @@ def unreachable(scenario: Scenario) -> str:
 def _zone(sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
     """Yield a departure without a zone of time."""
     given = sections.get("site", {}).get("departure")
-    moment = given
-    if isinstance(given, str):
-        try:
-            moment = datetime.fromisoformat(given)
-        except ValueError:
-            return
-    if isinstance(moment, date) and not isinstance(moment, datetime):
-        moment = datetime(moment.year, moment.month, moment.day)
-    if isinstance(moment, datetime) and moment.tzinfo is None:
-        taken = as_utc(moment).strftime("%Y-%m-%dT%H:%M:%SZ")
-        line = f"{given} has no zone of time and is taken as UTC: write {taken}, or a zone such as +10:00"
-        yield ("site", "departure"), line
+    with suppress(ValueError):  # none, or seconds
+        if (moment := datetime.fromisoformat(str(given))).tzinfo is None:
+            taken = as_utc(moment).strftime("%Y-%m-%dT%H:%M:%SZ")
+            line = f"{given} has no zone of time and is taken as UTC: write {taken}, or a zone such as +10:00"
+            yield ("site", "departure"), line
 
 
 def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:

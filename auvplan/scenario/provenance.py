@@ -59,9 +59,13 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
     """Return the files that plain settings of a scenario name; those that are gone are left out."""
     found = []
     for row in source_digests(settings, folder):
-        field, path = row["field"], Path(row["path"])
+        field, path, origin = row["field"], Path(row["path"]), {}
         sha256 = "" if path.is_dir() else row["sha256"]
-        found.append(SourceFile(field, path.name, row["size"], sha256, _origin(field, path)))
+        if field.startswith("current.") and path.is_file() and h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                stated = {key: value for key, value in file.attrs.items() if isinstance(value, str)}
+            origin = {key.removeprefix(ORIGIN): stated[key] for key in stated if key.startswith(ORIGIN)}
+        found.append(SourceFile(field, path.name, row["size"], sha256, origin))
     return tuple(found)
 
 
@@ -123,18 +127,6 @@ def changed_at(path: Path) -> tuple[tuple[str, int, int], ...]:
     parts = [part for one in files_at(path) for part in ([one] if one.is_file() else sorted(one.rglob("*")))]
     stats = [(str(part), part.stat()) for part in parts]
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
-
-
-def _origin(name: str, path: Path) -> dict[str, str]:
-    """Return what a file of currents states of where it was fetched from; nothing of other files."""
-    if not name.startswith("current.") or path.is_dir() or not h5py.is_hdf5(path):
-        return {}
-    with h5py.File(path, "r") as file:
-        return {
-            key.removeprefix(ORIGIN): value
-            for key, value in file.attrs.items()
-            if key.startswith(ORIGIN) and isinstance(value, str)
-        }
 
 
 def changed_settings(settings: dict[str, Any], base: dict[str, Any] | None = None) -> list[dict[str, Any]]:

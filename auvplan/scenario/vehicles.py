@@ -79,12 +79,16 @@ def power_model(
     """
     if settings is None:
         return None
-    try:
-        whole = settings
-        if settings.vehicle is not None:
-            whole = _over(load_vehicle(settings.vehicle, folder).power, settings)
-    except ScenarioError as error:
-        raise ScenarioError(error.reason, field="vehicle.power") from None
+    whole = settings
+    if settings.vehicle is not None:
+        base, battery = _named(settings.vehicle, folder, "power").power, settings.battery
+        # A pump stands in place of propulsion, and propulsion of a pump, unless both are given together.
+        changes = {"pump": None} if settings.propulsion else {}
+        changes |= {"propulsion": None} if settings.pump else {}
+        changes |= settings.stated("vehicle", "battery")
+        if battery is not None and base.battery is not None:
+            battery = base.battery.model_copy(update=battery.stated())
+        whole = base.model_copy(update=changes | {"battery": battery or base.battery})
     from auvplan.energy.power import Battery, PowerLaw, PowerModel, PowerTable
 
     propulsion = PowerLaw(0.0, 0.0) if whole.propulsion is None else whole.propulsion.made()
@@ -114,23 +118,16 @@ def navigation_settings(
     """
     if settings is None or settings.vehicle is None:
         return settings
-    try:
-        known = load_vehicle(settings.vehicle, folder).navigation
-    except ScenarioError as error:
-        raise ScenarioError(error.reason, field="vehicle.navigation") from None
+    known = _named(settings.vehicle, folder, "navigation").navigation
     if known is None:
         reason = f"names {settings.vehicle}, which states none: give drift, current_error and fix"
         raise ScenarioError(reason, field="vehicle.navigation")
     return known.model_copy(update=settings.stated("vehicle"))
 
 
-def _over(base: PowerSettings, own: PowerSettings) -> PowerSettings:
-    """Return settings whose fields count more than those of a vehicle's file."""
-    changes = own.stated("vehicle", "battery")
-    # A pump stands in place of propulsion, and propulsion of a pump, unless both are given together.
-    changes = {"pump": None, **changes} if own.propulsion else changes
-    changes = {"propulsion": None, **changes} if own.pump else changes
-    battery = own.battery
-    if battery is not None and base.battery is not None:
-        battery = base.battery.model_copy(update=battery.stated())
-    return base.model_copy(update=changes | {"battery": battery or base.battery})
+def _named(name: str, folder: str | Path, part: str) -> VehicleFile:
+    """Return the vehicle that a part of a scenario's vehicle names; an error is that part's."""
+    try:
+        return load_vehicle(name, folder)
+    except ScenarioError as error:
+        raise ScenarioError(error.reason, field=f"vehicle.{part}") from None

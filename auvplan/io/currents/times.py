@@ -77,8 +77,14 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
         for words, days in _JULIAN.items():
             if units.lower().replace("_", " ").startswith(words):
                 units, calendar = days, "proleptic_gregorian"
-    if seconds is None and "%Y%m%d" in units:
-        seconds = _digits(file, name)
+    if seconds is None and "%Y%m%d" in units:  # 20260501.25 is a quarter into a day
+        values = np.atleast_1d(file.coordinate(name))
+        days = np.floor(values + 1e-7)
+        try:
+            dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
+        except ValueError:
+            raise file.fail(f"{name}: dates cannot be understood: {values[0]:.10g}") from None
+        seconds = seconds_of(dates) + np.round((values - days) * 86400.0, 1)
     if seconds is None and "since" not in units:
         if file.epoch is None:
             raise file.fail(
@@ -211,17 +217,6 @@ def _written_out(file: File, dims: tuple, name: str) -> Array | None:
             ) from None
         return None
     return seconds_of(dates)
-
-
-def _digits(file: File, name: str) -> Array:
-    """Return s since 1970 of numbers such as 20260501.25, a quarter into a day."""
-    values = np.atleast_1d(file.coordinate(name))
-    days = np.floor(values + 1e-7)
-    try:
-        dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
-    except ValueError:
-        raise file.fail(f"{name}: dates cannot be understood: {values[0]:.10g}") from None
-    return seconds_of(dates) + np.round((values - days) * 86400.0, 1)
 
 
 def _modified_julian(file: File, dims: tuple) -> Array | None:

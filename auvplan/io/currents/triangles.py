@@ -146,8 +146,16 @@ class Triangles:
         found = within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
         index, weight, beyond = found.index.copy(), found.weight.copy(), found.beyond.copy()
         dry = found.outside
-        if self.in_cells and self.cells is not None:
-            held = self._cell_of(longitude, latitude, middle, apart)
+        if (cells := self.cells) is not None and self.in_cells:
+            # The cell [M] that holds each place, -1 where there is none.
+            held, near = np.full(len(longitude), -1), _near(cells, cells.triangles, middle, apart)
+            near = near[cells.whole[near]]
+            if len(near):
+                used, local = np.unique(cells.triangles[near], return_inverse=True)
+                points = metres(middle, cells.longitude[used], cells.latitude[used])
+                places = metres(middle, longitude, latitude)
+                triangle = find_triangle(points, local.reshape(-1, 3), places)
+                held = np.where(triangle >= 0, cells.cell[near[triangle]], -1)
             rim = (held >= 0) & found.outside
             index[rim], weight[rim] = held[rim, None], (1.0, 0.0, 0.0)
             beyond[held >= 0] = 0.0
@@ -156,19 +164,6 @@ class Triangles:
         outward = self._about_middle(longitude, latitude) @ self._hull[:, :2].T + self._hull[:, 2]
         beyond[dry & (outward <= 0.01).all(axis=1)] = 0.0
         return Weights(index, weight, beyond)
-
-    def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
-        """Return the cell [M] that holds each place, -1 where there is none."""
-        cells = self.cells
-        assert cells is not None
-        near = _near(cells, cells.triangles, middle, apart)
-        near = near[cells.whole[near]]
-        if not len(near):
-            return np.full(len(longitude), -1, np.int64)
-        used, local = np.unique(cells.triangles[near], return_inverse=True)
-        points = metres(middle, cells.longitude[used], cells.latitude[used])
-        found = find_triangle(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
-        return np.where(found >= 0, cells.cell[near[found]], -1)
 
     def window(self, index: Index) -> Window:
         """Just the points."""

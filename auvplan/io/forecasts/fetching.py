@@ -165,9 +165,15 @@ def _picks(ocean: OceanData, request: Request, notes: list[str]) -> dict[str, In
         # Edges lie between points: there is one less of them.
         picks |= dict(zip(east.dims, (rows, columns[:-1]), strict=True))
         picks |= dict(zip(north.dims, (rows[:-1], columns), strict=True))
-    times = _times(ocean, request)
+    (begin, end), first, last = request.times, ocean.times[0], ocean.times[-1]
+    if begin < first - _SLACK or end > last + _SLACK:
+        raise request.fail(
+            f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
+            f"{stamp(first)} to {stamp(last)}"
+        )
     if source.series.time_dim is not None:
-        picks[source.series.time_dim] = times
+        found = source.series.frames[ocean.frames(begin, end), 1]
+        picks[source.series.time_dim] = np.arange(found.min(), found.max() + 1)
     if east.levels.dim is not None:
         picks[east.levels.dim] = _levels(ocean, request, notes)
     return picks
@@ -212,19 +218,6 @@ def _around(ocean: OceanData, request: Request) -> list[Indices]:
         else:
             found.append(wider[(wider >= 0) & (wider < size)])
     return found
-
-
-def _times(ocean: OceanData, request: Request) -> Indices:
-    """Indices of the times from the last before the request to the first after it."""
-    begin, end = request.times
-    times = ocean.times
-    if begin < times[0] - _SLACK or end > times[-1] + _SLACK:
-        raise request.fail(
-            f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
-            f"{stamp(times[0])} to {stamp(times[-1])}"
-        )
-    found = ocean.model.source.series.frames[ocean.frames(begin, end), 1]
-    return np.arange(found.min(), found.max() + 1)
 
 
 def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:

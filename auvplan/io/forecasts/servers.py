@@ -167,8 +167,13 @@ def answering(request: Request, timeout: float) -> Iterator[None]:
         raise ForecastError(f"--from {request.server}: needs further packages: {_NEEDED}") from None
     except Exception as error:
         kinds = [kind.__name__ for kind in type(error).__mro__]
-        if kinds[0] == "HTTPError" and "RequestException" in kinds:
-            raise request.fail(_status(error)) from None
+        answer: Any = getattr(error, "response", None)
+        if kinds[0] == "HTTPError" and "RequestException" in kinds and answer is not None:
+            status, (_, mark, rest) = answer.status_code, answer.text.partition('message="')
+            words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
+            line = _STATUS.get(status, "the server answers with status {status}{text}: try again later")
+            said = f" ({words[:_LONGEST]})" if mark else ""
+            raise request.fail(line.format(status=status, text=said)) from None
         if "RequestException" in kinds and re.search("IncompleteRead|Read timed out", str(error)):
             kinds.append("ChunkedEncodingError")
         faults = _FAULTS["copernicus" if request.server == "copernicus" else "http"]
@@ -179,15 +184,3 @@ def answering(request: Request, timeout: float) -> Iterator[None]:
         raise request.fail(words.format(**about, protocol=protocol)) from None
     finally:
         log.setLevel(level)
-
-
-def _status(error: Any) -> str:
-    """Return what to say of a status that is an error, with the words of the server's message."""
-    status, text = 0, ""
-    if error.response is not None:
-        status, (_, mark, rest) = error.response.status_code, error.response.text.partition('message="')
-        words = " ".join(rest.split('";')[0].replace('\\"', '"').split())
-        text = f" ({words[:_LONGEST]})" if mark else ""
-    return _STATUS.get(status, "the server answers with status {status}{text}: try again later").format(
-        status=status, text=text
-    )

@@ -195,7 +195,15 @@ def with_no_go(chart: Chart | None, polygons: Iterable[Any], extent: Extent | No
             grid = LocalGrid(low, high, float(chart.pixel_size), chart.shape)
         closed = np.zeros(grid.shape, bool)
         for number, given in enumerate(polygons, 1):
-            closed |= touched(_closed_area(given, number), grid)
+            shape = given.polygon if isinstance(given, Zone) else given
+            what = f"no-go area {given.name!r}" if isinstance(given, Zone) else f"no-go area {number}"
+            if not isinstance(shape, Polygon | MultiPolygon) or shape.is_empty:
+                raise GeoError(f"{what}: is no polygon with an area")
+            if not np.isfinite(shapely.get_coordinates(shape)).all():
+                raise GeoError(f"{what}: a coordinate is not finite")
+            if not shape.is_valid:
+                raise GeoError(f"{what}: {shapely.is_valid_reason(shape)}")
+            closed |= touched(shape, grid)
     if chart is None:
         return grid.chart(~closed)
     burnt = Chart.from_passability(np.where(closed, 0.0, np.asarray(chart.passability)), grid.pixel_size)
@@ -352,15 +360,3 @@ def _least(passability: NDArray, view: View, grid: LocalGrid, nothing: float) ->
         row, column = (np.where(there, axis, 0.0) for axis in (row, column))
         out[rows] = np.where(there, nearest(passability, row, column, nodes.cyclic), nothing)
     return out
-
-
-def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:
-    shape = given.polygon if isinstance(given, Zone) else given
-    what = f"no-go area {given.name!r}" if isinstance(given, Zone) else f"no-go area {number}"
-    if not isinstance(shape, Polygon | MultiPolygon) or shape.is_empty:
-        raise GeoError(f"{what}: is no polygon with an area")
-    if not np.isfinite(shapely.get_coordinates(shape)).all():
-        raise GeoError(f"{what}: a coordinate is not finite")
-    if not shape.is_valid:
-        raise GeoError(f"{what}: {shapely.is_valid_reason(shape)}")
-    return shape

@@ -245,7 +245,14 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
         raise GeoError(f"{path}: has no placemarks")
     flat = 0
     for number, mark in enumerate(marks, 1):
-        stated = {"name": _text_of(mark, "name")} | _extended(mark)
+        extended = {}
+        for data in (data for holder in mark.findall("{*}ExtendedData") for data in holder.iter()):
+            if _plain_name(data) == "Data":
+                extended[data.get("name", "")] = _text_of(data, "value")
+            elif _plain_name(data) == "SimpleData":
+                extended[data.get("name", "")] = (data.text or "").strip()
+        given = {name.strip().lower(): value for name, value in extended.items() if name and value}
+        stated = {"name": _text_of(mark, "name")} | given
         where = f"{path}: placemark {number}{_quoted(stated['name'])}"
         with faults.kept():
             shapes = list(_shapes(where, mark))
@@ -260,17 +267,6 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
                 yield Feature(where, number, kind, at, stated | {"name": name})
     if flat:
         notes.append(f"{path}: altitudes above the ground that KML lays places on are ignored")
-
-
-def _extended(mark: Element) -> dict[str, str]:
-    """Return the data that a placemark carries, by lower-case name."""
-    found = {}
-    for data in (data for holder in mark.findall("{*}ExtendedData") for data in holder.iter()):
-        if _plain_name(data) == "Data":
-            found[data.get("name", "")] = _text_of(data, "value")
-        elif _plain_name(data) == "SimpleData":
-            found[data.get("name", "")] = (data.text or "").strip()
-    return {name.strip().lower(): value for name, value in found.items() if name and value}
 
 
 def _shapes(where: str, element: Element) -> Iterator[Element]:

@@ -127,7 +127,15 @@ def read_jobs(
             features = _table(Path(path), site, faults)
         elif suffix in READERS:
             features = list(READERS[suffix](Path(path), faults, notes))
-            notes += _defaults(path, features, default_depth)
+            for name, words in (("priority", "1"), ("duration", "0 s"), ("depth", f"{default_depth:g} m")):
+                lacking = 0
+                for one in features:
+                    first = one.coordinates if one.kind == "Point" else one.coordinates[0]
+                    elevated = name == "depth" and len(first) > 2  # which gives the depth too
+                    lacking += one.properties.get(name) in (None, "") and not elevated
+                if lacking:
+                    share = f"{lacking} of {counted(len(features), 'job')}"
+                    notes.append(f"{path}: {name} is not given by {share}: taken as {words}")
         else:
             features = read_features(source, ("Point", "MultiPoint", "LineString"))
         if site is None and (placed := [feature.where for feature in features if not feature.local]):
@@ -152,20 +160,6 @@ def read_jobs(
             raise GeoError(*(f"{path}: {count} jobs are named {name!r}" for name, count in twice.items()))
         points = tuple(job for job in found if isinstance(job, JobPoint))
         return Jobs(points, tuple(job for job in found if isinstance(job, JobLine)), tuple(notes))
-
-
-def _defaults(path: str, features: list[Feature], default_depth: float) -> list[str]:
-    """Return what is assumed of features that do not state it: formats for places seldom do."""
-    notes = []
-    for name, words in (("priority", "1"), ("duration", "0 s"), ("depth", f"{default_depth:g} m")):
-        lacking = [one for one in features if one.properties.get(name) in (None, "")]
-        if name == "depth":  # an elevation gives it too
-            first = [one.coordinates if one.kind == "Point" else one.coordinates[0] for one in lacking]
-            lacking = [one for one, place in zip(lacking, first, strict=True) if len(place) < 3]
-        if lacking:
-            share = f"{len(lacking)} of {counted(len(features), 'job')}"
-            notes.append(f"{path}: {name} is not given by {share}: taken as {words}")
-    return notes
 
 
 @dataclass(frozen=True)
@@ -265,7 +259,14 @@ def _stated_together(
         depth = stated.pop("depth")
         stated |= {name: row[name] for name in ("name", *_HOURS) if name in row}
         with faults.kept():
-            place = _place(where, row, axes) + ([] if depth is None else [-depth])
+            place = []
+            for name, value in [(name, _number(where, row, name, least=-np.inf)) for name in axes]:
+                if value is None:
+                    raise GeoError(f"{where}: {name} is missing")
+                place.append(value)
+            if axes[0] == "lon":
+                check_place(where, *place)
+            place += [] if depth is None else [-depth]
             for name, value in stated.items():
                 if value is not None and known.setdefault(name, value) != value and name != "name":
                     old, new = (f"{one:g}" if isinstance(one, float) else one for one in (known[name], value))
@@ -360,18 +361,6 @@ def _point_decimals(rows: list[_Row], faults: Faults) -> None:
                 f"{where}: {name} {cells[name]!r} has a point, where other numbers have commas"
             )
         cells[name] = cells[name].replace(",", ".")
-
-
-def _place(where: str, row: dict[str, str], axes: tuple[str, str]) -> list[float]:
-    """Return the place of a row: longitude and latitude, or north and east."""
-    place = []
-    for name, value in [(name, _number(where, row, name, least=-np.inf)) for name in axes]:
-        if value is None:
-            raise GeoError(f"{where}: {name} is missing")
-        place.append(value)
-    if axes[0] == "lon":
-        check_place(where, *place)
-    return place
 
 
 def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import scipy
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import reason_of, warn
@@ -132,7 +131,16 @@ class _Found:
                     unknown.append(area)
                     self.unknown += one.kind in _DEPTHS
             elif one.kind in _HAZARDS:
-                self._collect_hazard(one, local)
+                # What is of unknown depth, or may show above water, reaches up to the surface.
+                shown = int(one.properties.get("WATLEV", 3)) in _SHOWN
+                shown |= int(one.properties.get("CATWRK", 0)) in _STANDING
+                top = 0.0 if shown else max(float(one.properties.get("VALSOU", 0.0)), 0.0)
+                for piece in shapely.get_parts(local) if top <= self.deepest + _UNDER else ():
+                    if piece.geom_type == "Point":
+                        name = _name(one, _HAZARDS[one.kind])
+                        self.hazards.append(KnownObstacle(name, (piece.x, piece.y), self.radius, top))
+                    else:
+                        self.shut.append(_grown(piece, self.radius, self.radius))
             if one.kind in _DEPTHS and "DRVAL1" in one.properties:
                 self.depths.setdefault(least, []).append(area)
             stated = one.properties.get("RESTRN", ())
@@ -148,21 +156,6 @@ class _Found:
         if within.area > 0.0:
             self.shut.append(gap)
             self.gap += within.area / self.grid.box.area
-
-    def _collect_hazard(self, one: Feature, local: Any) -> None:
-        """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
-        # What is of unknown depth, or may show above water, reaches up to the surface.
-        stated = one.properties
-        shown = int(stated.get("WATLEV", 3)) in _SHOWN or int(stated.get("CATWRK", 0)) in _STANDING
-        top = 0.0 if shown else max(float(stated.get("VALSOU", 0.0)), 0.0)
-        if top > self.deepest + _UNDER:
-            return
-        for part in shapely.get_parts(local):
-            if part.geom_type == "Point":
-                name = _name(one, _HAZARDS[one.kind])
-                self.hazards.append(KnownObstacle(name, (part.x, part.y), self.radius, top))
-            else:
-                self.shut.append(_grown(part, self.radius, self.radius))
 
     def notes(self, name: str, hazards: Sequence[KnownObstacle]) -> Iterator[str]:
         """Yield what there is to be noted, with the hazards that stand in water."""
@@ -226,7 +219,14 @@ def read_cells(
         grid = extent.grid()
         wide = grid.widened(extent.beyond)
         margin = extent.beyond + hazard_radius + grid.pixel_size
-        cells = [_cell(*one) for one in _staged(_files(path), Path(staging))]
+        files = sorted(entry for entry in path.rglob("*.000") if entry.is_file()) if path.is_dir() else [path]
+        if not path.exists():
+            raise GeoError(f"{path}: no such file or folder")
+        if not files:
+            raise GeoError(f"{path}: holds no S-57 cell (*.000)")
+        if files[0].suffix != ".000":
+            raise GeoError(f"{path}: an S-57 cell ends in .000, its updates in .001 and on lie beside it")
+        cells = [_cell(*one) for one in _staged(files, Path(staging))]
         if not cells:
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
         box = around(site, grid, margin)
@@ -252,21 +252,15 @@ def read_cells(
         hazards = tuple(one for one, there in zip(found.hazards, stands, strict=True) if there)
         notes += found.notes(path.name, hazards)
         charts = wide.chart(~shut), wide.chart(~(shut | closed))
-        own = grid.chart(~dry), _depth(found, dry, grid)
-        return Land(*charts, tuple(notes), *own, hazards, tuple(found.closed))
-
-
-def _files(path: Path) -> list[Path]:
-    """Return the cells of a folder, or the one that is named."""
-    if not path.exists():
-        raise GeoError(f"{path}: no such file or folder")
-    if path.is_dir():
-        if found := sorted(entry for entry in path.rglob("*.000") if entry.is_file()):
-            return found
-        raise GeoError(f"{path}: holds no S-57 cell (*.000)")
-    if path.suffix != ".000":
-        raise GeoError(f"{path}: an S-57 cell ends in .000, its updates in .001 and on lie beside it")
-    return [path]
+        # The least depth of the areas that reach into a pixel or into one beside it: interpolated between
+        # pixels' centres it is to be nowhere deeper than the areas are.
+        depth = np.where(dry, 0.0, np.inf)
+        for least, shapes in found.depths.items():
+            reached = touched(shapely.union_all(shapes), grid)
+            depth[reached] = np.minimum(depth[reached], max(least, 0.0))
+        depth = scipy.ndimage.minimum_filter(depth, size=3, mode="nearest")
+        depth = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+        return Land(*charts, tuple(notes), grid.chart(~dry), depth, hazards, tuple(found.closed))
 
 
 @dataclass(frozen=True, order=True)
@@ -417,17 +411,6 @@ def _areas(shape: Any) -> Polygon | MultiPolygon:
     parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon | MultiPolygon)]
     union = shapely.union_all(parts)
     return union if isinstance(union, Polygon | MultiPolygon) else Polygon()
-
-
-def _depth(found: _Found, dry: NDArray[np.bool_], grid: LocalGrid) -> NDArray[np.float32]:
-    """[nx, ny] m: the least depth of the areas that reach into a pixel or into one beside it."""
-    depth = np.where(dry, 0.0, np.inf)
-    for least, shapes in found.depths.items():
-        reached = touched(shapely.union_all(shapes), grid)
-        depth[reached] = np.minimum(depth[reached], max(least, 0.0))
-    # Interpolated between pixels' centres it is to be nowhere deeper than the areas are.
-    least_around = scipy.ndimage.minimum_filter(depth, size=3, mode="nearest")
-    return np.where(np.isfinite(least_around), least_around, 0.0).astype(np.float32)
 
 
 def _refuse_uncovered(
