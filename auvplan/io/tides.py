@@ -16,14 +16,16 @@ from auvplan.scenario.section import Finite, Section
 from auvplan.site import Site
 
 _DAY = 86_400.0
+#: M/s; no tide is faster.
+_Speed = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
 class _Constituent(Section):
     """East and north, [amplitude m/s, Greenwich phase degrees], or the ellipse; see `read_tide`."""
 
-    u: tuple[Finite, Finite] | None = None
-    v: tuple[Finite, Finite] | None = None
-    ellipse: tuple[Finite, Finite, Finite, Finite] | None = None
+    u: tuple[_Speed, Finite] | None = None
+    v: tuple[_Speed, Finite] | None = None
+    ellipse: tuple[_Speed, _Speed, Finite, Finite] | None = None
 
     def _check(self) -> None:
         if self.model_fields_set not in ({"u", "v"}, {"ellipse"}):
@@ -47,15 +49,15 @@ class _Place(Section):
     longitude: Finite
     latitude: Finite
     constituents: Annotated[Mapping[str, _Constituent], Field(min_length=1)]
-    mean: tuple[Finite, Finite] = (0.0, 0.0)
+    mean: tuple[_Speed, _Speed] = (0.0, 0.0)
 
 
 class _Tide(Section):
     """A whole file."""
 
-    source: str = ""
+    source: Any = None  # of the figures, for people
     constituents: Mapping[str, _Constituent] = Field(default={})
-    mean: tuple[Finite, Finite] = (0.0, 0.0)
+    mean: tuple[_Speed, _Speed] = (0.0, 0.0)
     places: tuple[_Place, ...] = ()
     depths: tuple[Finite, ...] = (0.0,)
     shares: tuple[Finite, ...] = (1.0,)

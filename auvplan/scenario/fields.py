@@ -80,7 +80,7 @@ def first_of(findings: list[Finding], source: str, is_file: bool) -> str:
     """Return the first finding on one line that names the file, and how many more there are."""
     first, more = findings[0], len(findings) - 1
     where = f"{source}:{first.place[0]}" if first.place is not None else source
-    line = f"{where}: {first.field or 'scenario'}: {first.reason}"
+    line = f"{where}: {first.field + ': ' if first.field else ''}{first.reason}"
     if not more:
         return line
     return f"{line} (and {more} more{f': auvplan validate {source} lists all' if is_file else ''})"

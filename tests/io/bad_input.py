@@ -133,7 +133,7 @@ DAMAGED = {
     "scenario a folder": (folder(YAML), YAML, "directory"),
     "scenario empty": (scenario(""), YAML, "mapping"),
     "scenario binary": (scenario(bytes(range(256))), YAML, "not a text file"),
-    "scenario huge": (scenario("#" * 300_000), YAML, "larger"),
+    "scenario huge": (scenario("#" * 1_100_000), YAML, "larger"),
     # its fields
     "speed NaN": (sections(vehicle={"speed": NAN}), "scenario.yaml:", "vehicle.speed", "nan"),
     "departure at the beginning of time": (sections(site={"departure": "0001-01-01T00:00:00+14:00"}),

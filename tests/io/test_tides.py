@@ -119,6 +119,7 @@ ROUND = {"constituents": {"M2": {"ellipse": [1, 0, 0, 0]}}}
         ("constituents: " + "[" * 10_000, "is no YAML: nested too deeply"),
         ("constituents: {M2: {ellipse: [1, 0, 0, 2026-13-45]}}", ".*2026-13-45.* is no value"),
         ("constituents: {M2: {u: [1" + "0" * 400 + ", 0], v: [0, 0]}}", r"constituents\.M2\.u"),
+        ({"constituents": {"M2": {"u": [1e308, 0], "v": [0, 0]}}}, r"M2\.u\.0: must be less than .* 100"),
         ("x" * 2_000_000, "larger than 1000000 bytes"),
     ],
 )
