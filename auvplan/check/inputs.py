@@ -168,18 +168,15 @@ def job_faults(run: Saved, jobs: list[Job]) -> Iterator[str]:
             own = sum(float(along[i, j]) for i, j in pairwise(chain)) if job.is_line else float(at[chain[0]])
             if not np.isclose(own, value, rtol=1e-5, atol=TIME_TOLERANCE / 10.0):
                 yield f"job {job.name!r}: its {name} is {value:g}, {own:g} in the graph"
-        if not job.is_line and "window_opens" in run:
-            yield from _window_faults(run, job, chain[0])
-
-
-def _window_faults(run: Saved, job: Job, node: int) -> Iterator[str]:
-    """Yield that the graph has windows of a task that its job has not; closed areas may narrow them."""
-    pairs = zip(*(run[f"window_{name}"][node] for name in ("opens", "closes")), strict=True)
-    given = [(float(opens), float(closes)) for opens, closes in pairs if opens <= closes]
-    wanted = job.windows or [(-np.inf, np.inf)]
-    whole = bool(run.stated("closures")) or all(within(*span, given) for span in wanted)
-    if not (whole and all(within(*span, wanted) for span in given)):
-        yield f"job {job.name!r}: its windows are not those of the graph"
+        if job.is_line or "window_opens" not in run:
+            continue
+        pairs = zip(*(run[f"window_{name}"][chain[0]] for name in ("opens", "closes")), strict=True)
+        given = [(float(opens), float(closes)) for opens, closes in pairs if opens <= closes]
+        wanted = job.windows or [(-np.inf, np.inf)]
+        # Closed areas may narrow them.
+        whole = bool(run.stated("closures")) or all(within(*span, given) for span in wanted)
+        if not (whole and all(within(*span, wanted) for span in given)):
+            yield f"job {job.name!r}: its windows are not those of the graph"
 
 
 def places_of(run: Saved) -> Callable[[Array, Array], tuple[Array, Array]]:

@@ -79,7 +79,13 @@ def motion_faults(run: Saved) -> Iterator[str]:
     yield from _plan_faults(run)
     yield from _vertical_faults(run)
     yield from _speed_faults(run, velocities)
-    yield from _geographic_faults(run)
+    if "longitude" in run and "site_longitude" in run.data.attrs:
+        longitude, latitude = places_of(run)(run["x"], run["y"])
+        metres = 111_320.0 * np.cos(np.radians(latitude)), 110_574.0
+        east = (run["longitude"] - longitude + 180.0) % 360.0 - 180.0
+        apart = np.hypot(metres[0] * east, metres[1] * (run["latitude"] - latitude))
+        for k in np.flatnonzero(~(apart <= PLACE_TOLERANCE))[:1]:
+            yield f"longitude and latitude of observation {k} are {apart[k]:.1f} m from its north and east"
 
 
 def _step_faults(
@@ -285,15 +291,3 @@ def _in_vortices(run: Saved, places: Array, moments: Array) -> Array:
         uniform = run["vortex_uniform"][plan][:2].astype(float)
         found[inside] = velocity.T + uniform
     return found
-
-
-def _geographic_faults(run: Saved) -> Iterator[str]:
-    """Yield that longitudes and latitudes are not those of north and east."""
-    if "longitude" not in run or "site_longitude" not in run.data.attrs:
-        return
-    longitude, latitude = places_of(run)(run["x"], run["y"])
-    metres = 111_320.0 * np.cos(np.radians(latitude)), 110_574.0
-    east = (run["longitude"] - longitude + 180.0) % 360.0 - 180.0
-    apart = np.hypot(metres[0] * east, metres[1] * (run["latitude"] - latitude))
-    for k in np.flatnonzero(~(apart <= PLACE_TOLERANCE))[:1]:
-        yield f"longitude and latitude of observation {k} are {apart[k]:.1f} m from its north and east"

@@ -6,10 +6,9 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.check.lines import line_of
-from auvplan.check.saved import TIME_TOLERANCE, Array, Leg, Saved, near
+from auvplan.check.saved import TIME_TOLERANCE, Leg, Saved, near
 from auvplan.check.track import events
 from auvplan.runtime.files import MISSION, SUMMARY
 
@@ -297,7 +296,15 @@ def route_faults(run: Saved) -> Iterator[str]:
     if "route_leg_time" not in run:
         return
     nodes, made_at = run["route_nodes"], run["route_made_at"]
-    yield from _route_order_faults(run.legs, nodes, made_at)
+    number, stop, left = -1, 0, False
+    for leg in (leg for leg in run.legs if leg.executed):  # the first that does not lead where its route says
+        newest = int(np.sum(made_at <= leg.begins - leg.t_hold + TIME_TOLERANCE)) - 1
+        if newest != number:
+            number, stop, left = newest, 0, False
+        if number >= 0 and not left and tuple(nodes[number, stop : stop + 2]) != (leg.start, leg.goal):
+            left = True
+            yield f"{leg}: route {number} leads from {nodes[number, stop]} elsewhere"
+        stop += 1
     routes = run["route_leg_time"]
     for number, (route, total) in enumerate(zip(routes, run["route_time"], strict=True)):
         if np.isfinite(route).any() and not _same(np.nansum(route), total):
@@ -312,19 +319,6 @@ def route_faults(run: Saved) -> Iterator[str]:
             same = tuple(nodes[number, :2]) == (leg.start, leg.goal) and np.isfinite(expected)
             if same and not _same(expected, leg.t_expected):
                 yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"
-
-
-def _route_order_faults(legs: list[Leg], nodes: NDArray[np.integer], made_at: Array) -> Iterator[str]:
-    """Yield the first leg of each route that does not lead where the route says."""
-    route, stop, left = -1, 0, False
-    for leg in (leg for leg in legs if leg.executed):
-        newest = int(np.sum(made_at <= leg.begins - leg.t_hold + TIME_TOLERANCE)) - 1
-        if newest != route:
-            route, stop, left = newest, 0, False
-        if route >= 0 and not left and tuple(nodes[route, stop : stop + 2]) != (leg.start, leg.goal):
-            left = True
-            yield f"{leg}: route {route} leads from {nodes[route, stop]} elsewhere"
-        stop += 1
 
 
 def _same(a: float, b: float) -> bool:

@@ -91,7 +91,7 @@ def examine_scenario(source: str | Path) -> Examination:
     sections = {str(path[0]) for path in taken if path not in _APART}
     if scenario is None or sections & {"site", "area"}:
         return Examination(str(source), tuple(in_order(found)))
-    from auvplan.io.area import AreaFiles, gathered_warnings
+    from auvplan.io.area import AreaFiles, UnreadError, gathered_warnings
 
     if "chart.uncertain" in missing:
         plain = scenario.chart.model_copy(update={"uncertain": None})
@@ -103,8 +103,15 @@ def examine_scenario(source: str | Path) -> Examination:
     }
     files = AreaFiles(scenario, folder, unread=unread)
     with gathered_warnings(show=False) as lines:
-        wrong = _attempt(files, document)
-        found += [one for one in wrong if one.field.partition(".")[0] not in sections]
+        reported: list[AuvplanError] = []
+        for part, (section, *_) in files.PARTS.items():
+            try:
+                getattr(files, part)
+            except AuvplanError as error:  # parts that are made of another one have the same
+                wrong = [] if isinstance(error, UnreadError) else _errors(error, section, document)
+                if error not in reported:
+                    found += [one for one in wrong if one.field.partition(".")[0] not in sections]
+                reported.append(error)
         if sound is None:
             return Examination(str(source), tuple(in_order(found)))
         area = files.readable_area
@@ -171,21 +178,6 @@ def _missing(document: Document, folder: Path) -> dict[str, Finding]:
         more = f" (nor {len(paths) - 1} more)" if len(paths) > 1 else ""
         found[field] = finding_at(tuple(field.split(".")), f"{paths[0]}: {what}{more}", document)
     return found
-
-
-def _attempt(files: "AreaFiles", document: Document) -> list[Finding]:
-    """Return what is wrong with files, each read by itself."""
-    from auvplan.io.area import UnreadError
-
-    errors: dict[int, list[Finding]] = {}
-    for part, (section, *_) in files.PARTS.items():
-        try:
-            getattr(files, part)
-        except UnreadError:
-            continue
-        except AuvplanError as error:  # parts that are made of another one have the same
-            errors[id(error)] = errors.get(id(error)) or _errors(error, section, document)
-    return [one for found in errors.values() for one in found]
 
 
 def _errors(error: AuvplanError, section: str, document: Document) -> list[Finding]:

@@ -241,6 +241,16 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
         for name, what in _LINE.items()
         if any(covered)
     }
+    unknown = [np.full((len(leg.times), 2), np.nan) if leg.current is None else leg.current for leg in legs]
+    known = np.concatenate([np.zeros((0, 2)), *unknown]).astype(np.float32)
+    currents = {
+        f"current_{way}": variable(
+            "obs", known[:, axis], f"true current {way}wards, from the time to the next one", "m s-1",
+            standard_name=f"{way}ward_sea_water_velocity",
+        )
+        for axis, way in enumerate(("north", "east"))
+        if any(leg.current is not None for leg in legs)
+    }  # fmt: skip
     return {
         "time": variable(
             "obs", time, "time since the scenario's epoch", TIME_UNITS,
@@ -261,7 +271,7 @@ def leg_variables(legs: Sequence[LegRecord]) -> Variables:
         **table(LEG, legs),
         **lines,
         **_obstacles(legs),
-        **_current(legs),
+        **currents,
         **motion_variables("obs", Motion.joined([leg.motion for leg in legs])),
     }  # fmt: skip
 
@@ -287,21 +297,6 @@ def _obstacles(legs: Sequence[LegRecord]) -> Variables:
         "obstacle_radius": variable(("leg", "obstacle"), radii, "true radius", "m"),
         "obstacle_kind": variable(("leg", "obstacle"), codes, "kind of obstacle", **about),
     }
-
-
-def _current(legs: Sequence[LegRecord]) -> Variables:
-    """Return the current along the trajectories, NaN where it is not known; nothing where it nowhere is."""
-    if all(leg.current is None for leg in legs):
-        return {}
-    parts = [np.full((len(leg.times), 2), np.nan) if leg.current is None else leg.current for leg in legs]
-    values = np.concatenate([np.zeros((0, 2)), *parts]).astype(np.float32)
-    return {
-        f"current_{name}": variable(
-            "obs", values[:, axis], f"true current {name}wards, from the time to the next one", "m s-1",
-            standard_name=f"{name}ward_sea_water_velocity",
-        )
-        for axis, name in enumerate(("north", "east"))
-    }  # fmt: skip
 
 
 def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:

@@ -78,7 +78,12 @@ def read_pixels(
         if numbers:
             return values, shown
         if meanings[0] != "palette":
-            return _greys(values, file), shown
+            if values.dtype == np.uint8:  # levels of less than 8 bit go from 0 to 255; some count from white
+                bits = int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8))
+                values = values * np.uint8(255 // (2**bits - 1)) if bits < 8 else values
+                inverted = file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE") == "YES"
+                values = ~values if inverted else values
+            return values, shown
         entries = file.colormap(1)
         table = np.array([entries.get(number, (0, 0, 0, 0)) for number in range(max(entries) + 1)], np.uint8)
         if (table[:, :3] == table[:, :1]).all():
@@ -106,12 +111,3 @@ def read_pixels(
 
 def _eight_bit(values: NDArray[Any]) -> NDArray[np.uint8]:
     return (values >> 8).astype(np.uint8) if values.dtype == np.uint16 else values
-
-
-def _greys(values: NDArray[Any], file: "DatasetReader") -> NDArray[Any]:
-    """Stretch levels of less than 8 bit to 0 to 255, and turn those that count from white."""
-    if values.dtype != np.uint8:
-        return values
-    bits = int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8))
-    values = values * np.uint8(255 // (2**bits - 1)) if bits < 8 else values
-    return ~values if file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE") == "YES" else values

@@ -47,8 +47,16 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
         CurrentError: the levels have no depths, or such as contradict themselves.
     """
     file = source.series
-    if dim is None:
-        return _single(source, name)
+    if dim is None:  # one level: at the depth of a scalar coordinate, or else at the surface
+        for candidate, variable in file.variables.items():
+            if variable.ndim == 0 and variable.dtype.kind in "iuf":
+                standard = file.standard_name(candidate)
+                # The height of a wind may stand beside a current.
+                height = standard == "height" and "sea_water" not in file.standard_name(name)
+                if height or "depth" in (standard, candidate.lower()):
+                    return _fixed(source, candidate, None)
+        source.notes.append(f"{name} has no levels: taken as the current at the surface")
+        return Levels(None, 1, slice(None), np.zeros(1))
     for heights in HEIGHTS:
         if heights in file.variables and dim in file.variables[heights].dims:
             return _stated(source, heights, dim)
@@ -118,20 +126,6 @@ def _downward(source: "Source", axis: str, values: Array) -> Array:
     elif signs and positive == "up" and standard == "depth":
         source.notes.append(f"{axis} is called depth and is positive up: taken by the attribute positive")
     return -values + 0.0 if above else values + 0.0
-
-
-def _single(source: "Source", name: str) -> Levels:
-    """One level: at the depth of a scalar coordinate, or else at the surface."""
-    file = source.series
-    for candidate, variable in file.variables.items():
-        if variable.ndim == 0 and variable.dtype.kind in "iuf":
-            standard = file.standard_name(candidate)
-            # The height of a wind may stand beside a current.
-            height = standard == "height" and "sea_water" not in file.standard_name(name)
-            if height or "depth" in (standard, candidate.lower()):
-                return _fixed(source, candidate, None)
-    source.notes.append(f"{name} has no levels: taken as the current at the surface")
-    return Levels(None, 1, slice(None), np.zeros(1))
 
 
 def _require_bed(source: "Source", name: str) -> None:

@@ -459,7 +459,15 @@ def _angle(source: Source, names: Names) -> Callable[[Part], Array] | None:
         return None
     named = next((name for name in _ANGLES if name in series.variables and source.has(name)), None)
     if isinstance(grid, Curvilinear) and named is not None:
-        radians, _ = _radians(source, named), source.along(named)
+        far = float(np.nanmax(np.abs(series.coordinate(named, missing=True))))
+        units, degrees = series.text(named, "units").lower(), far > 2.0 * np.pi + 1e-6
+        if degrees and units.startswith("rad"):
+            raise series.fail(f"{named} is in radians and reaches {far:g}")
+        degrees |= units.startswith("deg")
+        if not units.startswith(("deg", "rad")):
+            what = "degrees" if degrees else "radians"
+            notes.append(f"{named} has no units: taken as {what}, by its values")
+        radians, _ = float(np.pi / 180.0) if degrees else 1.0, source.along(named)
         return lambda part: replace(part, frames=slice(0, 1)).values(named)[0] * radians
     if isinstance(grid, Triangles) and crs is not None:
         return lambda part: axes_angle(crs, *grid.places(part.window.used))
@@ -507,19 +515,6 @@ def _x_axis(source: Source) -> tuple[bool, bool]:
             return str(variable.dims[0]) == source.dims[0], bool(x[-1] < x[0])
     first, second = (dim.lower().lstrip("n") for dim in source.dims)
     return first.startswith(("x", "i", "lon")) and second.startswith(("y", "j", "lat")), False
-
-
-def _radians(source: Source, name: str) -> float:
-    """Return the radians in the unit of a variable of angles."""
-    far = float(np.nanmax(np.abs(source.series.coordinate(name, missing=True))))
-    units = source.series.text(name, "units").lower()
-    degrees = units.startswith("deg") or far > 2.0 * np.pi + 1e-6
-    if degrees and units.startswith("rad"):
-        raise source.series.fail(f"{name} is in radians and reaches {far:g}")
-    if not units.startswith(("deg", "rad")):
-        what = "degrees" if degrees else "radians"
-        source.notes.append(f"{name} has no units: taken as {what}, by its values")
-    return float(np.pi / 180.0) if degrees else 1.0
 
 
 def _places(file: File, names: Names) -> tuple[str, str] | None:

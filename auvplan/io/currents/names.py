@@ -210,26 +210,21 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
         if variable.ndim in (1, 2) and set(variable.dims) <= set(own) and other != name
     ]
     found = [_place(file, name, near, kind) for kind in _PLACES]
-    if None in found:
-        plane = [_projected(file, near, axis) for axis in "xy"]
-        found = found if None in plane else plane
+    if None in found:  # coordinates along the axes of a projection or of a turned pole may stand for them
+        plane = []
+        for axis, turned in (("x", "grid_longitude"), ("y", "grid_latitude")):
+            standard = f"projection_{axis}_coordinate", turned
+            stated = sorted(one for one in near if file.standard_name(one) in standard)
+            plain = sorted(one for one in near if one.lower() in (axis, f"{axis}c"))
+            given = (one for one in (*stated, *plain) if np.any(file.coordinate(one, missing=True)))
+            plane += [*given][:1]
+        found = plane if len(plane) == 2 else found
     for kind, place in zip(_PLACES, found, strict=True):
         if place is None:
             raise file.fail(
                 f"{name} has no {kind}: name the model's grid file beside it in current.files, if it has one"
             )
     return str(found[0]), str(found[1])
-
-
-def _projected(file: File, near: Sequence[str], axis: str) -> str | None:
-    """Return the coordinate along an axis of a projection or of a turned pole; None without one."""
-    standard = f"projection_{axis}_coordinate", "grid_longitude" if axis == "x" else "grid_latitude"
-    found = []
-    for name in near:
-        stated = file.standard_name(name) in standard
-        if (stated or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
-            found.append((not stated, name))
-    return min(found)[1] if found else None
 
 
 def _place(file: File, of: str, near: Sequence[str], kind: str) -> str | None:

@@ -70,7 +70,12 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
     units = re.sub(r"(.*)\bsince\b", lambda found: found[0].lower(), file.text(name, "units"), flags=re.I)
     calendar = file.text(name, "calendar").lower()
     calendar = _MISSPELT.get(calendar, calendar)
-    seconds = _modified_julian(file, variable.dims)
+    seconds, whole = None, {}
+    for own, since in (("Itime", "days since 1858-11-17"), ("Itime2", "msec")):
+        if own in file.variables and file.variables[own].dims == variable.dims:
+            whole |= {own: file.read(own)} if file.text(own, "units").lower().startswith(since) else {}
+    if len(whole) == 2:  # FVCOM's whole days and milliseconds: its float32 days are minutes off
+        seconds = np.atleast_1d((whole["Itime"] - 40587.0) * 86400.0 + whole["Itime2"] / 1000.0)
     if seconds is None:
         seconds = _written_out(file, variable.dims, name)
     if seconds is None and "since" not in units:
@@ -217,14 +222,3 @@ def _written_out(file: File, dims: tuple, name: str) -> Array | None:
             ) from None
         return None
     return seconds_of(dates)
-
-
-def _modified_julian(file: File, dims: tuple) -> Array | None:
-    """FVCOM's whole days and milliseconds, where it gives them: its float32 days are minutes off."""
-    days, rest = (file.variables.get(name) for name in ("Itime", "Itime2"))
-    if days is None or rest is None or days.dims != dims or rest.dims != dims:
-        return None
-    units = [file.text(name, "units").lower() for name in ("Itime", "Itime2")]
-    if not (units[0].startswith("days since 1858-11-17") and units[1].startswith("msec")):
-        return None
-    return np.atleast_1d((file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0)

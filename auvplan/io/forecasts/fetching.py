@@ -98,7 +98,11 @@ def fetch_current(
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
-    origin = {"server": server, "dataset": dataset, "run": _reference_time(file)}
+    # When the run that made it began, of several runs the latest, ISO 8601 in UTC where the data states it.
+    runs = [name for name in file.variables if file.standard_name(name) == _RUN]
+    runs = [stamp(decode_times(file, name)[0].max()) for name in runs if file.variables[name].ndim < 2]
+    runs += [text(file.attributes, name) for name in _RUN_ATTRIBUTES]
+    origin = {"server": server, "dataset": dataset, "run": next(filter(None, runs), "")}
     origin |= {"request": request.text, "request_sha256": request.sha256}
     data.attrs |= {f"{ORIGIN}{name}": value for name, value in origin.items() if value}
     return Fetched(write_dataset(data, target), tuple(notes))
@@ -177,19 +181,6 @@ def _picks(ocean: OceanData, request: Request, notes: list[str]) -> dict[str, In
     if east.levels.dim is not None:
         picks[east.levels.dim] = _levels(ocean, request, notes)
     return picks
-
-
-def _reference_time(file: File) -> str:
-    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set states it; else "".
-
-    Where it holds several runs, it is the latest one's.
-    """
-    for name in file.variables:
-        if file.standard_name(name) == _RUN and file.variables[name].ndim < 2:
-            seconds, _ = decode_times(file, name)
-            return stamp(seconds.max())
-    stated = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
-    return next((value for value in stated if value), "")
 
 
 def _around(ocean: OceanData, request: Request) -> list[Indices]:

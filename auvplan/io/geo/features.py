@@ -418,7 +418,14 @@ def _json(path: str | Path) -> Any:
 def _xml(path: Path, kind: str) -> Element:
     """Return the root of an XML file, or of the one `.kml` in a zip archive, whose plain name is `kind`."""
     try:
-        content = _zipped(path) if path.suffix.lower() == ".kmz" else path.read_bytes()
+        content = path.read_bytes()
+        if path.suffix.lower() == ".kmz":
+            with ZipFile(path) as archive:
+                inside = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+                if len(inside) != 1:
+                    several = f"holds {len(inside)} .kml, {', '.join(inside)[:200]}: it must hold one"
+                    raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
+                content = archive.read(inside[0])
         root = fromstring(content, forbid_dtd=True)
     except DefusedXmlException:
         raise GeoError(f"{path}: has a document type or entities, which are not read") from None
@@ -428,16 +435,6 @@ def _xml(path: Path, kind: str) -> Element:
     if _plain_name(root) != kind:
         raise GeoError(f"{path}: is no {kind.upper()}: its root is {_plain_name(root)}")
     return root
-
-
-def _zipped(path: Path) -> bytes:
-    with ZipFile(path) as archive:
-        inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
-        if len(inside) != 1:
-            names = ", ".join(entry.filename for entry in inside)
-            several = f"holds {len(inside)} .kml, {names[:200]}: it must hold one"
-            raise GeoError(f"{path}: {several if inside else 'has no .kml inside'}")
-        return archive.read(inside[0])
 
 
 def _plain_name(element: Element) -> str:

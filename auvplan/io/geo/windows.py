@@ -50,8 +50,15 @@ class Hours:
         """
         sun, spans = self._word("windows"), []
         given = self.stated.get("windows")
-        if sun in ("daylight", "night"):
-            spans, given = self._by_sun(sun), None
+        if sun in ("daylight", "night"):  # between sunrise and sunset at the site or not, to the minute
+            epoch, given = self._epoch(), None
+            assert self.site is not None
+            minutes, height = _elevations(self.site.latitude, self.site.longitude, epoch, self.until)
+            wanted = (height > _SUNRISE) == (sun == "daylight")
+            if not wanted.any():
+                raise self._fault(f"there is no {sun} at the site in the time of the mission")
+            endless = np.concatenate([[-np.inf], minutes[1:-1], [np.inf]])
+            spans = self._reached_or_all(_runs(wanted, endless))
         pairs = self._pairs("windows", given, "must be pairs [from, to]")
         ends = self.stated.get("from"), self.stated.get("to")
         if not all(map(_is_open, ends)):
@@ -224,16 +231,6 @@ class Hours:
                 f"{found.min():.2f} m/s is the least"
             )
         return [(first, last) for first, last in _runs(found < limit, moments) if last > first]
-
-    def _by_sun(self, kind: str) -> Spans:
-        """Return times between sunrise and sunset at the site, or the other ones, to the minute."""
-        epoch = self._epoch()
-        assert self.site is not None
-        minutes, height = _elevations(self.site.latitude, self.site.longitude, epoch, self.until)
-        wanted = (height > _SUNRISE) == (kind == "daylight")
-        if not wanted.any():
-            raise self._fault(f"there is no {kind} at the site in the time of the mission")
-        return self._reached_or_all(_runs(wanted, np.concatenate([[-np.inf], minutes[1:-1], [np.inf]])))
 
 
 def _is_open(value: Any) -> bool:
