@@ -304,23 +304,16 @@ class AreaFiles:
     @_Part
     def no_go(self) -> tuple[Zone, ...]:
         """Closed areas of a file of their own; those without hours have the common ones, if there are any."""
-        settings = self.scenario.chart
-        if settings.no_go is None:
-            return ()
-        with error_context("chart", "no_go"):
-            zones = geo.read_zones(self._source("chart.no_go"), self._on_earth, self._extent())
-        if settings.no_go_windows is None:
-            return tuple(zones)
-        common = {"where": "chart.no_go_windows", "hours": {"windows": settings.no_go_windows}}
+        zones, windows = self._zones("no_go"), self.scenario.chart.no_go_windows
+        if windows is None:
+            return zones
+        common = {"where": "chart.no_go_windows", "hours": {"windows": windows}}
         return tuple(zone if zone.hours else replace(zone, **common) for zone in zones)
 
     @_Part
     def no_surfacing(self) -> tuple[Zone, ...]:
         """Areas in which no vehicle surfaces for a fix."""
-        if self.scenario.chart.no_surfacing is None:
-            return ()
-        with error_context("chart", "no_surfacing"):
-            return tuple(geo.read_zones(self._source("chart.no_surfacing"), self._on_earth, self._extent()))
+        return self._zones("no_surfacing")
 
     @_Part
     def closures(self) -> tuple[Closure, ...]:
@@ -450,6 +443,13 @@ class AreaFiles:
         seabed, _ = self.readable("seabed") or (None, ())
         if self.readable("land") is not None:
             warn_of_contradictions(self.scenario, self.dry_land, seabed, files)
+
+    def _zones(self, field: str) -> tuple[Zone, ...]:
+        """Return the areas of the file that a field of the chart names, if it names one."""
+        if getattr(self.scenario.chart, field) is None:
+            return ()
+        with error_context("chart", field):
+            return tuple(geo.read_zones(self._source(f"chart.{field}"), self._on_earth, self._extent()))
 
     def _extent(self, pixel_size: float | None = None) -> geo.Extent:
         """Return the area with pixels of a size, m."""

@@ -43,39 +43,33 @@ def read_land(
     """
     if settings.source == "none":
         return geo.Land()
-    size, notes = settings.pixel_size, ()
+    size, notes, coast = settings.pixel_size, (), None
     extent = geo.Extent(box[0][:2], box[1][:2], size, beyond(box, size))
-    if settings.source in ("whitsunday", "image"):
-        with error_context("chart", "image"):
+    of = {"whitsunday": "image", "image": "image", "current": "pixel_size"}
+    with error_context("chart", of.get(settings.source, "file")):
+        if settings.source in ("whitsunday", "image"):
             coast, chart, notes = _picture(settings, file)
-    elif settings.source == "enc":
-        assert site is not None
-        depth, radius = settings.safety_depth, settings.hazard_radius
-        with error_context("chart", "file"):
-            return geo.read_cells(
-                file, site, extent, deepest=box[1][2], safety_depth=depth, hazard_radius=radius
-            )
-    elif settings.source == "current":
-        assert current is not None
-        with error_context("chart", "pixel_size"):
-            coast = chart = _water_chart(current, extent.grid())
-    else:
-        assert site is not None
-        with error_context("chart", "file"):
+        elif settings.source == "current":
+            assert current is not None
+            chart = _water_chart(current, extent.grid())
+        else:
+            assert site is not None
+            if settings.source == "enc":
+                limits = {"safety_depth": settings.safety_depth, "hazard_radius": settings.hazard_radius}
+                return geo.read_cells(file, site, extent, deepest=box[1][2], **limits)
             if settings.source == "raster":
                 colours = settings.colours.given
                 chart, notes = geo.chart_and_notes(file, site, extent, crs=settings.crs, colours=colours)
             else:
                 margin = {"fringe": settings.fringe, "uncertain": uncertain}
                 chart = geo.chart_from_polygons(file, site, extent, **margin)
-        coast = chart
     if settings.source in ("raster", "image"):
         dry = float((np.asarray(cropped(chart, settings, box).passability) == 0.0).mean())
         if dry in (0.0, 1.0):
             what = "no land" if dry == 0.0 else "nothing but land"
             picture = settings.file or settings.image
             warn(f"{picture}: shows {what} in the area: land and water are distinguished by their colours")
-    return geo.Land(coast, chart, notes)
+    return geo.Land(chart if coast is None else coast, chart, notes)
 
 
 def _picture(settings: ChartSettings, path: str) -> tuple[Chart, Chart, tuple[str, ...]]:

@@ -34,10 +34,9 @@ class ChartError(AuvplanError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Chart(Raster):
-    """Coast, uncertain area and water on a raster indexed [north, east].
+    """Coast, uncertain area and water on a `Raster` indexed [north, east].
 
-    Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Make one with
-    `from_mask`, `from_passability`, `from_rgb` or `from_image`.
+    Make one with `from_mask`, `from_passability`, `from_rgb` or `from_image`.
 
     Attributes:
         passability: [nx, ny] float32; 0 coast, (0, 0.35] uncertain, 1 water.

@@ -30,10 +30,9 @@ class SeabedError(AuvplanError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Seabed(Raster):
-    """Depth of the sea bed on a raster indexed [north, east], bilinear between pixels' centres.
+    """Depth of the sea bed on a `Raster` indexed [north, east], bilinear between pixels' centres.
 
-    Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Make one with
-    `from_depth`.
+    Make one with `from_depth`.
 
     What a segment between two samples passes over follows from the layers of `shallow`: layer k holds at each
     pixel the least depth of all pixels in a window around it. Let p be a place at most reach[k] from a place

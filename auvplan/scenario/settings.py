@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Optional, TypeVar
 from zoneinfo import available_timezones
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
@@ -278,6 +278,11 @@ class SawToothSettings(Section):
         return SawTooth(**shape)
 
 
+def _named(schema: Any) -> BeforeValidator:
+    """Take the name of a vehicle for settings that name it alone."""
+    return BeforeValidator(lambda given: {"vehicle": given} if isinstance(given, str) else given, schema)
+
+
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
@@ -304,11 +309,11 @@ class VehicleSettings(Section):
         "m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
         "the depths at which they are quickest"
     )
-    power: PowerSettings | None = optional(
+    power: Annotated[PowerSettings | None, _named(str | PowerSettings | None)] = optional(
         "what it draws, and its battery: a mapping, the name of a shipped vehicle, or path of a YAML file; "
         "energy does not count if absent"
     )
-    navigation: NavigationSettings | None = optional(
+    navigation: Annotated[NavigationSettings | None, _named(str | NavigationSettings | None)] = optional(
         "how well it knows where it is: a mapping, the name of a shipped vehicle, or path of a YAML file; "
         "exactly if absent"
     )
@@ -332,16 +337,6 @@ class VehicleSettings(Section):
             if not least <= self.speed <= greatest:
                 reason = f"must have vehicle.speed, {self.speed:g} m/s, between its two"
                 raise RuleError(reason, field="speed_range", concerns=("speed",))
-
-    @field_validator("power", mode="before", json_schema_input_type=str | PowerSettings | None)
-    @classmethod
-    def _named(cls, given: Any) -> Any:
-        return {"vehicle": given} if isinstance(given, str) else given
-
-    @field_validator("navigation", mode="before", json_schema_input_type=str | NavigationSettings | None)
-    @classmethod
-    def _navigated(cls, given: Any) -> Any:
-        return {"vehicle": given} if isinstance(given, str) else given
 
 
 class MemberSettings(Section):

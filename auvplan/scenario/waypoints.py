@@ -108,22 +108,22 @@ def _steepest(scenario: Scenario, rate: str) -> tuple[float, str]:
 
 def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Generator) -> np.ndarray:
     """[N, 3] m, off the coast and clear of the sea bed."""
-    settings, chart = scenario.mission, area.chart
+    settings, clearance = scenario.mission, scenario.mission.waypoint_clearance
+    charts = [(closure.chart, scenario.safety.coast) for closure in area.closures]
+    charts += [] if area.chart is None else [(area.chart, clearance)]
     lower, upper = (np.asarray(corner) for corner in scenario.box)
-    margin = min(scenario.mission.waypoint_clearance, 0.05 * float((upper - lower)[:2].min()))
+    margin = min(clearance, 0.05 * float((upper - lower)[:2].min()))
     inset = np.array([margin, margin, 0.0])
     positions = np.empty((0, 3))
     while len(positions) < settings.waypoints:
         drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
         free = np.ones(len(drawn), bool)
-        if chart is not None:
-            free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.mission.waypoint_clearance
+        for chart, off in charts:
+            free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > off
         if area.seabed is not None:
             deepest = _deepest(drawn, area.seabed)
             drawn[:, 2] = np.minimum(drawn[:, 2], deepest)
             free &= deepest >= lower[2]
-        for closure in area.closures:
-            free &= np.asarray(closure.chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.safety.coast
         drawn = drawn[free]
         if not len(drawn):
             reason = "and the sea bed leave no water for waypoints"
