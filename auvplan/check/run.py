@@ -13,27 +13,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.check.inputs import (
-    ClosedArea,
-    Cylinder,
-    places_of,
-    read_closed_areas,
-    read_obstacles,
-    source_faults,
-)
-from auvplan.check.kinematics import motion_faults
-from auvplan.check.legs import (
-    energy_faults,
-    figure_faults,
-    graph_faults,
-    place_faults,
-    route_faults,
-    site_faults,
-    speed_faults,
-    time_faults,
-)
+from auvplan.check import inputs, kinematics, legs, tasks
 from auvplan.check.saved import Leg, Saved, read_legs, require
-from auvplan.check.tasks import task_faults, window_faults
 from auvplan.check.track import Array, Bed, Coast, Mask, SampledTrack, events
 from auvplan.errors import AuvplanError
 from auvplan.runtime.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
@@ -136,17 +117,18 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     report = CheckReport()
     run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
     for faults in (
-        site_faults, source_faults, graph_faults, place_faults, time_faults, speed_faults, energy_faults,
-        figure_faults, route_faults, motion_faults, task_faults, window_faults,
+        legs.site_faults, inputs.source_faults, legs.graph_faults, legs.place_faults, legs.time_faults,
+        legs.speed_faults, legs.energy_faults, legs.figure_faults, legs.route_faults,
+        kinematics.motion_faults, tasks.task_faults, tasks.window_faults,
     ):  # fmt: skip
         report.faults += faults(run)
-    known, closed = read_obstacles(run), read_closed_areas(run)
+    known, closed = inputs.read_obstacles(run), inputs.read_closed_areas(run)
     files = ()
     if sources:
         from auvplan.check.sources import read_sources
 
         files = read_sources(run)
-    places = places_of(run) if files else None
+    places = inputs.places_of(run) if files else None
     coast = Coast.of(dataset) if "passability" in run else None
     shore = None if coast is None else Coast.beyond(dataset)
     bed = Bed.of(dataset) if "seabed_depth" in run else None
@@ -180,7 +162,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
 
 
 def _late_path_faults(
-    run: Saved, coast: Coast | None, bed: Bed | None, closed: Sequence[ClosedArea]
+    run: Saved, coast: Coast | None, bed: Bed | None, closed: Sequence[inputs.ClosedArea]
 ) -> list[str]:
     """Return where paths of a plan's rule lead over land, below the sea bed or into closed areas."""
     found = []
@@ -278,7 +260,7 @@ class _Track:
             self.report.faults.append(f"{self.leg}: {least} {self.samples.between(first, last)}")
         self.fault("beyond the known sea bed", bed.outside(self.samples.positions))
 
-    def pass_through(self, area: ClosedArea) -> None:
+    def pass_through(self, area: inputs.ClosedArea) -> None:
         """Look for the leg, and stays at its ends, in an area while it is closed."""
         inside, text = area.holds(self.samples.positions), f"in the closed area {area.name!r}"
         if area.spans is None:
@@ -290,7 +272,7 @@ class _Track:
                 stay = f"stays {text} between {begins:.0f} and {ends:.0f} s"
                 self.report.faults.append(f"{self.leg}: {stay}")
 
-    def pass_by(self, known: Sequence[Cylinder], met: Mask) -> None:
+    def pass_by(self, known: Sequence[inputs.Cylinder], met: Mask) -> None:
         """Look at obstacles: those of the leg, of which `met` [M] were not known before, and the known."""
         leg, samples, report = self.leg, self.samples, self.report
         clearance = np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - leg.radii

@@ -10,18 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.io import schema
 from auvplan.io.fields import chart_variables, coast_variables, seabed_variables, variable, vortex_variables
-from auvplan.io.schema import (
-    ROUTE,
-    TIME_UNITS,
-    energy_variables,
-    graph_variables,
-    leg_variables,
-    plain_power,
-    plan_variables,
-    stated,
-    table,
-)
 from auvplan.records import MissionRun
 from auvplan.runtime.files import MISSION, SUMMARY, output_folder, read_mission, write_dataset, write_json
 from auvplan.scenario.provenance import source_digests
@@ -66,9 +56,9 @@ def load_run(folder: str | Path) -> xr.Dataset:
 
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
-    variables = leg_variables(run.legs) | energy_variables(run) | graph_variables(run)
-    variables |= table(ROUTE, run.routes) if run.routes else {}
-    variables |= plan_variables(run.legs) | vortex_variables(run.legs)
+    variables = schema.leg_variables(run.legs) | schema.energy_variables(run) | schema.graph_variables(run)
+    variables |= schema.table(schema.ROUTE, run.routes) if run.routes else {}
+    variables |= schema.plan_variables(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
     if run.coast is not None and run.coast is not run.chart:
@@ -84,7 +74,7 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
     if run.site is not None and run.site.epoch is not None:
         dated = f"seconds since {run.site.epoch:%Y-%m-%d %H:%M:%S}"
         for name in dataset.variables:
-            if dataset[name].attrs.get("units") == TIME_UNITS:
+            if dataset[name].attrs.get("units") == schema.TIME_UNITS:
                 dataset[name].attrs["units"] = dated
     places = ("time", "x", "y", "depth", "chart_x", "chart_y", "longitude", "latitude")
     return dataset.set_coords([name for name in places if name in dataset])
@@ -116,10 +106,10 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "success": np.int8(run.success),
         "t_residual": float(run.t_residual),
         "coast_reach": run.coast_reach if math.isfinite(run.coast_reach) else 0.0,
-        **stated(run),
+        **schema.stated(run),
         "sources": json.dumps(sources),
         **{f"vehicle_{name}": float(limit) for name, limit in limits.items() if limit is not None},
-        **({} if power is None else {"power_model": json.dumps(plain_power(power))}),
+        **({} if power is None else {"power_model": json.dumps(schema.plain_power(power))}),
         **place,
         **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
     }

@@ -17,4 +17,4 @@ def test_the_checker_imports_nothing_but_files_and_errors():
             names += [name.name for name in node.names] if isinstance(node, ast.Import) else []
             assert not (isinstance(node, ast.ImportFrom) and node.level)
             found |= {name for name in names if name.split(".")[0] == "auvplan"}
-    assert {name for name in found if not name.startswith("auvplan.check.")} == SHARED
+    assert {name for name in found if not f"{name}.".startswith("auvplan.check.")} == SHARED
