@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from auvplan.errors import RuleError
 from auvplan.ocean.gridded import CurrentError
@@ -18,6 +18,14 @@ from auvplan.site import Site
 _DAY = 86_400.0
 #: M/s; no tide is faster.
 _Speed = Annotated[float, Field(ge=-100.0, le=100.0)]
+
+
+def _known(name: str) -> str:
+    from utide._ut_constants import ut_constants
+
+    if name not in ut_constants.const.name:
+        raise ValueError("is none that is known, such as M2, S2, N2, K1, O1")
+    return name
 
 
 class _Constituent(Section):
@@ -43,12 +51,15 @@ class _Constituent(Section):
         return np.array([along * np.sin(np.radians(turn)) + across * np.cos(np.radians(turn)), east])
 
 
+_Constituents = Mapping[Annotated[str, AfterValidator(_known)], _Constituent]
+
+
 class _Place(Section):
     """Constituents and the mean, m/s east and north, at a place in degrees."""
 
     longitude: Finite
     latitude: Finite
-    constituents: Annotated[Mapping[str, _Constituent], Field(min_length=1)]
+    constituents: Annotated[_Constituents, Field(min_length=1)]
     mean: tuple[_Speed, _Speed] = (0.0, 0.0)
 
 
@@ -56,7 +67,7 @@ class _Tide(Section):
     """A whole file."""
 
     source: Any = None  # of the figures, for people
-    constituents: Mapping[str, _Constituent] = Field(default={})
+    constituents: _Constituents = Field(default={})
     mean: tuple[_Speed, _Speed] = (0.0, 0.0)
     places: tuple[_Place, ...] = ()
     depths: tuple[Finite, ...] = (0.0,)
@@ -94,12 +105,9 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
         )
     here: dict[str, Any] = {"longitude": site.longitude, "latitude": site.latitude, "mean": stated.mean}
     places = stated.places or (_Place(**here, constituents=stated.constituents),)
-    known = {str(name): number for number, name in enumerate(ut_constants.const.name)}
+    known = list(ut_constants.const.name)
     names = list(dict.fromkeys(name for one in places for name in one.constituents))
-    if unknown := [name for name in names if name not in known]:
-        line = "is none that is known, such as M2, S2, N2, K1, O1"
-        raise CurrentError(*(f"{path}: constituents.{name[:60]}: {line}" for name in unknown))
-    index = np.array([known[name] for name in names], int)
+    index = np.array([known.index(name) for name in names], int)
     rate = 2.0 * np.pi * ut_constants.const.freq[index] / 3600.0
     middle = 0.5 * until
     epoch = site.epoch.astimezone(UTC)

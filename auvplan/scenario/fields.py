@@ -111,14 +111,14 @@ def read_section(path: str | FilePath, model: type[_Model], fault: type[AuvplanE
     """Read a YAML file that is a section by itself.
 
     Raises:
-        AuvplanError: a `fault`; one line that names file, field and reason of what is wrong first.
+        AuvplanError: a `fault`; lines that name file, field and reason of all that is wrong.
     """
     try:
         found, faults, _ = check_fields(read_yaml(read_text(path, fault, MAX_BYTES)), model)
     except YamlError as error:
         raise fault(f"{path}: is no YAML: {error}") from None
     if faults or found is None:
-        raise fault(first_of(faults, str(path), is_file=False))
+        raise fault(*(first_of([one], str(path), is_file=False) for one in faults))
     return found
 
 

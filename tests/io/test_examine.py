@@ -210,7 +210,7 @@ FAULTY = {
 REPORTED = [
     ("chart.no_go", "feature 2: has no geometry"),
     ("current.constituents", "M2x: is none that is known"),
-    ("current.constituents", "O1: u must be 2 numbers"),
+    ("current.constituents", "O1.u: has too few entries: 1"),
     ("obstacles.file", "feature 1: radius must be greater than 0"),
     ("obstacles.file", "feature 1: unknown key 'coarse', did you mean 'course'"),
     ("mission.jobs", "unknown name 'depht', did you mean 'depth'"),
