@@ -143,7 +143,7 @@
       report.yesNo("planned", (job) => job.planned),
       report.number("done in", "done"),
       report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
-      report.number("of it, mean %", (job) => (job.share == null ? null : 100 * job.share), 1),
+      report.number("earned of it, %", (job) => (job.share == null ? null : 100 * job.share), 1),
     ];
     const title = `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`;
     const [tasks, priority] = [report.counted(plan.tasks, "task"), report.figure(plan.total_priority, 3)];
