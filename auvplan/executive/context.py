@@ -270,6 +270,7 @@ class Leg:
         windows: s, times at which the path is re-planned.
         stopped: why it was given up, or empty.
         stretches: as executed; the first is the start, without a step.
+        met: [3] m/s, the current that the vehicle met last when it moved; None before.
     """
 
     record: LegRecord
@@ -287,6 +288,7 @@ class Leg:
     windows: list[float] = field(default_factory=list)
     stopped: str = ""
     stretches: list[Stretch] = field(default_factory=list)
+    met: Array | None = None
 
     @property
     def position(self) -> Array:

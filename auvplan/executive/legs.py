@@ -201,6 +201,7 @@ def _take(mission: Mission, moving: bool, out: Transit) -> None:
         ground, water = leg.stretches[-1].ground[-1], leg.stretches[-1].water[-1]
         made = float(np.linalg.norm(ground - water)) / mission.asked_speed
         mission.pace = made if abs(made - 1.0) > _PACE else 1.0
+        leg.met = water
     # The end of an escape is not the goal.
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and moving:

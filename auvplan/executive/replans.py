@@ -22,6 +22,10 @@ DETOUR = 1.2
 #: A re-plan that takes this many times as long as what was left is polished further before it is followed.
 FURTHER = 1.3
 
+#: A current that differs from the plan's by this share of the vehicle's speed counts as it is met: no plan is
+#: trusted until the next look.
+WRONG = 0.5
+
 #: Whether a plan meets an obstacle within the look-ahead, and whether it breaks another limit.
 _Standing = tuple[bool, bool]
 
@@ -100,22 +104,44 @@ def detours(leg: Leg) -> bool:
 
 
 def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
-    """Return whether the belief sees the followed plan meet a collision boundary within a horizon, s."""
+    """Return whether the belief sees the followed plan meet a collision boundary within a horizon, s.
+
+    Where the current that was met is far from the plan's (`WRONG`), also whether it does so until the next
+    look, at the times that this current makes.
+    """
     leg, plan = mission.active_leg, mission.active_leg.followed
     arc = 0.0 if leg.escaping else leg.arc
-    # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
-    times = _times(plan, mission.speed)
-    times = mission.now + times - np.interp(arc, leg.marks, times)
-    return _meets(mission, plan.positions, times, horizon)
+
+    def meets(times: Array, horizon: float) -> bool:
+        # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
+        times = mission.now + times - np.interp(arc, leg.marks, times)
+        return _meets(mission, plan.positions, times, horizon)
+
+    if meets(_times(plan, mission.speed), horizon):
+        return True
+    if leg.met is None or not len(plan.water):
+        return False
+    step = min(int(np.searchsorted(leg.marks, arc, side="right")), len(plan.water)) - 1
+    wrong = leg.met - np.asarray(plan.water, float)[step]
+    if np.linalg.norm(wrong) <= WRONG * mission.speed:
+        return False
+    look = 2.0 * mission.context.scenario.sensors.interval
+    return meets(_times(plan, mission.speed, wrong), min(look, horizon))
 
 
-def _times(plan: PathPlan, speed: float) -> Array:
-    """Return s [S] at which a vehicle that makes a speed through the water, m/s, is at a plan's places."""
+def _times(plan: PathPlan, speed: float, wrong: Array | None = None) -> Array:
+    """Return s [S] at which a vehicle that makes a speed through the water, m/s, is at a plan's places.
+
+    Args:
+        wrong: [3] m/s by which the current differs from the plan's, or None.
+    """
     planned = float(np.asarray(plan.conditions.vehicle.speed))
-    if np.isclose(speed, planned, rtol=1e-3):
+    if wrong is None and np.isclose(speed, planned, rtol=1e-3):
         return plan.times
     steps = np.diff(np.asarray(plan.positions, float), axis=0)
-    _, ground = progress_along(plan.conditions.config.speed_reading, speed, steps, np.asarray(plan.water))
+    water = np.asarray(plan.water) if wrong is None else np.asarray(plan.water, float) + wrong
+    _, ground = progress_along(plan.conditions.config.speed_reading, speed, steps, water)
+    ground = ground if wrong is None else np.fmax(ground, 1e-3)
     return plan.times[0] + np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1) / ground)])
 
 

@@ -205,6 +205,28 @@ def test_a_slow_vehicle_gives_way_by_the_pace_that_it_makes():
     assert not collisions(mission.run, mission.faults.given)
 
 
+def test_what_moves_away_is_not_run_into_by_a_forecast_that_is_far_off():
+    """Twice the current was foreseen the other way: it went on at once, into the obstacle before it."""
+    mission = begun(context(scenario(mission=scenario().mission.model_dump() | {"time_available": 2400})), 2)
+    near = Obstacle(
+        0.0, 36.97343683445647, -5.960504420105897, 35.0, level(0.49164255768045906, 2.423298111864592)
+    )
+    far = Obstacle(
+        0.0, 244.75619628427822, -10.92723114296893, 50.0, level(0.35748191436528604, 1.1501492987859765)
+    )
+    beside = Obstacle(0.0, 66.88382879386779, 0.001, 46.88382880134344, level(0.5, 3.20845168794977))
+    steps = [
+        CurrentStep(0.0, level(0.09470381904585055, 1.11018220127437), known=True),
+        CurrentStep(0.0, level(0.06485610692060467, 2.8696693569139393), known=True),
+    ]
+    wrong = [WrongForecast(0.0, 2.0), WrongForecast(0.0, -1.0)]
+    mission.faults.given += [near, far, beside, *wrong, Slower(0.0, 0.6402927805430884), *steps]
+    while mission.now < 200.0:
+        step([mission])
+    finish(mission.active_leg)
+    assert not [str(hit) for hit in collisions(mission.run, mission.faults.given) if hit.avoidable]
+
+
 def fired(examples: int, steps: int) -> None:
     checks = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much]
     run_state_machine_as_test(
