@@ -63,9 +63,15 @@ def test_an_obstacle_between_the_only_two_samples_of_a_plan_is_a_hazard(arc, hor
     places, times = np.array([[0.0, 0, 0], [1000.0, 0, 0]]), np.array([40.0, 540.0])
     plan = SimpleNamespace(positions=places, times=times, water=np.zeros((1, 3)), conditions=how)
     leg = SimpleNamespace(
-        followed=plan, marks=np.array([0.0, 1000.0]), arc=arc, escaping=False, belief=belief
+        followed=plan, marks=np.array([0.0, 1000.0]), arc=arc, escaping=False, belief=belief, met=None
     )
-    assert replans.hazard(SimpleNamespace(active_leg=leg, now=5000.0, speed=speed), horizon) is meets
+    sensors = SimpleNamespace(scenario=SimpleNamespace(sensors=SimpleNamespace(interval=30.0)))
+    mission = SimpleNamespace(active_leg=leg, now=5000.0, speed=speed, context=sensors)
+    assert replans.hazard(mission, horizon) is meets
+    # A current that is not the plan's counts once it is far from it, and for two looks.
+    for current, sooner in ((0.4 * speed, False), (4.0, 0.0 <= 270.0 - arc < 60.0 * (speed + 4.0))):
+        leg.met = np.array([current, 0.0, 0.0])
+        assert replans.hazard(mission, horizon) is (meets or (sooner and horizon >= 60.0))
 
 
 @pytest.fixture
