@@ -50,7 +50,7 @@ def task_faults(run: Saved) -> Iterator[str]:
         run.notes.append(
             f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows"
         )
-    account = _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs, run)
+    account = _tasks_of(run, jobs, once)
     under_way = _under_way(run)
     scatter = _SPREAD * float(run.section("mission").get("duration_error") or 0.0) * run.simulated
     visited, refused = {int(run.number("start"))}, set()
@@ -84,6 +84,11 @@ def task_faults(run: Saved) -> Iterator[str]:
     yield from _route_faults(run, jobs, once)
 
 
+def _tasks_of(run: Saved, jobs: list[Job] | None, once: bool) -> "_GraphTasks | _JobTasks":
+    """Return the tasks that are to be done."""
+    return _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs, run)
+
+
 def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[str]:
     """Yield routes that expect the impossible, or a priority that its tasks do not have."""
     if "route_nodes" not in run or not run.legs:
@@ -94,7 +99,7 @@ def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[st
     fastest = float(run.data.attrs.get("vehicle_surge_max", np.inf))
     free = run.get("task_followable", np.ones(run.adjacency.shape))
     for number, made_at in enumerate(run["route_made_at"]):
-        account = _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs, run)
+        account = _tasks_of(run, jobs, once)
         visited, total = {start}, 0.0
         done = [leg for leg in run.legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
         ahead = _expected_legs(run, number)

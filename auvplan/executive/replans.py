@@ -22,8 +22,8 @@ DETOUR = 1.2
 #: A re-plan that takes this many times as long as what was left is polished further before it is followed.
 FURTHER = 1.3
 
-#: A current that differs from the plan's by this share of the vehicle's speed counts as it is met: no plan is
-#: trusted until the next look.
+#: A current that was met and differs from the plan's by more than this share of the vehicle's speed counts
+#: beside it, for two looks.
 WRONG = 0.5
 
 #: Whether a plan meets an obstacle within the look-ahead, and whether it breaks another limit.
@@ -106,8 +106,8 @@ def detours(leg: Leg) -> bool:
 def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
     """Return whether the belief sees the followed plan meet a collision boundary within a horizon, s.
 
-    Where the current that was met is far from the plan's (`WRONG`), also whether it does so until the next
-    look, at the times that this current makes.
+    Where the current that was met is far from the plan's (`WRONG`), also whether it does so within two looks,
+    at the times that this current makes.
     """
     leg, plan = mission.active_leg, mission.active_leg.followed
     arc = 0.0 if leg.escaping else leg.arc

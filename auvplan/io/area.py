@@ -430,9 +430,8 @@ class AreaFiles:
             assert depth is not None
             depth, size, corner = depth.reshape(grid.shape), grid.pixel_size, grid.lower
             longitude, latitude, least = current.source.soundings(*centres)
-            north, east = current.site.to_local(longitude, latitude)
-            i, j = ((at - low) / size - 0.5 for at, low in zip((north, east), corner, strict=True))
-            depth = depth - geo.fall(depth, i, j, least)
+            among = grid.indices(*current.site.to_local(longitude, latitude))
+            depth = depth - geo.fall(depth, *among, least)
         clearance = self.scenario.safety.seabed
         return Seabed.from_depth(depth + low, size, np.asarray(corner), clearance=clearance), notes
 

@@ -77,8 +77,8 @@ def read_bathymetry(
 ) -> Bathymetry:
     """Read the sea floor under a local rectangle; bilinear in the source's own coordinates.
 
-    Between pixels' centres no place is deeper than in the source: pixels around a shoal are shallower by what
-    would be missed of it (`fall_between`), outer ones by what the bed rises up to the area's edge. Where the
+    Between pixels' centres no place is deeper than in the source: pixels around a shoal are shallower by the
+    part of it that would be missed (`fall_between`), outer ones by the rise up to the area's edge. Where the
     source is finer than the pixels, a pixel has the shallowest of all that is within one pixel to every side
     of its centre, with a note.
 
@@ -147,8 +147,7 @@ def read_bathymetry(
             # The outer pixels hold up to the edges of the area.
             sides = grid.outline(centres=True)
             row, column = view.find(*sides)
-            i, j = ((x - low) / grid.pixel_size - 0.5 for x, low in zip(sides, grid.lower, strict=True))
-            edge = fall(depth, i, j, bilinear(nodes, row - first, column - left))
+            edge = fall(depth, *grid.indices(*sides), bilinear(nodes, row - first, column - left))
             depth -= np.where(finer, 0.0, np.maximum(lower, edge))
     if finer.any():
         size = f"pixels of {grid.pixel_size:g} m"

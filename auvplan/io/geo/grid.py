@@ -61,6 +61,11 @@ class LocalGrid:
         rows = [n, n, np.full(e.size, south), np.full(e.size, north)]
         return np.concatenate(rows), np.concatenate([np.full(n.size, west), np.full(n.size, east), e, e])
 
+    def indices(self, north: Array, east: Array) -> tuple[Array, Array]:
+        """Local north and east, m, to row and column among the pixels' centres, continuous."""
+        (south, west), size = self.lower, self.pixel_size
+        return (north - south) / size - 0.5, (east - west) / size - 0.5
+
     def _axes(self, around: bool) -> tuple[Array, Array]:
         """North and east of the pixels' centres, and of the edges of the rectangle asked for, m."""
         north, east = (

@@ -82,9 +82,7 @@ class View:
 
     def pixels(self, grid: LocalGrid, row: Index, column: Index) -> tuple[Array, Array]:
         """Row and column, whole, to those among the centres of a grid's pixels, continuous."""
-        north, east = self._site.to_local(*self.nodes.at(row, column))
-        (south, west), size = grid.lower, grid.pixel_size
-        return (north - south) / size - 0.5, (east - west) / size - 0.5
+        return grid.indices(*self._site.to_local(*self.nodes.at(row, column)))
 
     def steps(self) -> Array:
         """[2, 2] m: displacement (north, east) of one row, and of one column, in the middle of the grid."""

@@ -399,7 +399,7 @@ def test_nowhere_is_a_bed_deeper_than_its_coarser_source(seed, angle, stretch, p
     column, row = ~place @ (east, north)
     off = read(level, north, east) - (200.0 + 0.7 * (row - 0.5) - 1.3 * (column - 0.5))
     assert off.max() < 0.01
-    # Outer pixels hold for half a pixel: they are shallower by what the plane rises in it.
+    # Outer pixels hold for half a pixel: they are shallower by its rise in that.
     size = level.pixel_size
     inner = (np.abs(north - 2000.0) < half[0] - 1.5 * size) & (np.abs(east - 1000.0) < half[1] - 1.5 * size)
     np.testing.assert_allclose(off[inner], 0.0, atol=0.01)
