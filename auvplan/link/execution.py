@@ -207,6 +207,8 @@ class _Executor:
             raise _SafeEnd(f"no plan: {self._plan.reason}")
         plan = self._plan.followed
         whole = Upload(self._plan.itinerary(plan, 0))
+        for node, why in self._plan.left_out.items():
+            self._say("note", f"{self._plan.run.called(node)} is left out: {why}")
         legs, available = counted(len(plan.legs), "leg"), self._record.t_available
         self._say("plan", f"planned: {legs}, {plan.ends:.0f} s of {available:.0f} s")
         notes = self._link.connect()
@@ -523,7 +525,9 @@ class _Executor:
         self._blocked, before, why = False, self._progress.upload, decision.why
         leg = self._plan.aside(self._count, self._place, self._now)
         if leg is None:
-            self._say("hazard", f"{why}: no place near is better, and it stays")
+            text = f"{why}: no place near is better, and it stays"
+            if self._record.events[-1].text != text:
+                self._say("hazard", text)
             return
         gap = float(np.linalg.norm(leg.positions[-1] - leg.positions[0]))
         if self._try("give way", f"{why}: it goes {gap:.0f} m aside"):

@@ -21,6 +21,7 @@ from auvplan.executive.surfacing import after_fix
 from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
+from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import SumCurrent, combine, partition
 from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights, perturbed
 from auvplan.ocean.gridded import GriddedCurrent
@@ -87,6 +88,7 @@ class RollingPlan:
     Attributes:
         followed: the plan that is executed, from the first call of `plan` on.
         reason: how the last planning ended, in words.
+        left_out: waypoints whose task no plan does, and why.
         measured: currents that count.
         pace: share of the speed that it is asked for which the vehicle makes; counted on from now on.
         patience: s that a vehicle waits for its ways on and back, where both are blocked, before it goes
@@ -124,6 +126,7 @@ class RollingPlan:
         self.measured = Measured.none()
         self._first.sea = Sea(forecast)
         self.reason, self._stop, self._task = "", 0.0, 0.0
+        self.left_out: dict[int, str] = {}
         self._known, self._added = known.obstacles, dict[str, KnownObstacle]()
 
     @property
@@ -154,11 +157,11 @@ class RollingPlan:
                 every leg, in this plan and in those that are made of it.
             away: s that it takes to the start.
         """
-        first, graph = self._first.fork(), self._first.graph
+        self._context.circle = allowance.circle
+        first, graph = self._first.fork(), self._circled(self._first.graph)
         own = float(np.asarray(self.run.vehicle.speed))
         fastest = max((self.run.scenario.get("vehicle") or {}).get("speed_range") or [own])
         self._stop, self._task = allowance.ends(fastest), allowance.task
-        self._context.circle = allowance.circle
         first.now = away + allowance.begins(float(graph.positions[first.here][2]))
         more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
         first.graph = replace(graph, duration=graph.duration + more)
@@ -167,6 +170,21 @@ class RollingPlan:
         if found is not None:
             self.followed = found
         return found is not None
+
+    def _circled(self, graph: MissionGraph) -> MissionGraph:
+        """Return a graph without the tasks that no vehicle circles, as an obstacle stands too near."""
+        context, self.left_out = self._context, {}
+        near = context.scenario.safety.obstacles + context.circle
+        standing = [known for known in context.area.obstacles if context.circle and not known.moves]
+        for node, place in enumerate(np.asarray(graph.positions, float)):
+            close = (known.name for known in standing if known.closest(place, 0.0, 0.0)[1] < near)
+            work = np.asarray(graph.adjacency)[:, node] & (np.asarray(graph.duration)[:, node] > 0.0)
+            if work.any() and (name := next(close, None)) is not None:
+                self.left_out[node] = f"{name} is within {near:g} m of it, and the vehicle circles it"
+                graph = graph.without_task_at(node)
+                own = np.flatnonzero(work & (np.asarray(graph.duration)[:, node] > 0.0))
+                graph = graph.without_edges([(int(i), node) for i in own], both_ways=False)
+        return graph
 
     def ended(self, count: int, now: float) -> None:
         """Count on the leg after the first `count` having ended, with its task, at `now`, s."""

@@ -736,6 +736,22 @@ def test_a_task_with_an_obstacle_on_the_circle_of_the_vehicle_is_left_out():
         assert (leg.goal in [other.goal for other in plan.legs if other.priority > 0.0]) == done
 
 
+def test_tasks_on_whose_circles_obstacles_stand_cost_no_leg():
+    """Legs refused at one waypoint are counted, and end the mission: these tasks are left out before."""
+    plan, _ = made()
+    places, goal = np.asarray(plan.run.graph.positions, float), plan.run.goal
+    tasks = [k for k in range(len(places)) if k not in (plan.run.start, goal)]
+    for k in tasks:
+        north, east, depth = places[k].tolist()
+        side = plan.margin + 25.0
+        plan.add_obstacle(KnownObstacle(f"rig {k}", (north, east - side), 20.0, depth - 5.0, depth + 5.0))
+    assert plan.plan(Allowance(circle=10.0))
+    assert not {leg.goal for leg in plan.legs if leg.priority > 0.0} & set(tasks)
+    assert plan.left_out.keys() == set(tasks)
+    assert all(f"rig {k} is within {plan.margin + 10.0:g} m" in why for k, why in plan.left_out.items())
+    assert not [leg for leg in plan.followed.states[-1].run.legs if leg.refused]
+
+
 def test_a_vehicle_that_is_shut_in_waits_before_it_goes_home():
     """Obstacles lie over both ends of its leg; as long as there are time and patience, they may go away."""
     plan, _ = made()
