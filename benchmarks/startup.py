@@ -84,7 +84,7 @@ def own_currents(count: int, folder: Path) -> list[dict[str, Any]]:
         return [[float(word) for word in line.split()] for line in lines]
 
     (empty, *_), *_ = seen(1)
-    (warm, second, _), *others = seen(count)
+    (warm, second, _), *others = seen(1 + count)
     first = statistics.mean(row[0] for row in others)
     half, end = others[count // 2][2], others[-1][2]
     screen.print(
@@ -131,7 +131,7 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 @launch(
     runs=(3, "later runs of each command; 0 for no commands"),
     study=(100, "missions of a study; 0 for none"),
-    functions=(100, "currents as functions; 0 for none"),
+    functions=(100, "currents as functions beside the first; 0 for none"),
 )
 def main(runs: int, study: int, functions: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
