@@ -1,11 +1,15 @@
 """Checks of what a path is asked for with: world, vehicle, end points and departure."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import jax
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.ocean.currents import evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.raster import is_traced
@@ -15,6 +19,10 @@ from auvplan.vehicle import Vehicle
 _HAIR = 0.01
 #: s, by which moments may be rounded.
 _TICK = 1.0
+#: m, and share of a leg, by whichever is more of which its ends may be rounded.
+_GRAIN, _GRAINS = 0.1, 1e-5
+#: Places along each axis at which a current is looked at where no path could be followed.
+_LATTICE = 25
 
 
 def check_given(env: object, vehicle: object) -> None:
@@ -53,12 +61,17 @@ def check_moment(name: str, given: ArrayLike) -> None:
     if is_traced(given):
         return
     farthest = float(np.abs(np.asarray(given, float)).max(initial=0.0))
-    lost = float(np.spacing(np.asarray(farthest, jax.dtypes.canonicalize_dtype(float))))
+    lost = float(_rounding(farthest))
     if lost > _TICK:
         raise ValueError(
             f"{name} of {farthest:g} s is rounded to {lost:g} s in single precision: count times from an "
             "epoch nearby, such as the first departure"
         )
+
+
+def _rounding(given: ArrayLike) -> NDArray[np.floating]:
+    """Return by how much numbers are rounded in the precision in which JAX computes."""
+    return np.spacing(np.abs(np.asarray(given, jax.dtypes.canonicalize_dtype(float))))
 
 
 def as_point(name: str, given: ArrayLike) -> NDArray[np.floating]:
@@ -73,27 +86,52 @@ def as_point(name: str, given: ArrayLike) -> NDArray[np.floating]:
     return point
 
 
-def check_water(water: ArrayLike, positions: ArrayLike, times: ArrayLike) -> None:
-    """Refuse a current that is not a number somewhere along the paths that were found in it.
+def check_water(
+    water: ArrayLike,
+    positions: ArrayLike,
+    times: ArrayLike,
+    ends: tuple[NDArray[np.floating], NDArray[np.floating]],
+    env: Environment,
+) -> None:
+    """Refuse a current that is not finite somewhere along the paths that were found in it.
+
+    Where none could be followed at all, it is looked at all over the box.
 
     Args:
         water: [B, S - 1, 3] m/s, met in the middle of each segment.
         positions: [B, S, 3] m.
         times: [B, S] s.
+        ends: starts and goals, [B, 3] m.
+        env: the world.
 
     Raises:
         CurrentError: one line that names leg, place and time.
     """
-    place, when = np.asarray(positions, float), np.asarray(times, float)
-    moving = np.isfinite(place.reshape(len(place), -1)).min(axis=1)
-    bad = ~np.isfinite(np.asarray(water, float)).min(axis=2) & moving[:, None]
-    for b, k in np.argwhere(bad)[:1]:
-        x, y, z = 0.5 * (place[b, k] + place[b, k + 1])
-        at = f" at {when[b, k]:.0f} s" if np.isfinite(when[b, k]) else ""
-        raise CurrentError(
-            f"the current is not a number (NaN) at ({x:.0f}, {y:.0f}, {z:.0f}) m{at}, on the way of leg {b}: "
-            "it has to have a value wherever the vehicle can be"
-        )
+    met: Any = np.asarray(water, float)
+    place: Any = np.asarray(positions, float)
+    when: Any = np.asarray(times, float)
+    moving = np.isfinite(place).all(axis=(1, 2))
+    for b in map(int, np.flatnonzero(~moving)):  # slopes in a current without end leave no path
+        corners = np.sort(np.stack([end[b] for end in ends]), axis=0)
+        bounds = np.stack([env.lower, env.upper])
+        low, high = np.where(np.isfinite(bounds), bounds, corners)
+        axes = np.linspace(low, high, _LATTICE).T
+        x, y, z = (axis.ravel() for axis in np.meshgrid(*axes))
+        found = np.stack(evaluated(env.current, x, y, z, np.full(len(x), when[b, 0])), axis=1)
+        for k in map(int, np.flatnonzero(~np.isfinite(found).all(axis=1))[:1]):
+            raise _not_finite(found[k], (x[k], y[k], z[k]), when[b, 0], f"and leg {b} finds no path")
+    for b, k in np.argwhere(~np.isfinite(met).all(axis=2) & moving[:, None])[:1].tolist():
+        middle = 0.5 * (place[b, k] + place[b, k + 1])
+        raise _not_finite(met[b, k], middle, when[b, k], f"on the way of leg {b}")
+
+
+def _not_finite(
+    water: NDArray[np.floating], place: Iterable[float], when: float, consequence: str
+) -> CurrentError:
+    what = "not a number (NaN)" if np.isnan(water).any() else "infinite"
+    at = "({:.0f}, {:.0f}, {:.0f}) m".format(*place) + (f" at {when:.0f} s" if np.isfinite(when) else "")
+    wanted = "it has to have a finite value wherever the vehicle can be"
+    return CurrentError(f"the current is {what} at {at}, {consequence}: {wanted}")
 
 
 def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment, vehicle: Vehicle) -> None:
@@ -132,8 +170,15 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment, vehicle: V
                 raise ValueError(f"{_end(name, b, points)} {fault}")
         if env.seabed is not None:
             _check_altitude(name, points, env)
-    for b in np.flatnonzero(np.linalg.norm(goal - start, axis=1) < 1e-3)[:1]:
+    apart = np.linalg.norm(goal - start, axis=1)
+    for b in np.flatnonzero(apart < 1e-3)[:1]:
         raise ValueError(f"start and goal of leg {b} coincide")
+    lost = np.maximum(_rounding(start), _rounding(goal)).max(axis=1)
+    for b in np.flatnonzero(lost > np.maximum(_GRAIN, _GRAINS * apart))[:1]:
+        raise ValueError(
+            f"{_end('goal', b, goal)} is rounded to {lost[b]:g} m in single precision: count places from an "
+            "origin nearby, such as the first start"
+        )
 
 
 def _check_altitude(name: str, points: NDArray[np.floating], env: Environment) -> None:

@@ -188,7 +188,7 @@ def search_and_polish(
     found = _by_legs(program, keys, batch, population)
     found, finer = plan_finely(found, keys, batch, conditions.config, budget)
     if not per_leg:
-        check_water(found["water"], found["positions"], found["times"])
+        check_water(found["water"], found["positions"], found["times"], ends, env)
     return PathPlans(**found, conditions=conditions, finer=finer)
 
 

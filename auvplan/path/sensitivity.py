@@ -15,7 +15,7 @@ from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partit
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
-from auvplan.path.cost import Track, evaluate, tracks
+from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given, check_moment
 from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
@@ -128,7 +128,7 @@ def _slopes(
 ) -> tuple[jax.Array, ...]:
     def of(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
         world = replace(env, current=_Scaled(env.current, factor))
-        return _time_along(positions, world, replace(vehicle, speed=speed), depart, config)
+        return _along(positions, world, replace(vehicle, speed=speed), depart, config).travel_time[0]
 
     slopes: Callable[..., tuple[jax.Array, ...]] = jax.grad(of, argnums=(0, 1, 2))
     return slopes(depart, jnp.asarray(vehicle.speed, positions.dtype), jnp.ones((), positions.dtype))
@@ -177,16 +177,18 @@ def travel_time(
         raise ValueError(f"points must be {wanted}, got shape {points.shape}")
     config = timed(PathConfig(speed_reading=speed_reading), env.current)
     vehicle = (vehicle or Vehicle()).without_power()
-    return _time_along(points, env, vehicle, jnp.asarray(depart, float), config)
+    followed = _along(points, env, vehicle, jnp.asarray(depart, float), config)
+    beaten = (followed.excess[VIOLATIONS.index("current")] > 0.0).any()
+    return jnp.where(beaten, jnp.inf, followed.travel_time[0])
 
 
-def _time_along(
+def _along(
     points: jax.Array, env: Environment, vehicle: Vehicle, depart: jax.Array, config: PathConfig
-) -> jax.Array:
-    """`travel_time` by settings."""
+) -> Trajectory:
+    """Follow a track through points [S, 3] m, by settings, in the current alone."""
     track = Track.through(*(points[:, axis, None] for axis in range(3)))
     bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)
-    return evaluate(track, depart, bare, vehicle, config).travel_time[0]
+    return evaluate(track, depart, bare, vehicle, config)
 
 
 def differentiable_time(

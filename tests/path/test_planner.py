@@ -10,8 +10,10 @@ import pytest
 from scipy.optimize import brentq
 
 import auvplan as ap
+from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path import plan_least_energy, planner, stages
+from auvplan.path.ends import check_ends
 from auvplan.path.habitats import straight_line
 from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
@@ -172,6 +174,32 @@ def test_moments_that_are_rounded_by_more_than_a_second_are_refused(plan, name, 
     given = {"env": world(), "vehicle": ap.Vehicle(), "key": jax.random.key(0)}
     with pytest.raises(ValueError, match=rf"^{name} of .* s is rounded to .* s in single precision: count"):
         call(moment, plan, **given)
+
+
+@pytest.mark.parametrize(("apart", "north", "passes"), [
+    (71.0, 1.0e6, True), (71.0, 1.1e6, False), (71.0, -6_263_397.0, False), (30_000.0, 1.5e6, True),
+])  # fmt: skip
+def test_places_that_are_rounded_by_much_of_a_leg_are_refused(apart, north, passes):
+    """Unless they are computed with in double precision."""
+    ends = np.array([[north, 359_002.3, 5.0]]), np.array([[north + apart, 359_002.3, 5.0]])
+    env = ap.Environment(None)
+    if passes:
+        return check_ends(*ends, env, ap.Vehicle())
+    with pytest.raises(ValueError, match=r"^goal of leg 0 at .* is rounded to 0.\d+ m in single precision"):
+        check_ends(*ends, env, ap.Vehicle())
+    with jax.enable_x64(True):
+        check_ends(*ends, env, ap.Vehicle())
+
+
+def test_a_current_that_is_infinite_somewhere_is_refused():
+    """Its slopes leave no path that could be followed."""
+    env = ap.Environment(
+        lambda x, y, z, t: (jnp.where(x > 1000.0, jnp.inf, 0.1), 0.0, 0.0),
+        lower=(0, 0, 0),
+        upper=(2500, 2500, 60),
+    )
+    with pytest.raises(CurrentError, match=r"current is infinite at \(1\d\d\d, .*, and leg 0 finds no path"):
+        ap.plan_path((200, 200, 10), (2200, 1900, 40), env, key=jax.random.key(0), config=CONFIG)
 
 
 def test_traced_moments_and_near_ones_pass():

@@ -193,6 +193,19 @@ def test_days_after_the_epoch_travel_times_have_all_their_digits(depart):
     assert time(depart) == pytest.approx(time(0.0), rel=1e-5)
 
 
+@pytest.mark.parametrize("current", [(-1.95, 0.0), (-2.0, 0.0), (-5.0, 0.0), (0.0, 2.1), (2.9, 2.1)])
+def test_tracks_that_the_current_does_not_let_be_held_take_for_ever(current):
+    """Against the vehicle, at less than a twentieth of its speed too, across it, and both."""
+    points = np.array([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [2000.0, 0.0, 0.0]])
+
+    def time(speed):
+        return ap.travel_time(points, ap.Environment(ap.UniformCurrent(*current)), ap.Vehicle(speed))
+
+    assert np.isinf(float(time(2.0)))
+    assert float(jax.grad(time)(2.0)) == 0.0
+    assert np.isfinite(float(time(7.0)))
+
+
 def test_travel_time_of_points_that_are_none():
     for points in (np.zeros((1, 3)), np.zeros((4, 2)), np.zeros(3)):
         with pytest.raises(ValueError, match=r"points must be \[S, 3\] m, .*at least two"):
