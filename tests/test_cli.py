@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ import auvplan as ap
 from auvplan import cli
 from auvplan.cli import shared
 from auvplan.cli.plan import _promise_row, print_sheet
+from auvplan.cli.study import run_with_bar
 from auvplan.ocean.whitsunday import classes, render
 from auvplan.records import Promise
 from auvplan.study import cluster
@@ -343,3 +345,24 @@ def test_what_is_not_there_or_in_the_way_is_named(tmp_path, refused):
     (tmp_path / "file").write_text("in the way")
     assert "file" in refused("mission", write(tmp_path), "--out", tmp_path / "file")
     assert str(tmp_path) in refused("check", tmp_path)
+
+
+def test_the_end_of_a_study_is_judged_by_missions_that_are_under_way(monkeypatch, tmp_path):
+    """Not by what compiling took before the first of them moved, nor only by those that are done."""
+    clock, said = [0.0], []
+
+    @contextmanager
+    def bar(*_, **__):
+        yield lambda share, text: said.append(text)
+
+    def study(*_, progress, **__):
+        for at, done, share in ((0.0, 0, 0.0), (100.0, 0, 0.01), (104.0, 0, 0.05), (139.0, 2, 0.40)):
+            clock[0] = at
+            progress(done, 10, share)
+
+    monkeypatch.setattr("auvplan.cli.shared.progress_bar", bar)
+    monkeypatch.setattr("auvplan.study.run_study", study)
+    monkeypatch.setattr("auvplan.cli.study.time.monotonic", lambda: clock[0])
+    run_with_bar(None, tmp_path, quiet=True)
+    assert said[:3] == ["0 of 10 missions"] * 3
+    assert said[3] == "2 of 10 missions, 0.13 a second, 60 s left"  # 60 % at 1 % a second

@@ -92,7 +92,7 @@ def worst_unless_finite(cost: jax.Array) -> jax.Array:
 def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.Array, jax.Array]:
     """Score a population; a cost that is not a number becomes infinite. Returns (cost [P], violation [P])."""
     scored = fun(population, *args)
-    cost, violation = scored if isinstance(scored, tuple) else (scored, jnp.zeros_like(scored))
+    cost, violation = scored if isinstance(scored, tuple | list) else (scored, jnp.zeros_like(scored))
     count = population.shape[0]
     for plane in (cost, violation):
         if jnp.shape(plane) != (count,):

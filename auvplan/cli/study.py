@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from auvplan.study import Design
 
 
+#: s that missions are under way before it is said how long the rest will take.
+_JUDGED = 5.0
+
+
 def montecarlo(
     scenario: shared.ScenarioArgument = "whitsunday",
     count: Annotated[
@@ -114,19 +118,19 @@ def run_with_bar(design: "Design", out: Path, quiet: bool, **options: Any) -> "x
     from auvplan.study import run_study
     from auvplan.study.store import is_unfinished
 
-    begun: list[tuple[int, float]] = []
+    begun: list[tuple[float, float]] = []
 
     def advance(done: int, total: int, share: float) -> None:
-        if not begun:  # a study that is resumed has some done
-            begun.append((done, time.monotonic()))
-        fresh, elapsed = done - begun[0][0], time.monotonic() - begun[0][1]
+        if not begun and share > 0.0:  # programs are compiled, and missions under way
+            begun.append((share, time.monotonic()))
+        gone, elapsed = (share - begun[0][0], time.monotonic() - begun[0][1]) if begun else (0.0, 0.0)
         text = f"{done:,} of {counted(total, 'mission')}"
-        if fresh and elapsed > 0.0:
-            left = (total - done) * elapsed / fresh
+        if gone > 0.0 and elapsed > _JUDGED and share < 1.0:
+            left = (1.0 - share) * elapsed / gone
             minutes = round(left / 60.0)
             wait = f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
             wait = f"{left:.0f} s" if left < 60.0 else wait
-            text += f", {figure(fresh / elapsed, 2)} a second, {wait} left"
+            text += f", {figure((total - done) / left, 2)} a second, {wait} left"
         move(share, text)
 
     try:

@@ -134,9 +134,9 @@ def plan_paths(
     check_given(env, vehicle)
     check_moment("depart", depart)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
-    if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
+    if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape or not len(start):
         raise ValueError(
-            "starts and goals must be [B, 3] m, north, east and depth, "
+            "starts and goals must be [B, 3] m, north, east and depth, of one leg at least, "
             f"got shapes {start.shape} and {goal.shape}"
         )
     legs, conditions = start.shape[0], Conditions.of(env, vehicle, config, world_per_leg)

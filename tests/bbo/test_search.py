@@ -176,6 +176,10 @@ def test_violations_are_reported_beside_the_cost() -> None:
     assert result.history.violation_best[-1] == result.violation
     assert result.history.violation_mean[-1] < result.history.violation_mean[0]
     assert result.violation == pytest.approx(max(0.0, 1.0 - float(result.x[0])), abs=1e-6)
+    as_list = minimize(
+        lambda x: list(penalised(x, 100.0)), LOWER, UPPER, key=jax.random.key(0), config=config
+    )
+    np.testing.assert_array_equal(as_list.x, result.x)
 
 
 def test_a_given_population_is_used() -> None:

@@ -209,6 +209,11 @@ def test_traced_moments_and_near_ones_pass():
     assert np.isfinite(traced(1.7e9))
 
 
+def test_no_leg_is_refused():
+    with pytest.raises(ValueError, match=r"of one leg at least, got shapes \(0, 3\)"):
+        ap.plan_paths(np.zeros((0, 3)), np.zeros((0, 3)), world(), key=jax.random.key(0), config=CONFIG)
+
+
 def test_populations_of_another_shape_are_refused():
     right, given = (1, CONFIG.bbo.population, 3 * CONFIG.control_points), (1, 7, 3)
     with pytest.raises(ValueError, match="population") as refused:
