@@ -7,6 +7,7 @@ import numpy as np
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Array, Mission
+from auvplan.executive.surfacing import energy_charged
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.speeds import SpeedOptions, picked
 from auvplan.ocean.currents import evaluated
@@ -61,7 +62,7 @@ def _between(speed: float, knots: list[float], rates: list[Array]) -> Array:
 
 
 def _fixed(mission: Mission) -> Array:
-    """Return J [N, N] of edges at any speed: of their change of depth, and of their tasks.
+    """Return J [N, N] of edges at any speed: of their change of depth, their tasks and surfacing for fixes.
 
     A vehicle that stays for a task keeps station in the current of now, or loiters. A survey line starts with
     the edge that leads to it, or from where the vehicle is, unless it is on the line.
@@ -82,7 +83,10 @@ def _fixed(mission: Mission) -> Array:
     done = mission.run.done[-1:]
     if not (done and done[0].line is not None and done[0].priority > 0.0 and done[0].goal == mission.here):
         starts[mission.here] |= along[mission.here]
-    return depth + graph.duration * staying + power.task_start * starts
+    travel = travel_times(mission.timed, context.speed)
+    least = travel if travel.ndim == 2 else travel.min(axis=0)
+    fixes = energy_charged(mission, least, drift)
+    return np.maximum(depth + graph.duration * staying + power.task_start * starts + fixes, 0.0)
 
 
 def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:
