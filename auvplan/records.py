@@ -495,6 +495,7 @@ class MissionRun(ReprMixin):
         stays = {
             "loiters": (self.scenario.get("mission") or {}).get("wait") == "loiter",
             "drifts": self.dives,
+            "vertical_times": self.vehicle.vertical_times,
         }
         return energy_of_legs(legs, self.vehicle.power, speed, known=known, **stays)
 

@@ -125,7 +125,7 @@ def constant(mission: Mission, available: float) -> tuple[float, float, Any]:
     assert options is not None
     for k in range(len(options.speeds)):
         parts = (part[k : k + 1] for part in (options.speeds, options.power, options.travel_time))
-        alone = SpeedOptions(*parts, options.fixed)
+        alone = SpeedOptions(*parts, options.fixed, waiting=options.waiting)
         open_ = graph.adjacency & np.isfinite(alone.least[0])
         if not open_.any():
             continue

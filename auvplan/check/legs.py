@@ -14,6 +14,8 @@ from auvplan.runtime.files import MISSION, SUMMARY
 
 #: Shares of its speed that a vehicle moves at through the water on a simulated track: something may slow it.
 _TRACKED = 0.5, 1.1
+#: s at the surface that a fix takes, where a scenario does not say.
+_FIX_TIME = 60.0
 #: Share of the time available by which single precision may let a mission seem to exceed it.
 _ROUNDING = 1e-6
 
@@ -182,6 +184,9 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     seconds = np.concatenate([np.zeros(0), *(np.diff(leg.times) for leg in legs)])
     steps = np.concatenate([np.zeros((0, 3)), *(np.diff(leg.positions, axis=0) for leg in legs)])
     down, moved = steps[:, 2].astype(float), np.linalg.norm(steps, axis=1)
+    # Of a surfacing for a fix no track is recorded: up from the depth of the waypoint left, and down again.
+    rises = [leg for leg in legs if leg.t_fix > 0.0]
+    up = float(sum(max(leg.positions[0, 2], 0.0) for leg in rises))
     descents = sum(len(list(events(np.diff(leg.positions[:, 2]) > 0.0))) for leg in legs)
     law = power["propulsion"]
 
@@ -197,6 +202,13 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
         sum(watts(share * v) * seconds[moving & (speeds == v)].sum() for v in np.unique(speeds))
         for share in (_TRACKED if run.simulated else (1.0, 1.0))
     )
+    navigation = run.section("vehicle").get("navigation")
+    rising = 0.0  # J, of the ways up and down, where the time at the surface stands in the scenario
+    if isinstance(navigation, dict) and navigation.get("vehicle") is None:
+        at_surface = _FIX_TIME if navigation.get("fix_time") is None else navigation["fix_time"]
+        share = _TRACKED[0] if run.simulated else 1.0
+        ways = sum(max(leg.t_fix - at_surface - TIME_TOLERANCE, 0.0) for leg in rises)
+        rising = share * watts(share * run.number("vehicle_speed")) * ways
     # Where it stays, it makes the speed of a current that it held out against, or its own.
     fastest = max([run.number("vehicle_speed"), *speeds], key=watts)
     done = [leg for leg in legs if leg.arrived and leg.priority > 0.0]
@@ -207,9 +219,12 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             name: (power[name] * (lasts - unsure), power[name] * (lasts + unsure))
             for name in ("hotel", "payload")
         },
-        "propulsion": (slow, fast + watts(fastest) * max(lasts - under_way, 0.0)),
-        "dive": (power["dive"] * float(np.maximum(down, 0.0).sum()) + power.get("pump", 0.0) * descents,) * 2,
-        "climb": (power["climb"] * float(np.maximum(-down, 0.0).sum()),) * 2,
+        "propulsion": (slow + rising, fast + watts(fastest) * max(lasts - under_way, 0.0)),
+        "dive": (
+            power["dive"] * (up + float(np.maximum(down, 0.0).sum())) + power.get("pump", 0.0) * descents,
+        )
+        * 2,
+        "climb": (power["climb"] * (up + float(np.maximum(-down, 0.0).sum())),) * 2,
         # Along survey lines a task is under way.
         "tasks": (tasks, tasks + power["task"] * under_way),
     }

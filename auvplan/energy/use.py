@@ -1,6 +1,6 @@
 """The energy that a track or a mission takes, by term, and the charge that is left along it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -171,6 +171,26 @@ class EnergyUse:
         return found
 
 
+def surfacing_steps(
+    depth: float, lasts: float, ways: tuple[float, float], speed: float, drift: float
+) -> tuple[Array, Array, Array]:
+    """Return the steps of surfacing for a fix, up, at the surface and down: arguments of `energy_of_steps`.
+
+    Args:
+        depth: m, from which it surfaces and to which it returns.
+        lasts: s, of all of it.
+        ways: s of these that it takes up, and down.
+        speed: m/s through the water, up and down.
+        drift: m/s through the water at the surface.
+
+    Returns:
+        ``(seconds [3] s, speed [3] m/s, down [3] m)``.
+    """
+    up, down = min(1.0, lasts / max(sum(ways), 1e-9)) * np.asarray(ways, float)
+    seconds = np.array([up, max(lasts - up - down, 0.0), down])
+    return seconds, np.array([speed, drift, speed]), np.array([-depth, 0.0, depth])
+
+
 def energy_of_legs(
     legs: "Sequence[LegRecord]",
     power: PowerModel,
@@ -179,32 +199,36 @@ def energy_of_legs(
     known: bool,
     loiters: bool = False,
     drifts: bool = False,
+    vertical_times: Callable[[float], tuple[float, float]] | None = None,
 ) -> EnergyUse:
     """Return the energy of executed or planned legs, one after the other.
 
     Under way a vehicle moves through the water at the leg's speed, or at that which its recorded motion and
     the recorded current come to. Where it stays, it keeps station against the last current that is known
-    there, or loiters at its speed. Turns count between records and at waypoints.
+    there, or loiters at its speed. Where it surfaces for a fix it goes up and down at its speed, and stays at
+    the surface between. Turns count between records and at waypoints.
 
     Args:
         legs: in order; refused ones take nothing.
         power: of the vehicle.
-        speed: m/s through the water, of legs that have none of their own, and of loitering.
+        speed: m/s through the water, of legs that have none of their own, of loitering, and up and down.
         known: whether the recorded current is what the vehicle met; a plan's is what it was planned in.
         loiters: whether it loiters where it stays.
         drifts: whether it does not move through the water there.
+        vertical_times: s from a depth, m, up to the surface, and back down; straight at its speed if absent.
     """
     legs = [leg for leg in legs if len(leg.times)]
     moments = [float(leg.times[0]) - leg.t_hold for leg in legs[:1]] or [0.0]
-    rows, heading, before = list[dict[str, Array]](), np.nan, None
+    rows, heading, before, held = list[dict[str, Array]](), np.nan, None, None
 
     def stay(seconds: float, drift: float, task: bool = False) -> None:
         if seconds > 0.0:
-            spent = energy_of_steps(
-                power, np.asarray([seconds]), np.asarray([drift]), np.zeros(1), np.zeros(1)
-            )
-            rows.append(_with_tasks(spent, power.task * np.asarray([seconds]) * task))
-            moments.append(moments[-1] + seconds)
+            add(np.asarray([seconds]), np.asarray([drift]), np.zeros(1), task)
+
+    def add(seconds: Array, through: Array, down: Array, task: bool = False) -> None:
+        spent = energy_of_steps(power, seconds, through, down, np.zeros(len(seconds)))
+        rows.append(_with_tasks(spent, power.task * seconds * task))
+        moments.extend((moments[-1] + np.cumsum(seconds)).tolist())
 
     for leg in legs:
         own = speed if leg.speed is None else leg.speed
@@ -212,8 +236,13 @@ def energy_of_legs(
         turn, heading = _turns(np.where(moving, leg.motion.yaw[: len(moving)], np.nan), heading)
         seconds, down = np.diff(leg.times), np.diff(np.asarray(leg.positions, float)[:, 2])
         drift = 0.0 if drifts else speed if loiters else _drift(leg, through, moving)
-        # Between two legs a vehicle is held, or waits for its planner.
-        stay(float(leg.times[0]) - moments[-1], drift)
+        held, fix = drift if held is None else held, leg.t_fix or 0.0
+        # Between two legs a vehicle is held, or waits for its planner, and may surface.
+        stay(float(leg.times[0]) - moments[-1] - fix, held)
+        if fix:
+            depth = float(leg.positions[0][2])
+            ways = (depth / speed, depth / speed) if vertical_times is None else vertical_times(depth)
+            add(*surfacing_steps(depth, fix, ways, speed, held))
         if len(seconds):
             spent = energy_of_steps(power, seconds, np.where(moving, through, drift), down, turn)
             spent = _with_pump(spent, power, down)
@@ -225,7 +254,7 @@ def energy_of_legs(
             stay(leg.t_task, drift, task=done)
             if done and rows and not (before and _goes_on(leg, before)):
                 rows[-1]["tasks"][-1] += float(power.task_start)  # type: ignore[arg-type]
-        before = leg
+        before, held = leg, drift
     terms = {name: np.concatenate([np.zeros(0), *(row[name] for row in rows)]) for name in TERMS}
     return EnergyUse(np.asarray(moments), terms, power)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.executive.context import Array, Mission
+from auvplan.executive.surfacing import energy_charged
 from auvplan.mission import MissionGraph, time_to_go
 from auvplan.mission.speeds import SpeedOptions, picked
 from auvplan.ocean.currents import evaluated
@@ -38,7 +39,12 @@ def offer_speeds(mission: Mission, known: Mapping[float, Array]) -> None:
     for (i, j), longer in mission.learnt.items():
         travel[..., i, j] *= longer
     watts = np.asarray([float(power.power(speed)) for speed in speeds.tolist()])
-    options = SpeedOptions(speeds, watts, travel, _fixed(mission))
+    waiting = None
+    if base.timetable is not None:
+        departures = base.timetable.departures
+        moments = departures if len(departures) > 1 else np.asarray([mission.now])
+        waiting = np.asarray(power.power(_drift(mission, moments)))
+    options = SpeedOptions(speeds, watts, travel, _fixed(mission), waiting=waiting)
     chosen = mission.chosen
     if chosen is None:
         chosen = np.full(base.adjacency.shape, int(np.abs(speeds - context.speed).argmin()))
@@ -60,8 +66,21 @@ def _between(speed: float, knots: list[float], rates: list[Array]) -> Array:
         return np.where(rate > 0.0, 1.0 / rate, np.inf)
 
 
+def _drift(mission: Mission, moments: Array) -> Array:
+    """Return m/s through the water [M, N] of a vehicle that stays at waypoints at moments [M] s.
+
+    It keeps station in the current of then, or loiters.
+    """
+    places = np.asarray(mission.graph.positions)
+    if mission.context.scenario.mission.wait == "loiter":
+        return np.full((len(moments), len(places)), mission.context.speed)
+    where, when = np.tile(places, (len(moments), 1)), np.repeat(moments, len(places))
+    water = evaluated(mission.sea.forecast(), *where.T, t=when)
+    return np.hypot(*(np.asarray(axis) for axis in water[:2])).reshape(len(moments), -1)
+
+
 def _fixed(mission: Mission) -> Array:
-    """Return J [N, N] of edges at any speed: of their change of depth, and of their tasks.
+    """Return J [N, N] of edges at any speed: of their change of depth, their tasks and surfacing for fixes.
 
     A vehicle that stays for a task keeps station in the current of now, or loiters. A survey line starts with
     the edge that leads to it, or from where the vehicle is, unless it is on the line.
@@ -70,10 +89,7 @@ def _fixed(mission: Mission) -> Array:
     power, places = context.power, np.asarray(graph.positions)
     assert power is not None
     depth = np.asarray(power.in_depth(places[None, :, 2] - places[:, None, 2]))
-    water = evaluated(mission.sea.forecast(), *places.T, t=np.full(len(places), mission.now))
-    drift = np.hypot(*(np.asarray(axis) for axis in water[:2]))
-    if context.scenario.mission.wait == "loiter":
-        drift = np.full(len(places), context.speed)
+    drift = _drift(mission, np.asarray([mission.now]))[0]
     staying = np.asarray(power.power(drift)) + power.task
     along = np.zeros(graph.adjacency.shape, bool)
     for edge in mission.parts:
@@ -82,7 +98,10 @@ def _fixed(mission: Mission) -> Array:
     done = mission.run.done[-1:]
     if not (done and done[0].line is not None and done[0].priority > 0.0 and done[0].goal == mission.here):
         starts[mission.here] |= along[mission.here]
-    return depth + graph.duration * staying + power.task_start * starts
+    travel = travel_times(mission.timed, context.speed)
+    least = travel if travel.ndim == 2 else travel.min(axis=0)
+    fixes = energy_charged(mission, least, drift)
+    return np.maximum(depth + graph.duration * staying + power.task_start * starts + fixes, 0.0)
 
 
 def with_still_water(graph: MissionGraph, whole: MissionGraph) -> MissionGraph:
@@ -169,10 +188,10 @@ def energy_due(mission: Mission) -> str:
     options, chosen, rest = mission.timed.options, mission.chosen, mission.rest
     if options is None or chosen is None or not np.isfinite(left := mission.energy_left):
         return ""
-    legs = rest[:-1], rest[1:]
+    legs = np.asarray(rest[:-1]), np.asarray(rest[1:])
     passed = mission.timed.itinerary(rest, mission.context.speed)
-    travel = passed.ends - passed.departs - mission.timed.duration[legs]
-    needs = float((options.power[chosen[legs]] * travel + options.fixed[legs]).sum())
+    tasks = mission.timed.duration[legs]
+    needs = float(options.spent(legs, chosen[legs], passed, tasks, mission.timed.timetable).sum())
     slack, rules = left - drawn(mission) * needs, mission.context.rules
     watts = float(options.power.mean())
     if slack < min(mission.energy_slack, 0.0) - rules.tolerance * watts:

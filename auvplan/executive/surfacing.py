@@ -6,6 +6,8 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
+from auvplan.energy import energy_of_steps
+from auvplan.energy.use import surfacing_steps
 from auvplan.executive.context import Mission
 from auvplan.mission import MissionGraph
 from auvplan.mission.fixes import Order, surfacings
@@ -45,8 +47,9 @@ def limits(mission: Mission, near_coast: bool = False) -> Array:
 
 
 def way_down(mission: Mission, node: int) -> tuple[float, float]:
-    """Return s that a vehicle takes from a waypoint up to the surface, and from there down."""
-    return mission.vehicle.vertical_times(float(mission.run.graph.positions[node][2]))
+    """Return s from a waypoint up to the surface, and from there down, at the vehicle's own speed."""
+    own = replace(mission.context.vehicle, speed=mission.pace * mission.context.speed)
+    return own.vertical_times(float(mission.run.graph.positions[node][2]))
 
 
 def takes(mission: Mission, node: int) -> float:
@@ -119,17 +122,9 @@ def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
     bottom lock, is charged with a whole one at its beginning, others with less: routes have time for about
     the fixes that they need, whose places are chosen once their order is known.
     """
-    known = mission.navigation
-    if known is None or (most := limits(mission, near_coast=True)).min() == np.inf:
+    if (charges := _charges(mission)) is None:
         return graph
-    fix, drift, current = (float(np.asarray(part)) for part in (known.fix, known.drift, known.current_error))
-    growth = max(np.hypot(drift * mission.context.speed, current), 1e-12)
-    reach = np.maximum(np.sqrt(np.maximum(most**2 - fix**2, 0.0)) / growth, 1e-3)
-    places = np.asarray(graph.positions)[:, 2]
-    price = np.array([
-        takes(mission, node) if depth > AT_SURFACE and allowed(mission, node) else 0.0
-        for node, depth in enumerate(places)
-    ])  # fmt: skip
+    reach, price = charges
 
     def longer(times: Array) -> Array:
         return times + price[:, None] * np.minimum(times / reach, 1.0)
@@ -140,6 +135,49 @@ def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
     if own is None:
         own = graph.leg_times(mission.context.speed) - np.asarray(graph.duration)
     return replace(graph, travel_time=longer(np.asarray(own)))
+
+
+def energy_charged(mission: Mission, travel: Array, drift: Array) -> Array | float:
+    """Return J [N, N] that the surfacings charged on edges take beyond what going on for as long does.
+
+    Args:
+        mission: whose vehicle has power.
+        travel: [N, N] s that edges take, as `charged` has them.
+        drift: [N] m/s through the water where the vehicle stays at a waypoint.
+    """
+    power, speed = mission.context.power, mission.context.speed
+    if power is None or (charges := _charges(mission)) is None:
+        return 0.0
+    reach, price = charges
+    more = np.zeros(len(price))
+    for node in np.flatnonzero(price).tolist():
+        depth = float(mission.run.graph.positions[node][2])
+        steps = surfacing_steps(depth, price[node], way_down(mission, node), speed, drift[node])
+        spent = sum(part.sum() for part in energy_of_steps(power, *steps, np.zeros(3)).values())
+        more[node] = spent - float(power.power(speed)) * price[node]
+    share = np.minimum(np.where(np.isfinite(travel), travel, 0.0) / (reach + price[:, None]), 1.0)
+    return more[:, None] * share
+
+
+def _charges(mission: Mission) -> tuple[Array, Array] | None:
+    """Return what surfacings are charged by; None where nothing asks for fixes.
+
+    Returns:
+        ``(reach [N] s, price [N] s)``: in what time the error grows to what the end of an edge allows, and
+        what surfacing at its beginning takes.
+    """
+    known = mission.navigation
+    if known is None or (most := limits(mission, near_coast=True)).min() == np.inf:
+        return None
+    fix, drift, current = (float(np.asarray(part)) for part in (known.fix, known.drift, known.current_error))
+    growth = max(np.hypot(drift * mission.context.speed, current), 1e-12)
+    reach = np.maximum(np.sqrt(np.maximum(most**2 - fix**2, 0.0)) / growth, 1e-3)
+    places = np.asarray(mission.run.graph.positions)[:, 2]
+    price = np.array([
+        takes(mission, node) if depth > AT_SURFACE and allowed(mission, node) else 0.0
+        for node, depth in enumerate(places)
+    ])  # fmt: skip
+    return reach, price
 
 
 def surface(mission: Mission) -> float:

@@ -87,8 +87,7 @@ class _Edges(NamedTuple):
         gain: [N, K] what taking an edge is worth.
         times, gains: [N, N] s and worth; infinite and zero where there is no edge.
         places: [N, N] in their lists, K where there is no edge; None where nothing depends on the clock.
-        energies, power: [N, N] J in the least times, and W of each second more; None where energy is not
-            limited.
+        energies: [N, N] J in the least times; None where energy is not limited.
     """
 
     problem: Problem
@@ -97,7 +96,6 @@ class _Edges(NamedTuple):
     gains: jax.Array
     places: jax.Array | None
     energies: jax.Array | None = None
-    power: jax.Array | None = None
 
     @classmethod
     def of(cls, problem: Problem, gain: jax.Array) -> "_Edges":
@@ -109,18 +107,20 @@ class _Edges(NamedTuple):
             places = _table(problem, number, width)
         if problem.energy is None:
             return cls(problem, gain, times, gains, places)
-        energies = _table(problem, problem.energy.least, jnp.inf), _table(problem, problem.energy.power, 0.0)
-        return cls(problem, gain, times, gains, places, *energies)
+        return cls(problem, gain, times, gains, places, _table(problem, problem.energy.least, jnp.inf))
 
-    def energy(self, here: jax.Array, there: jax.Array, lasts: jax.Array) -> jax.Array:
-        """Return J that edges take where they last as many s; none where energy is not limited."""
-        if self.energies is None or self.power is None:
+    def energy(self, here: jax.Array, there: jax.Array, at: jax.Array, lasts: jax.Array) -> jax.Array:
+        """Return J that edges take where they are entered at times and last as many s, all of one shape.
+
+        None where energy is not limited.
+        """
+        if self.energies is None:
             return jnp.zeros_like(lasts)
-        least = self.energies[here, there]
         if self.places is None:
-            return least
-        more = jnp.where(jnp.isfinite(lasts), lasts - self.times[here, there], jnp.inf)
-        return least + self.power[here, there] * jnp.maximum(more, 0.0)
+            return self.energies[here, there]
+        place, width = self.places[here, there], self.problem.neighbours.shape[1]
+        spent = self.problem.energy_of(here, jnp.minimum(place, width - 1), at, lasts)
+        return jnp.where(place < width, spent, jnp.inf)
 
     def lasts(self, here: jax.Array, there: jax.Array, at: jax.Array) -> jax.Array:
         """Return the seconds that edges take where they are entered at times, all of one shape."""
@@ -203,7 +203,8 @@ def _energies(nodes: jax.Array, arrival: jax.Array, edges: _Edges) -> tuple[jax.
     assert problem.energy_available is not None
     assert problem.return_energy is not None
     here, onward = jnp.maximum(nodes[:, :-1], 0), jnp.maximum(nodes[:, 1:], 0)
-    legs = jnp.where(nodes[:, 1:] >= 0, edges.energy(here, onward, jnp.diff(arrival, axis=1)), 0.0)
+    spent = edges.energy(here, onward, arrival[:, :-1], jnp.diff(arrival, axis=1))
+    legs = jnp.where(nodes[:, 1:] >= 0, spent, 0.0)
     spent = jnp.concatenate([jnp.zeros((len(nodes), 1)), jnp.cumsum(legs, axis=1)], axis=1)
     spare = problem.energy_available - problem.return_energy[jnp.maximum(nodes, 0)] - spent
     return spent, jax.lax.cummin(jnp.where(nodes >= 0, spare, jnp.inf), axis=1, reverse=True)
@@ -270,9 +271,8 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
             richer = edges.less_lost(richer, via, there[:, :, None], then, second)
         fitting = open_ & fits[:, :, None] & (longer < room[:, :, None])
         if limited:
-            more = edges.energy(at[:, :, None], via, onward_times) + edges.energy(
-                via, there[:, :, None], second
-            )
+            more = edges.energy(at[:, :, None], via, arrival[:, :, None], onward_times)
+            more += edges.energy(via, there[:, :, None], then, second)
             fitting &= more <= (spare[:, ahead] + spent[:, ahead] - spent)[:, :, None]
         worth = jnp.where(fitting, richer, -jnp.inf)
         value, index = highest(worth.reshape(count, -1))
@@ -284,7 +284,8 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
             richer = edges.less_lost(richer, at, there, arrival, direct)
             fitting = inside & fits & (longer < room)
             if limited:
-                fitting &= edges.energy(at, there, direct) <= spare[:, ahead] + spent[:, ahead] - spent
+                direct_energy = edges.energy(at, there, arrival, direct)
+                fitting &= direct_energy <= spare[:, ahead] + spent[:, ahead] - spent
             worth = jnp.where(fitting, richer, -jnp.inf)
             best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 

@@ -456,7 +456,10 @@ def _on_levels(edges: Edges, graphs: MissionGraph, levels: list[np.ndarray], mor
         if graph.timetable is not None:
             each = [replace(graph.timetable, travel_time=row).padded(more) for row in times]
             timetable = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
-        rows.append((*padded, np.pad(graph.duration, square), timetable))
+        waiting = options.waiting
+        if waiting is not None:
+            waiting = np.pad(waiting, [(0, 0), (0, more)])
+        rows.append((*padded, np.pad(graph.duration, square), timetable, waiting))
     return edges.on_levels(*jax.tree.map(lambda *leaves: np.stack(leaves), *rows))
 
 
@@ -524,6 +527,11 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
     with np.errstate(invalid="ignore"):
         under_way = asked.along(power, nodes) * (leg_times - asked.along(at.duration, nodes))
     energies = under_way + asked.along(fixed, nodes)
+    for b, (route, graph, option) in enumerate(zip(nodes, rows, options, strict=True)):
+        if option.waiting is not None and (count := int((route >= 0).sum()) - 1):
+            legs = route[:count], route[1 : count + 1]
+            passed, tasks = graph.itinerary(route[: count + 1], 1.0), graph.duration[legs]
+            energies[b, :count] = option.spent(legs, chosen[b][legs], passed, tasks, graph.timetable)
     legs = asked.along(speeds, nodes)
     assert at.options is not None
     return nodes, asked, RouteSpeeds(at.options, chosen, legs, energies, how.energy, at.duration, open_)

@@ -23,10 +23,13 @@ class EdgeEnergy:
     Attributes:
         least: [..., N, K] J, of each edge with its task in its least time.
         power: [..., N, K] W, of each second that it takes longer.
+        waiting: [..., N, M] W, of waiting at each waypoint, by the departures of a schedule; None where that
+            takes `power` as well.
     """
 
     least: Any
     power: Any
+    waiting: Any = None
 
 
 @jax.tree_util.register_dataclass
@@ -91,6 +94,7 @@ class Edges:
         energies: np.ndarray,
         duration: np.ndarray,
         timetable: Timetable | None,
+        waiting: np.ndarray | None = None,
     ) -> "Edges":
         """Return the edges with L levels of speeds, of the same waypoints.
 
@@ -100,6 +104,7 @@ class Edges:
             energies: [..., L, N, N] J.
             duration: [..., N, N] s, of tasks.
             timetable: of levels, with axes [..., L] before its own.
+            waiting: [..., M, N] W, of waiting at each waypoint, by its departures; None for `power`.
         """
         lead = leg_times.shape[:-2]
 
@@ -114,13 +119,15 @@ class Edges:
 
         schedule = None
         if timetable is not None:
-            schedule = Schedule.of(timetable, spread(duration), neighbours, used)
+            schedule = Schedule.of(timetable, spread(duration), neighbours, used, waiting is not None)
+        if waiting is not None:
+            waiting = spread(np.swapaxes(waiting, -1, -2)).astype(np.float32)
         levels = Edges(
             neighbours,
             gathered(leg_times, np.inf),
             spread(self.priority),
             schedule,
-            EdgeEnergy(gathered(energies, np.inf), gathered(power, 0.0)),
+            EdgeEnergy(gathered(energies, np.inf), gathered(power, 0.0), waiting),
         )
         return replace(self, levels=levels)
 
@@ -186,14 +193,21 @@ class Problem:
         lasts = self.schedule.lasts(here[..., None], edge, time[..., None])
         return jnp.where(jnp.isfinite(self.leg_times[here]), lasts, jnp.inf)
 
-    def energy_of(self, here: jax.Array, edge: Any, lasts: jax.Array) -> jax.Array:
-        """Return J that edges take, by place in lists, where they last as many s."""
+    def energy_of(self, here: jax.Array, edge: Any, time: jax.Array, lasts: jax.Array) -> jax.Array:
+        """Return J that edges take, by place in lists, where they are entered at times and last as many s."""
         assert self.energy is not None
-        least = self.energy.least[here, edge]
+        least, power, waiting = self.energy.least[here, edge], self.energy.power, self.energy.waiting
         if self.schedule is None:
             return least
-        more = jnp.where(jnp.isfinite(lasts), lasts - self.leg_times[here, edge], jnp.inf)
-        return least + self.energy.power[here, edge] * jnp.maximum(more, 0.0)
+        if waiting is None:
+            more = jnp.where(jnp.isfinite(lasts), lasts - self.leg_times[here, edge], jnp.inf)
+            return least + power[here, edge] * jnp.maximum(more, 0.0)
+        held, travel, waits = self.schedule.stages(here, edge, time)
+        longer = travel - (self.leg_times - self.schedule.duration)[here, edge]
+        before = held * self.schedule.at(waiting, here, time)
+        after = waits * self.schedule.at(waiting, self.neighbours[here, edge], time + held + travel)
+        spent = least + power[here, edge] * jnp.maximum(longer, 0.0) + before + after
+        return jnp.where(jnp.isfinite(lasts), spent, jnp.inf)
 
     @property
     def energies(self) -> tuple[jax.Array, jax.Array]:
@@ -206,8 +220,8 @@ class Problem:
     def entered(self, here: jax.Array, used: "Used") -> "Used":
         """Return what is used [..., K] after each edge from waypoints `here` [...], on one level."""
         edge = jnp.arange(self.neighbours.shape[1], dtype=jnp.int32)
-        lasts = self.onward_times(here, used.times)
-        spent = used.energies[..., None] + self.energy_of(here[..., None], edge, lasts)
+        lasts, time = self.onward_times(here, used.times), used.times[..., None]
+        spent = used.energies[..., None] + self.energy_of(here[..., None], edge, time, lasts)
         assert self.spare is not None
         fits = (used.times[..., None] < self.latest[here]) & (used.energies[..., None] <= self.spare[here])
         times = used.times[..., None] + lasts
@@ -343,7 +357,7 @@ def prepare(
         back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * to_go
         most = jnp.asarray(energy_available, leg_times.dtype) * (1.0 - rounding_margin(size, leg_times.dtype))
         limits = {
-            "energy": EdgeEnergy(least, edges.energy.power),
+            "energy": replace(edges.energy, least=least),
             "spare": most - (least + back[neighbours]),
             "return_energy": back,
             "energy_available": most,

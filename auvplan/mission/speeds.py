@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission.timetable import NONE, Timetable, stages
+from auvplan.mission.timetable import NONE, Stages, Timetable, stages
 
 Array = NDArray[np.floating]
 IntArray = NDArray[np.integer]
@@ -40,7 +40,8 @@ _WAYS = 4000
 class SpeedOptions:
     """Speeds of a vehicle, K of them, and what the edges of a graph take at each.
 
-    An edge takes the power of its speed for as long as it lasts, waiting included, and what is fixed.
+    An edge takes the power of its speed while the vehicle is under way, that of waiting while it waits, and
+    what is fixed.
 
     Attributes:
         speeds: [..., K] m/s through the water, rising.
@@ -50,6 +51,8 @@ class SpeedOptions:
         fixed: [..., N, N] J, of the task and of what depends on the edge alone, as its change of depth.
         waypoint_fixed: [..., N] J, the part of `fixed` on every edge into waypoint j that belongs to a task
             at j itself, as `MissionGraph.waypoint_duration` does. None means zero.
+        waiting: [..., M, N] W, of waiting at each waypoint, by the clock; None where a vehicle waits under
+            way, at the speed of the edge.
 
     Raises:
         ValueError: shapes that do not go together, or values that are negative or no numbers.
@@ -60,15 +63,17 @@ class SpeedOptions:
     travel_time: Any
     fixed: Any
     waypoint_fixed: Any = None
+    waiting: Any = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.speeds, np.ndarray | list | tuple):
             return  # JAX rebuilds it from traced arrays and placeholders
         if self.waypoint_fixed is None:
             object.__setattr__(self, "waypoint_fixed", np.zeros(np.shape(self.fixed)[:-1]))
-        names = "speeds", "power", "travel_time", "fixed", "waypoint_fixed"
+        names = ["speeds", "power", "travel_time", "fixed", "waypoint_fixed"]
+        names += ["waiting"] * (self.waiting is not None)
         values = [np.asarray(getattr(self, name), float) for name in names]
-        speeds, power, times, fixed, at_waypoint = values
+        speeds, power, times, fixed, at_waypoint, *waiting = values
         for name, value in zip(names, values, strict=True):
             if np.isnan(value).any() or (value < 0.0).any():
                 raise ValueError(f"{name} of speeds must be numbers that are not negative")
@@ -81,6 +86,9 @@ class SpeedOptions:
             raise ValueError(f"fixed must be {times.shape[-2:]} J, got shape {fixed.shape}")
         if at_waypoint.shape != fixed.shape[:-1]:
             raise ValueError(f"waypoint_fixed must be {fixed.shape[:-1]} J, got shape {at_waypoint.shape}")
+        by_departure = *times.shape[: speeds.ndim - 1], *times.shape[speeds.ndim : -1]
+        if waiting and (waiting[0].shape != by_departure or not self.clocked):
+            raise ValueError(f"waiting must be [M, N] W by the clock, got shape {waiting[0].shape}")
 
     @property
     def clocked(self) -> bool:
@@ -106,7 +114,11 @@ class SpeedOptions:
         return replace(self, fixed=fixed, waypoint_fixed=at_waypoint)
 
     def chosen(self, levels: int) -> IntArray:
-        """Return places of speeds on each level, [L, N, N], from least energy to least time, of one graph."""
+        """Return places of speeds on each level, [L, N, N], from least energy to least time, of one graph.
+
+        Where waiting takes power, the second is the level of edges that lead to a wait, where a second later
+        is one of waiting less.
+        """
         times, size = self.least, self.fixed.shape[-1]
         moving = self.power[self.power > 0.0]
         low, high = (moving.min(), moving.max()) if len(moving) else (1.0, 1.0)
@@ -120,8 +132,15 @@ class SpeedOptions:
         found.append(times.argmin(axis=0))
         rows, used = np.stack(found), np.isfinite(times).any(axis=0)
         pace = rows[:, used].mean(axis=1) if used.any() else np.zeros(len(rows))
+        slow = None
+        if self.waiting is not None and levels > 2:
+            with np.errstate(invalid="ignore"):
+                cost = (self.power - self.waiting.mean())[:, None, None] * times
+            slow = np.where(np.isfinite(times), cost, np.inf).argmin(axis=0)
+            levels -= 1
         wanted = np.linspace(pace[0], pace[-1], levels) if levels > 1 else pace[-1:]
-        return rows[np.abs(pace[:, None] - wanted).argmin(axis=0)]
+        rows = rows[np.abs(pace[:, None] - wanted).argmin(axis=0)]
+        return rows if slow is None else np.insert(rows, 1, slow, axis=0)
 
     def passable(self, chosen: IntArray) -> IntArray:
         """Return places of speeds [N, N], in place of those that an edge cannot be taken at its fastest."""
@@ -131,6 +150,37 @@ class SpeedOptions:
     def at(self, chosen: IntArray) -> Array:
         """Return travel times of edges at places of speeds [N, N], as `travel_time` without its K."""
         return picked(self.travel_time, chosen[None] if self.clocked else chosen)
+
+    def spent(
+        self,
+        legs: tuple[IntArray, IntArray],
+        places: IntArray,
+        passed: Stages,
+        tasks: Array,
+        timetable: Timetable | None,
+    ) -> Array:
+        """Return J [n] of legs by the clock.
+
+        Args:
+            legs: [n] waypoints that they lead from and to.
+            places: [n] of their speeds.
+            passed: when they are gone.
+            tasks: [n] s, of their tasks.
+            timetable: by which they are; its travel times do not count.
+        """
+        power, fixed = self.power[places], self.fixed[legs]
+        if self.waiting is None or timetable is None:
+            return power * (passed.ends - passed.departs - tasks) + fixed
+        spent = power * (passed.arrives - passed.leaves) + fixed
+        before = legs[0], passed.departs, passed.leaves - passed.departs
+        after = legs[1], passed.arrives, passed.begins - passed.arrives
+        for nodes, moments, seconds in (before, after):
+            watts = [
+                np.interp(moment, timetable.departures, self.waiting[:, node])
+                for node, moment in zip(nodes, moments, strict=True)
+            ]
+            spent += np.asarray(watts) * seconds
+        return spent
 
     def for_route(
         self,
@@ -180,7 +230,7 @@ class SpeedOptions:
                 travel[:, order[:-1], order[1:]] = self.travel_time[places, :, *legs].T
                 passed = stages(replace(alone, travel_time=travel), duration[square], order)
                 with np.errstate(invalid="ignore"):
-                    spent = self.power[places] * (passed.ends - passed.departs - tasks) + fixed
+                    spent = self.spent(legs, places, passed, tasks, timetable)
                     lasts = passed.ends[-1] + margin * (passed.ends - passed.departs)[-1]
                     whole = lasts, spent.sum() + margin * spent[-1]
                 return float(np.nan_to_num(whole[0], nan=np.inf)), float(np.nan_to_num(whole[1], nan=np.inf))
@@ -258,12 +308,11 @@ class RouteSpeeds:
             return np.inf, np.inf
         legs = nodes[:-1], nodes[1:]
         if timetable is None:
-            travel = options.at(places)[legs]
+            spent = options.power[places[legs]] * options.at(places)[legs] + options.fixed[legs]
         else:
             at = replace(timetable, travel_time=options.at(places))
             passed = stages(at, self.duration, nodes.tolist())
-            travel = passed.ends - passed.departs - self.duration[legs]
-        spent = options.power[places[legs]] * travel + options.fixed[legs]
+            spent = options.spent(legs, places[legs], passed, self.duration[legs], timetable)
         return float(spent.sum()), float(spent.sum() + margin * spent[-1])
 
     def shares(self, time_available: float) -> list[Array]:

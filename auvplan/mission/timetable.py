@@ -119,6 +119,19 @@ class Timetable:
         last = np.full_like(arrival[..., -1:, :, :], np.inf)
         return np.concatenate([earliest[..., 1:, :, :], last], axis=-3)
 
+    @property
+    def later_travel(self) -> Array:
+        """[..., M, N, N] s under way on the edges that end at `later`: what is left of it is waiting."""
+        arrival = self.departures[..., None, None] + self.travel_time
+        found = np.full_like(arrival, np.inf)
+        best = travel = found[..., -1, :, :]
+        for departure in range(arrival.shape[-3] - 1, 0, -1):
+            sooner = arrival[..., departure, :, :] <= best
+            best = np.where(sooner, arrival[..., departure, :, :], best)
+            travel = np.where(sooner, self.travel_time[..., departure, :, :], travel)
+            found[..., departure - 1, :, :] = travel
+        return found
+
     def since(self, seconds: float) -> Self:
         """Return a copy whose times count from `seconds` later."""
         moments = ("departures", "opens", "closes", "enters", "until", "falls")
@@ -241,6 +254,7 @@ class Schedule:
         enters, until: [..., N, K, V] s.
         falls, drops: [..., N, K, D] s and priority.
         waiting: as in `Timetable`.
+        later_travel: [..., N, K, M] s, as in `Timetable`; None where waits are not asked for.
     """
 
     origin: Any
@@ -255,6 +269,7 @@ class Schedule:
     falls: Any
     drops: Any
     waiting: bool = field(default=True, metadata={"static": True})
+    later_travel: Any = None
 
     @classmethod
     def whole(cls, timetable: Timetable, duration: Array) -> "Schedule":
@@ -267,10 +282,20 @@ class Schedule:
 
     @classmethod
     def of(
-        cls, timetable: Timetable, duration: Array, neighbours: NDArray[np.int_], used: NDArray[np.bool_]
+        cls,
+        timetable: Timetable,
+        duration: Array,
+        neighbours: NDArray[np.int_],
+        used: NDArray[np.bool_],
+        waits: bool = False,
     ) -> "Schedule":
-        """Gather a timetable by neighbour lists [..., N, K], of which `used` says what is no padding."""
+        """Gather a timetable by neighbour lists [..., N, K], of which `used` says what is no padding.
+
+        With `waits` it knows how long a vehicle waits.
+        """
         whole = cls.whole(timetable, duration)
+        if waits:
+            whole = replace(whole, later_travel=np.moveaxis(timetable.later_travel, -3, -1))
         # What rounding may add up to on the way must not let a task begin too late.
         slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
 
@@ -287,7 +312,8 @@ class Schedule:
             *(np.asarray(value, np.float32) for value in (whole.origin, whole.step)),
             *map(gathered, names),
         ]
-        return cls(*parts, waiting=timetable.waiting)
+        later_travel = gathered("later_travel") if waits else None
+        return cls(*parts, waiting=timetable.waiting, later_travel=later_travel)
 
     def begins(
         self, node: Any, edge: Any, time: Any, waiting: bool | None = None
@@ -300,23 +326,38 @@ class Schedule:
             time: s.
             waiting: instead of the timetable's own.
         """
-        waits, xp = self.waiting if waiting is None else waiting, self._library
+        arrives, begins, _ = self._passed(node, edge, time, self.waiting if waiting is None else waiting)
+        return arrives, begins
+
+    def stages(self, node: Any, edge: Any, time: Any) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Seconds of waiting before edges, under way, and of waiting at the end; arguments as in `begins`."""
+        arrives, begins, travel = self._passed(node, edge, time, self.waiting)
+        assert travel is not None
+        return self._library.maximum(arrives - time - travel, 0.0), travel, begins - arrives
+
+    def _passed(self, node: Any, edge: Any, time: Any, waits: bool) -> tuple[Any, Any, Any]:
+        """Arrival, beginning of the task, and s under way where `later_travel` is known."""
+        xp = self._library
         if self.enters.shape[-1]:
             enters, until = self.enters[node, edge], self.until[node, edge]
             entered = xp.maximum(time[..., None], enters)
-            ends = self._crossed(node[..., None], edge[..., None], entered, waits)
+            ends, travel = self._crossed(node[..., None], edge[..., None], entered, waits)
             missed = ends + self.duration[node, edge][..., None] > until
             missed = missed if waits else missed | (time[..., None] < enters)
-            arrives = xp.where(missed, xp.inf, ends).min(axis=-1)
+            ends = xp.where(missed, xp.inf, ends)
+            arrives = ends.min(axis=-1)
+            if travel is not None:
+                travel = xp.take_along_axis(travel, ends.argmin(axis=-1)[..., None], axis=-1)[..., 0]
         else:
-            arrives = self._crossed(node, edge, time, waits)
+            arrives, travel = self._crossed(node, edge, time, waits)
         if not self.opens.shape[-1]:
-            return arrives, arrives
+            return arrives, arrives, travel
         opens, closes = self.opens[node, edge], self.closes[node, edge]
         late = arrives[..., None] > closes
         early = arrives[..., None] < opens
         missed = late if waits else late | early
-        return arrives, xp.where(missed, xp.inf, xp.maximum(arrives[..., None], opens)).min(axis=-1)
+        begins = xp.where(missed, xp.inf, xp.maximum(arrives[..., None], opens)).min(axis=-1)
+        return arrives, begins, travel
 
     @property
     def _library(self) -> Any:
@@ -327,18 +368,38 @@ class Schedule:
         late = begins[..., None] > self.falls[node, edge]
         return jnp.where(late, self.drops[node, edge], 0.0).sum(axis=-1)
 
-    def _crossed(self, node: Any, edge: Any, time: Any, waits: bool) -> jax.Array:
-        """Return when edges are at their ends that are entered at times, or later where the vehicle waits."""
+    def at(self, values: Any, node: Any, time: Any) -> Any:
+        """Return values [N, M], known at the departures, of waypoints at times, arrays of one shape."""
+        final, (cell, share) = self.travel_time.shape[-1] - 1, self._cell(time)
+        a, b = values[node, cell], values[node, self._library.minimum(cell + 1, final)]
+        return a + share * (b - a)
+
+    def _cell(self, time: Any) -> tuple[Any, Any]:
+        """Return the last departures before times, and the share of a step since."""
         final, xp = self.travel_time.shape[-1] - 1, self._library
         place = xp.maximum((time - self.origin) / self.step, 0.0)
         cell = xp.clip(xp.floor(place), 0, final).astype(xp.int32)
-        share = xp.clip(place - cell, 0.0, 1.0)
+        return cell, xp.clip(place - cell, 0.0, 1.0)
+
+    def _crossed(self, node: Any, edge: Any, time: Any, waits: bool) -> tuple[Any, Any]:
+        """When edges are at their ends that are entered at times, or later where the vehicle waits.
+
+        And for how long it is under way, where `later_travel` is known.
+        """
+        final, xp = self.travel_time.shape[-1] - 1, self._library
+        cell, share = self._cell(time)
         a = self.travel_time[node, edge, cell]
         b = self.travel_time[node, edge, xp.minimum(cell + 1, final)]
         shut = xp.isinf(a) | xp.isinf(b)
         between = xp.where(shut, xp.inf, a + share * xp.where(shut, 0.0, b - a))
-        lasts = xp.where(share == 0.0, a, between)
-        return xp.minimum(time + lasts, self.later[node, edge, cell]) if waits else time + lasts
+        travel = lasts = xp.where(share == 0.0, a, between)
+        ends = time + lasts
+        if not waits:
+            return ends, None if self.later_travel is None else travel
+        later = self.later[node, edge, cell]
+        if self.later_travel is not None:
+            travel = xp.where(later < ends, self.later_travel[node, edge, cell], lasts)
+        return xp.minimum(ends, later), None if self.later_travel is None else travel
 
     def lasts(self, node: Any, edge: Any, time: Any, waiting: bool | None = None) -> jax.Array:
         """Seconds from entering edges until their tasks are done; arguments as in `begins`."""

@@ -12,8 +12,10 @@ from auvplan.energy.power import Battery
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.io import save_run
+from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.runtime.compiled import compilations
 from tests.executive.small import SMALL, scenario
+from tests.executive.tide import CHANNEL, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -108,6 +110,35 @@ def test_speeds_of_legs_are_chosen_and_kept(free, tmp_path):
     again = ap.restore_run(tmp_path / "run")
     assert [leg.speed for leg in again.done] == pytest.approx(speeds)
     assert again.energy.total == pytest.approx(run.energy.total, rel=1e-4)
+
+
+@pytest.mark.parametrize("own", ["station", "loiter"])
+@pytest.mark.parametrize("tide", [0.0, 0.8])
+def test_routes_price_waits_as_plans_do(own, tide):
+    """The buoy's window opens long after the vehicle is there; a little less energy leaves the buoy out."""
+    jobs = Jobs((
+        JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0, ((6000.0, 6300.0),)),
+        JobPoint("float", (600.0, -40.0, 8.0), 2.0),
+    ))  # fmt: skip
+    area = replace(tidal_area(tide, 0.0), jobs=jobs)
+    power = {"hotel": 30, "propulsion": {"constant": 5, "factor": 20}, "battery": {"reserve": 0.0}}
+
+    def planned(capacity):
+        mission = CHANNEL["mission"] | {"jobs": "jobs.csv", "wait": own, "time_available": 9000}
+        given = channel(mission=mission, planning={"effort": "plain", "departures": 12})
+        battery = power["battery"] | {"capacity": capacity}
+        return plan_scenario(given.with_({"vehicle.power": power | {"battery": battery}}), area=area, seed=1)
+
+    run = planned(2000.0)
+    assert run.energy is not None
+    assert run.energy.totals["propulsion"] > 0.0
+    waited = max(leg.t_wait for leg in run.done)
+    assert waited > 5000.0
+    assert sum(run.routes[0].energies) / 3600.0 == pytest.approx(run.energy.total, rel=0.01)
+    assert planned(1.1 * run.energy.total).total_priority == run.total_priority
+    fewer = planned(0.95 * run.energy.total)
+    assert fewer.success, fewer.reason
+    assert fewer.total_priority < run.total_priority
 
 
 def test_saved_time_and_saved_energy_are_what_they_say(free):

@@ -122,6 +122,31 @@ def test_a_survey_line_starts_once_where_its_parts_follow_each_other():
     assert starts(replace(first, priority=0.0), second) == pytest.approx(1.0), "nothing was covered before"
 
 
+def test_surfacing_for_a_fix_takes_the_way_up_and_down_at_the_vehicles_speed():
+    first, second = winding_leg((0.5, 0.0)), winding_leg((0.2, -0.3), seed=8)
+    second.speed, second.t_fix, second.t_hold = 0.9, 150.0, 170.0
+    second.times = second.times + first.ends - second.times[0] + second.t_hold
+    depth, ways = float(second.positions[0, 2]), (40.0, 50.0)
+
+    def use(t_fix, **given):
+        return energy_of_legs([first, replace(second, t_fix=t_fix)], MODEL, 1.3, known=True, **given)
+
+    held, risen = use(None), use(150.0, vertical_times=lambda metres: (0.8 * metres, metres))
+    more = {name: risen.terms[name].sum() - held.terms[name].sum() for name in TERMS}
+    assert depth == 50.0
+    assert more["climb"] == pytest.approx(80.0 * depth)
+    assert more["dive"] == pytest.approx(120.0 * depth)
+    drifting = float(TABLE(0.5)) * 90.0  # the current at the end of the leg before
+    assert more["propulsion"] == pytest.approx(float(TABLE(1.3)) * sum(ways) - drifting)
+    for name in ("hotel", "payload", "turning", "tasks"):
+        assert more[name] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(risen.times[[0, -1]], held.times[[0, -1]])
+    straight = use(150.0).terms["propulsion"].sum() - held.terms["propulsion"].sum()
+    assert straight == pytest.approx((float(TABLE(1.3)) - float(TABLE(0.5))) * 2.0 * depth / 1.3)
+    short = use(60.0, vertical_times=lambda metres: (0.8 * metres, metres))
+    np.testing.assert_allclose(short.times[[0, -1]], held.times[[0, -1]])
+
+
 def powered(run, power=MODEL):
     return replace(run, vehicle=replace(run.vehicle, power=power))
 

@@ -87,6 +87,49 @@ def test_it_surfaces_where_a_task_asks_for_it():
     assert check_dataset(run.summary(), to_dataset(run)).faults == []
 
 
+def powered(dive: float) -> MissionRun:
+    """The second task needs a fix; the vehicle has a battery."""
+    power = {"hotel": 30, "propulsion": {"constant": 5, "factor": 4}, "dive": dive, "climb": 0.6 * dive}
+    vehicle = {"navigation": KNOWN, "power": power | {"battery": {"capacity": 900}}}
+    asked = sea().with_({f"vehicle.{name}": value for name, value in vehicle.items()})
+    return plan_scenario(asked, area=replace(tidal_area(0.0, 0.0), jobs=jobs(25.0)), seed=1)
+
+
+def test_the_way_up_and_down_takes_energy_in_the_plan_and_in_the_choice_of_tasks():
+    run, plain = powered(500.0), powered(0.0)
+    assert [leg.t_fix is not None for leg in run.done] == [False, True, False]
+    assert run.energy is not None
+    assert plain.energy is not None
+    up = down = 20.0 / (2.5 * 0.5)
+    terms = run.energy.totals
+    assert terms["dive"] == pytest.approx(500.0 * 20.0 / 3600.0, rel=1e-3)
+    assert terms["climb"] == pytest.approx(300.0 * 20.0 / 3600.0, rel=1e-3)
+    under_way = sum(leg.t_path for leg in run.done) + up + down
+    moving, still = 5.0 + 4.0 * 2.5**3, 5.0
+    joules = moving * under_way + still * (run.t_mission - under_way)
+    assert terms["propulsion"] == pytest.approx(joules / 3600.0, rel=1e-4)
+    # Routes are charged with the share of a surfacing that the leg to the second task uses up.
+    share = run.done[1].t_path * GROWTH / np.sqrt(25.0**2 - 3.0**2)
+    fixed = (500.0 + 300.0) * 20.0
+    charged = np.subtract(run.routes[0].energies, plain.routes[0].energies)
+    np.testing.assert_allclose(charged, [0.0, share * fixed, 0.0], rtol=1e-2, atol=1.0)
+    whole = fixed + moving * (up + down) + still * 45.0
+    bare = moving * run.done[1].t_path + 30.0 * (run.done[1].t_path + share * (up + 45.0 + down))
+    task = 60.0 * (30.0 + still)
+    assert run.routes[0].energies[1] == pytest.approx(bare + task + share * whole, rel=1e-3)
+
+
+def test_the_checker_finds_energy_of_surfacing_that_is_left_out():
+    run = powered(500.0)
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+    held = replace(run, legs=[replace(leg, t_fix=None) for leg in run.legs])
+    summary = run.summary() | {"energy": held.summary()["energy"]}
+    faults = check_dataset(summary, to_dataset(run)).faults
+    assert [fault.split()[0] for fault in faults if "time and track make it" in fault] == [
+        "propulsion", "dive", "climb",
+    ]  # fmt: skip
+
+
 def test_a_task_that_cannot_be_met_is_left_out_and_why_is_said():
     run = planned(25.0, forbidden=True)
     assert "second" not in [run.called(leg.goal) for leg in run.done]

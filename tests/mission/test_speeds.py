@@ -154,6 +154,48 @@ def test_by_the_clock_routes_keep_both_limits_and_windows() -> None:
     assert route.speeds.least_energy(route.nodes, table, 1.0, 0.0) == (np.inf, np.inf)
 
 
+def late_task(waits: float) -> MissionGraph:
+    """A task at the middle of a line that may begin 2,000 s after the start; its way opens after 500 s.
+
+    Waiting takes as many W at the start, and a tenth more in the middle, from 500 s on twice as much.
+    """
+    places = np.stack([np.asarray([0.0, 300.0, 600.0]), *np.zeros((2, 3))], axis=1)
+    graph = task_graph(places, [(0, 1), (1, 2), (0, 2)], [], [(1, 3.0, 100.0)])
+    times = np.linalg.norm(places[:, None] - places[None], axis=2) / SPEEDS[:, None, None]
+    departures = np.linspace(0.0, 4000.0, 9)
+    travel = np.repeat(times[:, None], 9, axis=1)
+    travel[:, 0, 0, 1] = np.inf
+    waiting = waits * np.where(departures < 500.0, 1.0, 2.0)[:, None] * [1.0, 1.1, 1.0]
+    opens, closes = np.full((3, 3, 1), -np.inf), np.full((3, 3, 1), np.inf)
+    opens[:, 1] = 2000.0
+    table = Timetable(departures, travel[0], opens=opens, closes=closes)
+    options = SpeedOptions(SPEEDS, POWER, travel, 30.0 * graph.duration, waiting=waiting)
+    return replace(graph.with_timetable(table), options=options)
+
+
+@pytest.mark.parametrize("waits", [10.0, 200.0])
+def test_waiting_takes_its_own_power_in_the_search_and_in_what_is_said(waits: float) -> None:
+    """The least energy of all speeds does, and a little less does not."""
+    graph, ways = late_task(waits), {}
+    for first, second in product(range(3), repeat=2):
+        arrives = 500.0 + 300.0 / SPEEDS[first]
+        watts = np.interp(arrives, graph.timetable.departures, graph.options.waiting[:, 1])
+        held = 500.0 * waits + watts * (2000.0 - arrives)
+        moving = sum(POWER[k] * 300.0 / SPEEDS[k] for k in (first, second))
+        ways[first, second] = held + moving + 30.0 * 100.0
+    least, best = min(ways.values()), min(ways, key=lambda way: ways[way])
+    given = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK.replace(saves="energy")}
+    route = plan_mission(graph, 0, 2, 4000.0, energy_available=1.01 * least, **given)
+    assert route.nodes.tolist() == [0, 1, 2]
+    assert route.speeds is not None
+    assert route.speeds.legs == pytest.approx(SPEEDS[list(best)])
+    assert route.speeds.energies.sum() == pytest.approx(least, rel=1e-6)
+    takes, needs = route.speeds.least_energy(route.nodes, route.timetable, 4000.0, 0.0)
+    assert takes == needs == pytest.approx(least, rel=1e-6)
+    fewer = plan_mission(graph, 0, 2, 4000.0, energy_available=0.999 * least, **given)
+    assert fewer.nodes.tolist() == [0, 2]
+
+
 def test_the_least_energy_of_a_route_in_time_is_that_of_all_speeds(few) -> None:
     compared = 0
     for graph, time, energy in few[:6]:
@@ -232,6 +274,9 @@ def test_a_graph_without_speeds_refuses_a_limit_on_energy() -> None:
         ({"fixed": np.ones((2, 2))}, "fixed must be"),
         ({"fixed": -np.ones((3, 3))}, "fixed of speeds must be"),
         ({"waypoint_fixed": np.ones(2)}, "waypoint_fixed must be"),
+        ({"waiting": np.ones((1, 3))}, "waiting must be"),
+        ({"travel_time": np.ones((3, 2, 3, 3)), "waiting": np.ones((3, 3))}, "waiting must be"),
+        ({"travel_time": np.ones((3, 2, 3, 3)), "waiting": -np.ones((2, 3))}, "waiting of speeds must be"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(changes: dict, message: str) -> None:

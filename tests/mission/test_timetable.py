@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.mission import MissionConfig, MissionGraph, check_route, plan_mission, plan_missions
-from auvplan.mission.timetable import Timetable, stages
+from auvplan.mission.timetable import Schedule, Timetable, stages
 from auvplan.runtime.compiled import compilations
 
 #: One size of graphs, so that all cases share their programs.
@@ -324,6 +324,29 @@ def test_a_steady_timetable_changes_nothing():
     ]
     assert ways[0].nodes.tolist() == ways[1].nodes.tolist()
     np.testing.assert_allclose(ways[0].leg_times, ways[1].leg_times)
+
+
+@pytest.mark.parametrize("along", [0, 2])
+@pytest.mark.parametrize("waiting", [True, False])
+def test_waits_and_the_time_under_way_are_those_of_each_edge_by_itself(waiting, along):
+    graph = clocked(7, 0.3, 2, waiting, along)
+    table = graph.timetable
+    assert table is not None
+    schedule = replace(
+        Schedule.whole(table, graph.duration), later_travel=np.moveaxis(table.later_travel, -3, -1)
+    )
+    waited = 0
+    for now in np.linspace(0.0, 1.1 * HORIZON, 12):
+        for i, j in zip(*np.nonzero(graph.adjacency), strict=True):
+            passed = stages(table, graph.duration, [i, j], now)
+            if not np.isfinite(passed.ends[0]):
+                continue
+            with np.errstate(invalid="ignore"):  # of departures at which the edge is shut
+                found = schedule.stages(np.asarray(i), np.asarray(j), np.asarray(now))
+            times = now, passed.leaves[0], passed.arrives[0], passed.begins[0]
+            np.testing.assert_allclose(found, np.diff(times), atol=1e-9)
+            waited += found[0] > 1.0
+    assert (waited > 20) == waiting
 
 
 def test_windows_count_from_the_time_that_they_are_told_for():
