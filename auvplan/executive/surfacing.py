@@ -132,7 +132,8 @@ def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
     ])  # fmt: skip
 
     def longer(times: Array) -> Array:
-        return times + price[:, None] * np.minimum(times / reach, 1.0)
+        # Where there is no edge, times are infinite.
+        return times + price[:, None] * np.minimum(np.where(times < np.inf, times, 0.0) / reach, 1.0)
 
     if (table := graph.timetable) is not None:
         return replace(graph, timetable=replace(table, travel_time=longer(np.asarray(table.travel_time))))

@@ -87,6 +87,15 @@ def test_it_surfaces_where_a_task_asks_for_it():
     assert check_dataset(run.summary(), to_dataset(run)).faults == []
 
 
+def test_a_limit_on_one_task_goes_with_a_window_of_another():
+    first, second = jobs(25.0).points
+    timed = Jobs((replace(first, windows=((600.0, 1200.0),)), second))
+    run = plan_scenario(sea(), area=replace(tidal_area(0.0, 0.0), jobs=timed), seed=1)
+    assert (run.success, run.tasks) == (True, 2)
+    (met,) = (leg for leg in run.done if run.called(leg.goal) == "second")
+    assert met.position_std < 25.0
+
+
 def test_a_task_that_cannot_be_met_is_left_out_and_why_is_said():
     run = planned(25.0, forbidden=True)
     assert "second" not in [run.called(leg.goal) for leg in run.done]
