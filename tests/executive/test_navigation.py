@@ -74,6 +74,38 @@ def test_the_error_grows_from_leg_to_leg_by_the_closed_form():
     assert run.summary()["risk"] == 0.0
 
 
+SPEEDS = {
+    "vehicle.power": {"hotel": 30, "propulsion": {"constant": 5, "factor": 20}},
+    "vehicle.speed_range": [0.8, 2.5],
+    "mission.time_available": 5000.0,
+}
+
+
+def test_stays_count_at_the_speed_of_the_vehicle_and_legs_at_their_own():
+    first, second = jobs().points
+    late = Jobs((replace(first, windows=((2500.0, 3000.0),)), second))
+    run = plan_scenario(sea().with_(SPEEDS), area=replace(tidal_area(0.0, 0.0), jobs=late), seed=1)
+    assert run.tasks == 2
+    assert max(leg.t_wait for leg in run.done) > 500.0
+    way = 0.0
+    for leg in run.done:
+        way += leg.speed * leg.t_path
+        expected = np.hypot(3.0, np.hypot(0.02 * way, 0.02 * leg.times[-1]))
+        assert leg.position_std == pytest.approx(expected, rel=1e-3)
+        way += 2.5 * (leg.t_wait + leg.t_task)
+    assert {leg.speed for leg in run.done} != {2.5}
+
+
+def test_fixes_are_planned_by_the_speeds_of_legs():
+    """At 1 m/s the way to the second task takes 1,400 s, within which the error grows to 40 m."""
+    settings = sea().with_(SPEEDS | {"vehicle.speed_range": [1.0, 2.5]})
+    run = plan_scenario(settings, area=replace(tidal_area(0.0, 0.0), jobs=jobs(60.0)), seed=1)
+    (leg,) = (leg for leg in run.done if run.called(leg.goal) == "second")
+    assert leg.speed < 1.3
+    assert (leg.t_fix, run.tasks) == (None, 2)
+    assert leg.position_std < 60.0
+
+
 def test_it_surfaces_where_a_task_asks_for_it():
     run = planned(25.0)
     first, second, home = run.done
@@ -211,6 +243,18 @@ def test_the_rest_of_a_leg_is_planned_from_the_fix_at_its_beginning():
     rest = found.legs[1]
     assert (rest.t_fix, rest.t_hold) == (None, 0.0)
     assert rest.position_std == pytest.approx(leg.position_std, rel=0.05)
+
+
+def test_the_rest_of_a_leg_is_planned_from_what_was_known_at_its_beginning():
+    first, second = jobs().points
+    late = Jobs((replace(first, windows=((2500.0, 3000.0),)), second))
+    rolling = RollingPlan(sea().with_(SPEEDS), seed=1, area=replace(tidal_area(0.0, 0.0), jobs=late))
+    assert rolling.plan()
+    leg = rolling.legs[1]
+    half = len(leg.times) // 2
+    found = rolling.from_position(1, np.asarray(leg.positions[half], float), float(leg.times[half]))
+    assert found is not None
+    assert found.legs[1].position_std == pytest.approx(leg.position_std, rel=0.01)
 
 
 def test_drawn_seas_take_the_time_of_a_surfacing():
