@@ -65,7 +65,7 @@ def _stated(name: str, change: float, rows_of: Callable[[Summary, xr.Dataset], A
     """A figure of one of some rows."""
 
     def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
-        rows = [row for row in rows_of(summary, dataset) if row[name] is not None]
+        rows = [row for row in rows_of(summary, dataset) if row.get(name) is not None]
         rows[rng.integers(len(rows))][name] += change
 
     return alter
@@ -119,6 +119,38 @@ def _jobs_swapped(stated: dict[str, Any], rng: Rng) -> None:
     jobs[one]["position"], jobs[two]["position"] = jobs[two]["position"], jobs[one]["position"]
 
 
+def _leg_of_both(name: str, change: float) -> Alter:
+    """A figure of one leg, in both files alike."""
+
+    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+        values = np.array(dataset[f"leg_{name}"].values)
+        leg = rng.choice(np.flatnonzero(np.isfinite(values)))
+        values[leg] += change
+        summary["legs"][leg][name] = float(values[leg])
+        dataset[f"leg_{name}"] = dataset[f"leg_{name}"].copy(data=values)
+
+    return alter
+
+
+def _promised(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+    """The share of a promise, in both files alike."""
+    stated = json.loads(dataset.attrs["promise"])
+    summary["promise"]["share"] = stated["share"] = stated["share"] - 0.02
+    dataset.attrs["promise"] = json.dumps(stated)
+
+
+#: Alterations of what is said of vehicles whose position grows uncertain.
+POSITIONS: dict[str, Alter] = {
+    "a leg's position error by 2 m": _leg_of_both("position_std", 2.0),
+    "a leg's position error by -2 m": _leg_of_both("position_std", -2.0),
+    "a leg's time at the surface by 10 s": _leg_of_both("t_fix", 10.0),
+    "a leg's time at the surface by -10 s": _leg_of_both("t_fix", -10.0),
+    "summary: a leg's position error by 2 m": _leg_figure("position_std", 2.0),
+    "summary: a leg's time at the surface by 10 s": _leg_figure("t_fix", 10.0),
+    "summary: a leg's risk by 0.001": _leg_figure("risk", 1e-3),
+    "summary: the risk by 0.001": _figure("risk", 1e-3),
+}
+
 #: What is altered, by how much it says so.
 KINDS: dict[str, Alter] = {
     "a position 3 m north": _track("x", 3.0),
@@ -170,6 +202,9 @@ KINDS: dict[str, Alter] = {
     "summary: a leg's travel time by 10 s": _leg_figure("t_path", 10.0),
     "summary: a leg's replans by 1": _leg_figure("path_replans", 1),
     "summary: a leg's waypoint": _leg_figure("to", 1),
+    "a promise's share by 0.02": _promised,
+    "summary: a promise's share": lambda summary, *_: summary["promise"].update(share=0.123),
+    **POSITIONS,
 }
 
 
@@ -191,8 +226,13 @@ def possible(kind: str, dataset: xr.Dataset) -> bool:
         "two jobs swapped": len(jobs) > 1,
         "the current": "current_north" in dataset,
         "the digest of a file": bool(json.loads(dataset.attrs.get("sources", "null"))),
+        "a promise's share": "promise" in dataset.attrs,
+        "a leg's position error": "leg_position_std" in dataset,
+        "a leg's time at the surface": "leg_t_fix" in dataset,
+        "a leg's risk": "leg_risk" in dataset,
+        "the risk": "leg_risk" in dataset,
     }
-    return needs.get(name, True)
+    return needs.get(name.removeprefix("summary: "), True)
 
 
 @launch(

@@ -26,6 +26,7 @@ class Job:
     #: In which a task at a point begins and a part of a line lies whole, s since the departure; empty: any.
     windows: Spans
     falls: Spans  # moments, s since the departure, and the priority after each
+    max_error: float | None = None  # m, standard deviation of the position on arrival, at most
 
     @property
     def is_line(self) -> bool:
@@ -101,6 +102,7 @@ def read_jobs(run: Saved) -> list[Job] | None:
             float(job["duration"]),
             _spans(job["windows"]),
             [(float(moment), float(after)) for moment, after in job["falls"]],
+            job.get("max_error"),
         )
         for job in (*stated["points"], *stated["lines"])
     ]

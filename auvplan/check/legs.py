@@ -8,14 +8,19 @@ from typing import Any
 import numpy as np
 
 from auvplan.check.lines import line_of
+from auvplan.check.navigation import fix_time
 from auvplan.check.saved import TIME_TOLERANCE, Leg, Saved, near
 from auvplan.check.track import events
 from auvplan.runtime.files import MISSION, SUMMARY
 
 #: Shares of its speed that a vehicle moves at through the water on a simulated track: something may slow it.
 _TRACKED = 0.5, 1.1
-#: s at the surface that a fix takes, where a scenario does not say.
-_FIX_TIME = 60.0
+#: Normal quantile of two-sided 95 % intervals.
+_Z = 1.959964
+#: What the summary has of legs of vehicles whose position grows uncertain.
+_NAVIGATED = "t_fix", "position_std", "risk"
+#: By how much figures other than times may differ where they should agree.
+_ROOM = {"risk": 1e-6}
 #: Share of the time available by which single precision may let a mission seem to exceed it.
 _ROUNDING = 1e-6
 
@@ -107,6 +112,8 @@ def time_faults(run: Saved) -> Iterator[str]:
     energy = summary.get("energy")
     if isinstance(energy, dict) and "charge_end" in energy:
         success, says = success and energy["charge_end"] >= energy["reserve"], "the times, the charge"
+    if (promise := summary.get("promise")) and promise["asked"] is not None:
+        success, says = success and promise["share"] >= promise["asked"], f"{says}, the promise"
     if bool(summary["success"]) != success:
         yield f"success is {bool(summary['success'])}, {says} and the last waypoint say {success}"
 
@@ -202,10 +209,8 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
         sum(watts(share * v) * seconds[moving & (speeds == v)].sum() for v in np.unique(speeds))
         for share in (_TRACKED if run.simulated else (1.0, 1.0))
     )
-    navigation = run.section("vehicle").get("navigation")
-    rising = 0.0  # J, of the ways up and down, where the time at the surface stands in the scenario
-    if isinstance(navigation, dict) and navigation.get("vehicle") is None:
-        at_surface = _FIX_TIME if navigation.get("fix_time") is None else navigation["fix_time"]
+    rising = 0.0  # J, of the ways up and down, where the time at the surface is known
+    if (at_surface := fix_time(run)) is not None:
         share = _TRACKED[0] if run.simulated else 1.0
         ways = sum(max(leg.t_fix - at_surface - TIME_TOLERANCE, 0.0) for leg in rises)
         rising = share * watts(share * run.number("vehicle_speed")) * ways
@@ -257,6 +262,8 @@ def figure_faults(run: Saved) -> Iterator[str]:
         "revisits": sum(figures["revisit"] for figures in filed if figures["arrived"]),
         "seed": int(run.data.attrs["seed"]),
     }
+    if "leg_risk" in run:
+        total["risk"] = min(float(np.nansum(run["leg_risk"][run["leg_arrived"].astype(bool)])), 1.0)
     reserve = run.section("planning").get("reserve")
     if reserve is not None:
         total["reserve_used"] = float(np.clip(reserve - summary["t_residual"], 0.0, reserve))
@@ -275,9 +282,11 @@ def figure_faults(run: Saved) -> Iterator[str]:
     ]
     for prefix, stated, figures in tables:
         for name, value in figures.items():
-            given, absent = stated.get(name, value), np.isnan(value)  # which is stored as null
-            if (given is None) != absent or not (absent or _same(float(given), value)):
-                yield f"{prefix}{name} is {stated[name]} in {SUMMARY}, {value:g} by {MISSION}"
+            absent = np.isnan(value)  # which is stored as null, or not at all
+            given = stated.get(name, None if name in _NAVIGATED else value)
+            agree = absent if given is None else not absent and _same(float(given), value, _ROOM.get(name))
+            if not agree:
+                yield f"{prefix}{name} is {given} in {SUMMARY}, {value:g} by {MISSION}"
     if summary.get("priority_bound", np.inf) < summary["total_priority"] - 1e-6:
         yield f"priority_bound, {summary['priority_bound']:g}, is less than the total priority"
 
@@ -303,6 +312,7 @@ def _leg_figures(run: Saved) -> Iterator[dict[str, float]]:
             "t_planned": float(planned[own[followed[leg.number]]]) if len(own) else np.nan,
             "path_replans": int((cause[own] != "leg").sum()), "cpu_s": float(cpu[own].sum()),
             "speed": leg.speed,
+            **{name: float(run[f"leg_{name}"][leg.number]) for name in _NAVIGATED if f"leg_{name}" in run},
         }  # fmt: skip
 
 
@@ -336,6 +346,29 @@ def route_faults(run: Saved) -> Iterator[str]:
                 yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"
 
 
-def _same(a: float, b: float) -> bool:
-    """Return whether two times agree; never where one is not a number."""
-    return bool(abs(a - b) <= TIME_TOLERANCE)
+def promise_faults(run: Saved) -> Iterator[str]:
+    """Yield a promise that differs between both files, or whose share is not that of its interval."""
+    stated, summary = run.stated("promise"), json.loads(json.dumps(run.summary.get("promise")))
+    if stated is None or summary is None:
+        if stated is not summary:
+            yield f"a promise stands in one of {SUMMARY} and {MISSION} alone"
+        return
+    kept = stated | {"turns": [{k: v for k, v in one.items() if k != "positions"} for one in stated["turns"]]}
+    for name in kept:
+        if kept[name] != summary.get(name):
+            yield f"promise.{name} is {summary.get(name)} in {SUMMARY}, {kept[name]} in {MISSION}"
+    for name, one in ((SUMMARY, summary), (MISSION, stated)):
+        share, seas, interval = one["share"], one["seas"], np.asarray([one["low"], one["high"]])
+        room, spread = _Z**2 / seas, share * (1.0 - share) / seas + (0.5 * _Z / seas) ** 2
+        half = _Z * np.asarray([-1.0, 1.0]) * np.sqrt(spread)
+        wilson = np.clip((share + 0.5 * room + half) / (1.0 + room), 0.0, 1.0)
+        # Seas of several members count as fewer.
+        fits = np.allclose(wilson, interval, atol=1e-6) if one["members"] == 1 else True
+        if not (fits and interval[0] <= share <= interval[1]):
+            given = f"[{interval[0]:g}, {interval[1]:g}]"
+            yield f"promise.share is {share:g} of {seas} seas in {name}, its interval {given}"
+
+
+def _same(a: float, b: float, room: float | None = None) -> bool:
+    """Return whether two figures agree, by default two times; never where one is not a number."""
+    return bool(abs(a - b) <= (TIME_TOLERANCE if room is None else room))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.check import inputs, kinematics, legs, tasks
+from auvplan.check import inputs, kinematics, legs, navigation, tasks
 from auvplan.check.saved import Leg, Saved, read_legs, require
 from auvplan.check.track import Array, Bed, Coast, Mask, SampledTrack, events
 from auvplan.errors import AuvplanError
@@ -118,7 +118,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     run = Saved(summary, dataset, list(read_legs(dataset)), report.notes)
     for faults in (
         legs.site_faults, inputs.source_faults, legs.graph_faults, legs.place_faults, legs.time_faults,
-        legs.speed_faults, legs.energy_faults, legs.figure_faults, legs.route_faults,
+        legs.speed_faults, legs.energy_faults, legs.figure_faults, legs.promise_faults, legs.route_faults,
         kinematics.motion_faults, tasks.task_faults, tasks.window_faults,
     ):  # fmt: skip
         report.faults += faults(run)
@@ -132,6 +132,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = 
     coast = Coast.of(dataset) if "passability" in run else None
     shore = None if coast is None else Coast.beyond(dataset)
     bed = Bed.of(dataset) if "seabed_depth" in run else None
+    report.faults += navigation.position_faults(run, bed)
     for leg in run.legs:
         if not leg.executed or (samples := _sampled(leg, leg.speed + CURRENT_MAX, report)) is None:
             continue

@@ -430,6 +430,13 @@ class Mission:
         vehicle = self.context.vehicle
         return replace(vehicle, speed=self.speed) if chosen or self.pace != 1.0 else vehicle
 
+    def chosen_speed(self, edge: tuple[int, int]) -> float | None:
+        """|v| that is chosen for an edge, m/s; None where it is the vehicle's."""
+        speeds = self.context.speeds
+        if speeds is None or len(speeds) == 1 or self.chosen is None:
+            return None
+        return float(speeds[self.chosen[edge]])
+
     @property
     def asked_speed(self) -> float:
         """|v| that it is asked for on the leg that it is on, m/s."""
@@ -445,7 +452,8 @@ class Mission:
     def known(self) -> Navigation | None:
         """How well the vehicle knows where it is now; None where that is exactly.
 
-        Whatever it does counts as a way at its speed. It is in bottom lock as it would be where it is.
+        Whatever it does counts as a way at its speed, at a waypoint at the vehicle's. It is in bottom lock as
+        it would be where it is.
         """
         if self.navigation is None:
             return None

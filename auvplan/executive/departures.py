@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.energy import energy_of_plan
 from auvplan.errors import ScenarioError
-from auvplan.executive.context import Mission
+from auvplan.executive.context import Mission, MissionContext
 from auvplan.executive.loop import complete
 from auvplan.executive.planning import (
     leaving,
@@ -64,8 +64,10 @@ class Departures(ReprMixin):
         priority: [D] their total priority; 0 of a leg.
         current: [D] m/s, at the departure: mean level speed at the waypoints or along the leg.
         reasons: D lines on what stands against it; empty where it is feasible.
-        routes: waypoints in the order of visit of each, None where it is not feasible; None of a leg.
-        plans: D path plans of a leg; None of a mission.
+        routes: waypoints in the order of visit of each, None where it is not feasible; None where there are
+            plans.
+        plans: D path plans of a leg; None of a mission, and of a leg with a limit on charge or position, or
+            with a range of speeds, which is planned as a mission is.
         site: where and when local coordinates begin, or None.
         names: of the waypoints; empty where they have none.
         energy: [D] Wh that it takes, NaN where it is not feasible; None without a power model.
@@ -127,7 +129,8 @@ def plan_departures(
     """Plan a mission, or the leg where the scenario has two waypoints, for each of D departures.
 
     Waypoints, tasks and chance are the same at every departure; the current differs. A mission is planned as
-    `plan_scenario` plans it, in the current forecast for the transit; so is a leg.
+    `plan_scenario` plans it, in the current forecast for the transit. So is a leg; one without limits on
+    charge and position and without a range of speeds is taken to be begun at once, not after a wait.
 
     Args:
         scenario: settings.
@@ -150,13 +153,25 @@ def plan_departures(
     if area is None:
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
-    alone = scenario.mission.waypoints == 2 and area.jobs is None and scenario.vehicle.saw_tooth is None
-    if alone and not scenario.planning.promises:
-        legs = leaving(planning_context(scenario, folder, area), key, moments)
-        return replace(_plan_legs(legs, progress), least=least)
+    context = planning_context(scenario, folder, area)
+    if _is_path_alone(context):
+        return replace(_plan_legs(leaving(context, key, moments), progress), least=least)
     contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]
     missions = [leaving(context, key, [now])[0] for context, now in zip(contexts, moments, strict=True)]
     return replace(_plan_missions(missions, progress), least=least)
+
+
+def _is_path_alone(context: MissionContext) -> bool:
+    """Return whether the path of one leg is all that there is to plan.
+
+    Then there are no tasks, no speeds to choose among, no promise, no limit on charge or position.
+    """
+    scenario, power, fixes = context.scenario, context.power, context.fixes
+    if scenario.mission.waypoints != 2 or context.area.jobs is not None or scenario.planning.promises:
+        return False
+    chosen = context.speeds is not None or context.saw_tooth is not None
+    limits = None if power is None else power.battery, None if fixes is None else fixes.most
+    return not chosen and limits == (None, None)
 
 
 def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
@@ -273,4 +288,6 @@ def _why_no_route(mission: Mission, forecast: Current) -> str:
                 why = line.explain(line.broken()[0], context.epoch)
             return f"there is no path on leg {run.called(i)} to {run.called(j)}: {why}"
     left, cost = run.t_available - mission.now, float(times[nodes[:-1], nodes[1:]].sum())
+    if cost <= left or timed.options is not None:  # it is not time alone that is lacking
+        return run.reason
     return f"the shortest way to the destination takes {cost:.0f} s, {left:.0f} s are available"

@@ -300,15 +300,12 @@ def _begin(missions: list[Mission]) -> None:
         expects, hold = float(times[i, j]), 0.0
         if mission.timed.timetable is not None:
             expects, hold = _by_the_clock(mission, i, j, expects)
-        speeds, speed = mission.context.speeds, None
-        if speeds is not None and len(speeds) > 1 and mission.chosen is not None:
-            speed = float(speeds[mission.chosen[i, j]])
-        revisit = j in mission.visited
+        revisit, speed = j in mission.visited, mission.chosen_speed((i, j))
         own = {"revisit": revisit, "t_hold": rise + hold, "t_fix": rise or None, "speed": speed}
         records.append(LegRecord(i, j, expects, task, rho, **own))
     for mission in missions:
-        if mission.navigation is not None and mission.at_surface:
-            mission.navigate(mission.navigation.fixed())
+        if mission.navigation is not None:  # from here on at the leg's speed
+            mission.navigate(mission.navigation.fixed() if mission.at_surface else mission.known)
     begin_legs(missions, records)
     _surface_instead(missions)
     if late := [mission for mission in missions if hurries(mission)]:

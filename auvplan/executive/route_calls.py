@@ -311,8 +311,8 @@ def _plan_routes(missions: list[Mission], config: MissionConfig, kept: bool, sha
     reserve = share * planning.reserve
     longer = np.asarray([1.0 + share * mission.allowance for mission in missions])
     left = (np.asarray([mission.run.t_available - mission.now for mission in missions]) - reserve) / longer
-    energy = None  # J that may be taken by the power models
-    if context.speeds is not None:
+    energy = None  # J that may be taken by the power models; as much as they take where there is no battery
+    if context.speeds is not None and all(np.isfinite(mission.energy_left) for mission in missions):
         energy = np.asarray([max(one.energy_left, 0.0) / drawn(one) for one in missions]) / longer
         if share == 0.0:  # where no slack is kept any more, the way home is gone whatever is left
             homes = [way_home(one) if one.route is not None else 0.0 for one in missions]

@@ -85,16 +85,17 @@ def due(mission: Mission) -> bool:
 
 def _order(mission: Mission, rest: list[int], most: Array) -> Order:
     """Return the rest of a route by the times that its legs are expected to take."""
-    graph, speed, fixes = mission.run.graph, mission.speed, mission.context.fixes
+    graph, fixes = mission.run.graph, mission.context.fixes
     risk = 0.0 if fixes is None or fixes.surfacing_price is None else fixes.surfacing_price
     places, edges = np.asarray(graph.positions, float), list(pairwise(rest))
     lasts = mission.timed.leg_times(mission.context.speed) - np.asarray(graph.duration)
-    still = np.linalg.norm(np.diff(places[rest], axis=0), axis=1) / speed
+    speeds = [mission.pace * (mission.chosen_speed(edge) or mission.context.speed) for edge in edges]
+    still = np.linalg.norm(np.diff(places[rest], axis=0), axis=1) / speeds
     travel = [max(float(lasts[edge]), straight) for edge, straight in zip(edges, still, strict=True)]
     share = np.linspace(0.0, 1.0, _PROBES)[:, None]
     legs = [
-        _drift(mission, seconds, (1.0 - share) * places[i] + share * places[j])
-        for (i, j), seconds in zip(edges, travel, strict=True)
+        _drift(mission, seconds, (1.0 - share) * places[i] + share * places[j], speed)
+        for (i, j), seconds, speed in zip(edges, travel, speeds, strict=True)
     ]
     stays = [(0.0, 0.0)]
     stays += [_drift(mission, float(graph.duration[i, j]), places[[j]]) for i, j in edges[:-1]]
@@ -106,13 +107,18 @@ def _order(mission: Mission, rest: list[int], most: Array) -> Order:
     return Order(np.array(legs), np.array(stays), np.array(dives), np.array(price), most)
 
 
-def _drift(mission: Mission, seconds: float, places: Array) -> tuple[float, float]:
-    """Return m through the water and s out of bottom lock, of a time that is spent along places [n, 3] m."""
+def _drift(
+    mission: Mission, seconds: float, places: Array, speed: float | None = None
+) -> tuple[float, float]:
+    """Return m through the water and s out of bottom lock, of a time that is spent along places [n, 3] m.
+
+    Through the water it makes a speed, m/s; that of the mission now if absent.
+    """
     reach = None if mission.navigation is None else mission.navigation.bottom_lock
     bed, share = mission.context.area.seabed, 1.0
     if reach is not None and bed is not None:
         share = float((bed.altitude(places) > float(np.asarray(reach))).mean())
-    return mission.speed * seconds, share * seconds
+    return (mission.speed if speed is None else speed) * seconds, share * seconds
 
 
 def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
@@ -127,7 +133,8 @@ def charged(mission: Mission, graph: MissionGraph) -> MissionGraph:
     reach, price = charges
 
     def longer(times: Array) -> Array:
-        return times + price[:, None] * np.minimum(times / reach, 1.0)
+        # Where there is no edge, times are infinite.
+        return times + price[:, None] * np.minimum(np.where(times < np.inf, times, 0.0) / reach, 1.0)
 
     if (table := graph.timetable) is not None:
         return replace(graph, timetable=replace(table, travel_time=longer(np.asarray(table.travel_time))))

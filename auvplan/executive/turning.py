@@ -29,7 +29,7 @@ _COSTS = tuple((0.03 * 2.0 ** np.arange(11)).tolist())
 _LATER, _EARLIER, _HALVED = 0.1, 0.5, 12
 
 #: The same, of rules that are close to keeping a promise.
-_STEPS = 0.001, 0.002, 0.004, 0.007, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2
+_STEPS = 0.001, 0.002, 0.004, 0.007, 0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2
 
 #: Moments at which a stop may be left that are distinguished, and every which sea rules are made in.
 _MOMENTS, _SEAS = 300, 2
@@ -234,7 +234,7 @@ def just_keeping(rule: Rule, asked: float, stakes: Stakes, follow: Callable[[Rul
 
     Where none keeps it, it is how it goes with the earliest.
     """
-    if not np.isfinite(rule.past).any():
+    if not np.isfinite(rule.on).any():
         return follow(rule)
     time = stakes.available - stakes.begins
     low, high = -_LATER * time, _EARLIER * time
@@ -255,7 +255,7 @@ def keeping(rule: Rule, asked: float, stakes: Stakes, follow: Callable[[Rule], R
     Where none keeps it, it is the one by which it comes nearest.
     """
     best, time = follow(rule), stakes.available - stakes.begins
-    for share in _STEPS if np.isfinite(rule.past).any() else ():
+    for share in _STEPS if np.isfinite(rule.on).any() else ():
         if best.found.share >= asked:
             break
         best = max(best, follow(rule.earlier(share * time)), key=lambda one: one.found.share)

@@ -14,6 +14,7 @@ from auvplan.io.area import AreaFiles, load_closures
 from auvplan.io.fields import chart_of, seabed_of, site_of
 from auvplan.io.results import OF_RUN
 from auvplan.io.schema import ROUTE, graph_of, legs_of, read_stated, rows_of
+from auvplan.navigation import Navigation
 from auvplan.records import MissionRun, RouteRecord
 from auvplan.runtime.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.scenario.file import validate_scenario
@@ -60,7 +61,8 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> Missi
     if sources is not None and (changed := changed_source(sources, read, home)):
         line = "put back what the run was made from, or make the run again"
         raise ResultError(f"{folder / MISSION}: {changed}: {line}")
-    power, prefix = json.loads(attributes.get("power_model", "null")), "vehicle_"
+    power, reckons = (json.loads(attributes.get(name, "null")) for name in ("power_model", "navigation"))
+    prefix = "vehicle_"
     stated = {k.removeprefix(prefix): float(v) for k, v in attributes.items() if k.startswith(prefix)}
     # A limit in the vertical that is not stated is one that the vehicle does not have.
     limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | stated
@@ -81,7 +83,11 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> Missi
     own = {name: kind(attributes[name]) for name, kind in OF_RUN.items() if name not in young}
     return MissionRun(
         settings,
-        vehicle=Vehicle(**limits, power=power_model(power and PowerSettings.model_validate(power))),
+        vehicle=Vehicle(
+            **limits,
+            power=power_model(power and PowerSettings.model_validate(power)),
+            navigation=None if reckons is None else Navigation(**reckons),
+        ),
         graph=graph_of(dataset, stated["speed"], waiting),
         chart=chart,
         routes=[RouteRecord(**row) for row in rows_of(ROUTE, dataset)] if "route_nodes" in dataset else [],

@@ -84,7 +84,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
     limits = {limit.name: getattr(run.vehicle, limit.name) for limit in fields(run.vehicle)}
     for apart in ("power", "navigation"):
         limits.pop(apart)
-    power = run.vehicle.power
+    power, known = run.vehicle.power, run.vehicle.navigation
     place: dict[str, Any] = {}
     if (site := run.site) is not None:  # the azimuthal equidistant projection about a place
         place = {"site_longitude": site.longitude, "site_latitude": site.latitude}
@@ -110,6 +110,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "sources": json.dumps(sources),
         **{f"vehicle_{name}": float(limit) for name, limit in limits.items() if limit is not None},
         **({} if power is None else {"power_model": json.dumps(schema.plain_power(power))}),
+        **({} if known is None else {"navigation": json.dumps(schema.plain_navigation(known))}),
         **place,
         **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
     }

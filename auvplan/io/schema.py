@@ -26,6 +26,7 @@ from auvplan.mission import MissionGraph
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Timetable
+from auvplan.navigation import Navigation
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
@@ -367,6 +368,13 @@ def plain_power(power: PowerModel) -> dict[str, Any]:
     own = {"propulsion": numbers(power.propulsion)}
     own |= {} if power.battery is None else {"battery": numbers(power.battery)}
     return numbers(power, "propulsion", "battery") | own
+
+
+def plain_navigation(known: Navigation) -> dict[str, float]:
+    """Return the navigation of a vehicle at a fix as plain data."""
+    found: dict[str, Any] = {entry.name: getattr(known, entry.name) for entry in fields(known)}
+    stated = found.keys() - {"way", "unlocked"}
+    return {name: float(np.asarray(found[name])) for name in sorted(stated) if found[name] is not None}
 
 
 # --- plans -------------------------------------------------------------------------------------------

@@ -248,8 +248,10 @@ class RollingPlan:
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
         state = before.fork(now=now, cause="", **route)
         state.run.routes[:] = after.run.routes
-        if state.navigation is not None and (old.t_fix or state.at_surface):  # it had a fix as it left
-            state.navigation, state.navigated = after_fix(state), float(old.times[0])
+        if state.navigation is not None:  # as it left, with a fix or without
+            left = state.fork(now=float(old.times[0]))
+            known = after_fix(left) if old.t_fix or state.at_surface else left.known
+            state.navigation, state.navigated = known, left.now
         none = {"times": np.zeros(0), "positions": np.zeros((0, 3))}
         record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0, t_fix=None)
         if self._set_out_from(state, record, position):

@@ -148,9 +148,9 @@ class Seabed(Raster):
         places = np.asarray(positions, float)
         pixels = (places[..., :2] - np.asarray(self.origin)) / float(self.pixel_size) - 0.5
         depth = scipy.ndimage.map_coordinates(
-            np.asarray(self.depth), np.moveaxis(pixels, -1, 0), order=1, mode="nearest", output=float
+            np.asarray(self.depth), pixels.reshape(-1, 2).T, order=1, mode="nearest", output=float
         )
-        return depth - places[..., 2]
+        return depth.reshape(places.shape[:-1]) - places[..., 2]
 
     def shallowest_at(self, x: ArrayLike, y: ArrayLike, length: ArrayLike | None = None) -> jax.Array:
         """Return a depth that the sea bed has nowhere less of within half a length around; differentiable.

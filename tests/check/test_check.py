@@ -22,8 +22,11 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.path.motion import Motion
 from auvplan.records import Promise, TurnBack
 from auvplan.site import Site
-from benchmarks.alterations import KINDS, altered, possible
+from benchmarks.alterations import KINDS, POSITIONS, altered, possible
 from tests.io.sample_run import WAYPOINTS, make_run, refused_leg
+
+#: 950 of 1,000 seas, with Wilson's interval.
+PROMISE = Promise(0.9, 0.95, 0.934686, 0.961870, 1000, 1, (1.0, 2.0, 3.0), 0.0, (100.0,), 3.0)
 
 
 def check(run, dataset=None):
@@ -72,17 +75,28 @@ def placed(tmp_path_factory):
         leg.current = np.zeros((len(leg.times), 2))
     arrives = float(run.legs[0].times[-1])
     three_jobs(run, windows=((arrives - 5.0, arrives + 5.0),))
+    run.promise = PROMISE
     summary = json.loads(json.dumps(run.summary()))
     assert check_dataset(summary, to_dataset(run)).ok
     return summary, to_dataset(run)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in POSITIONS])
 def test_an_altered_figure_is_found(kind, placed):
     assert possible(kind, placed[1])
     for draw in range(2):
         report = check_dataset(*altered(kind, *placed, np.random.default_rng(draw)))
         assert report.faults, f"draw {draw}"
+
+
+def test_a_promise_that_is_not_kept_is_no_success():
+    run = make_run()
+    run.promise = replace(PROMISE, asked=0.96)
+    assert not run.summary()["success"]
+    assert check(run).ok
+    dataset = to_dataset(run)
+    (fault,) = check_dataset(run.summary() | {"success": True}, dataset).faults
+    assert "the promise" in fault
 
 
 @pytest.mark.parametrize("nodes", [(0, 1), (0, 1, 3, 2)])
@@ -225,7 +239,9 @@ def test_ways_home_are_looked_at():
         (deep, "below the sea bed"),
     ):
         turn = TurnBack(0, 100.0, 0.5, 60.0, tuple(map(tuple, places.tolist())))
-        run.promise = Promise(0.9, 0.95, 0.93, 0.96, 1000, 1, (1.0, 2.0, 3.0), 0.0, (100.0,), 3.0, (turn,))
+        run.promise = Promise(
+            0.9, 0.95, 0.934686, 0.961870, 1000, 1, (1.0, 2.0, 3.0), 0.0, (100.0,), 3.0, (turn,)
+        )
         faults = check(run).faults
         assert bool(faults) == bool(words)
         assert all(fault.startswith("path if late after leg 0") for fault in faults)

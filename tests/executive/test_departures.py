@@ -86,6 +86,31 @@ def test_legs_by_energy_are_those_that_the_power_model_makes_of_their_times(acro
     assert (swapped.best, replace(swapped, least="time").best) == (3, across.best)
 
 
+POWER = {"hotel": 20.0, "propulsion": {"constant": 10.0, "factor": 15.0}}
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "why"),
+    [
+        ({"power": POWER | {"battery": {"capacity": 40.0, "reserve": 0.1}}}, "36.0 Wh are available"),
+        ({"power": POWER, "speed_range": [1.5, 2.5]}, "cross-current"),
+        ({"navigation": {"drift": 0.01, "most": 10.5}}, "10.5 m are asked for"),
+    ],
+)
+def test_a_leg_with_limits_or_speeds_is_what_the_plan_of_its_departure_is(vehicle, why):
+    settings, area = channel(vehicle=vehicle), tidal_area(1.2, 1.6)
+    found = plan_departures(settings, HOURS[:8:2], key=KEY, area=area)
+    assert 0 < found.feasible.sum() < len(found)
+    assert any(why in reason for reason in found.reasons)
+    for k, depart in enumerate(found.departs):
+        run = plan_scenario(settings, key=KEY, depart=depart, area=area)
+        assert run.success == found.feasible[k]
+        assert ("" if run.success else run.reason) == found.reasons[k]
+        if run.success:
+            assert run.t_mission == pytest.approx(found.time[k])
+            assert found.energy is None or found.energy[k] == pytest.approx(run.energy.total)
+
+
 def test_departures_by_energy_need_a_power_model():
     with pytest.raises(ScenarioError, match=r"vehicle\.power"):
         plan_departures(channel(), HOURS, key=KEY, area=tidal_area(0.0, 2.0), least="energy")

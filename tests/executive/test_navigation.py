@@ -1,5 +1,6 @@
 """Plans of vehicles that dead-reckon: how well they know where they are, where they surface, what is said."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from xml.etree import ElementTree
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from auvplan.check.run import check_dataset
+from auvplan.check.run import check_dataset, check_run
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_departures, plan_scenario, run_mission
 from auvplan.executive.loop import seed_keys
@@ -24,10 +25,12 @@ from auvplan.link.imc import as_message
 from auvplan.link.rolling import RollingPlan
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.closures import Zone
+from auvplan.ocean.seabed import Seabed
 from auvplan.path.risk import exposed
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
 from auvplan.view.sheet import sheet_of
+from benchmarks.alterations import POSITIONS, altered, possible
 from tests.executive.small import scenario
 from tests.executive.tide import CHANNEL, channel, tidal_area
 
@@ -72,6 +75,39 @@ def test_the_error_grows_from_leg_to_leg_by_the_closed_form():
         assert leg.position_std == pytest.approx(np.hypot(3.0, GROWTH * passed), rel=1e-3)
         assert leg.risk == 0.0
     assert run.summary()["risk"] == 0.0
+
+
+SPEEDS = {
+    "vehicle.power": {"hotel": 30, "propulsion": {"constant": 5, "factor": 20}},
+    "vehicle.speed_range": [0.8, 2.5],
+    "mission.time_available": 5000.0,
+}
+
+
+def test_stays_count_at_the_speed_of_the_vehicle_and_legs_at_their_own():
+    first, second = jobs().points
+    late = Jobs((replace(first, windows=((2500.0, 3000.0),)), second))
+    run = plan_scenario(sea().with_(SPEEDS), area=replace(tidal_area(0.0, 0.0), jobs=late), seed=1)
+    assert run.tasks == 2
+    assert max(leg.t_wait for leg in run.done) > 500.0
+    way = 0.0
+    for leg in run.done:
+        way += leg.speed * leg.t_path
+        expected = np.hypot(3.0, np.hypot(0.02 * way, 0.02 * leg.times[-1]))
+        assert leg.position_std == pytest.approx(expected, rel=1e-3)
+        way += 2.5 * (leg.t_wait + leg.t_task)
+    assert {leg.speed for leg in run.done} != {2.5}
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
+def test_fixes_are_planned_by_the_speeds_of_legs():
+    """At 1 m/s the way to the second task takes 1,400 s, within which the error grows to 40 m."""
+    settings = sea().with_(SPEEDS | {"vehicle.speed_range": [1.0, 2.5]})
+    run = plan_scenario(settings, area=replace(tidal_area(0.0, 0.0), jobs=jobs(60.0)), seed=1)
+    (leg,) = (leg for leg in run.done if run.called(leg.goal) == "second")
+    assert leg.speed < 1.3
+    assert (leg.t_fix, run.tasks) == (None, 2)
+    assert leg.position_std < 60.0
 
 
 def test_it_surfaces_where_a_task_asks_for_it():
@@ -130,6 +166,15 @@ def test_the_checker_finds_energy_of_surfacing_that_is_left_out():
     ]  # fmt: skip
 
 
+def test_a_limit_on_one_task_goes_with_a_window_of_another():
+    first, second = jobs(25.0).points
+    timed = Jobs((replace(first, windows=((600.0, 1200.0),)), second))
+    run = plan_scenario(sea(), area=replace(tidal_area(0.0, 0.0), jobs=timed), seed=1)
+    assert (run.success, run.tasks) == (True, 2)
+    (met,) = (leg for leg in run.done if run.called(leg.goal) == "second")
+    assert met.position_std < 25.0
+
+
 def test_a_task_that_cannot_be_met_is_left_out_and_why_is_said():
     run = planned(25.0, forbidden=True)
     assert "second" not in [run.called(leg.goal) for leg in run.done]
@@ -138,6 +183,47 @@ def test_a_task_that_cannot_be_met_is_left_out_and_why_is_said():
     assert any("25 m are asked for" in why for why in refused)
     strict = planned(1.0)  # less than a fix has
     assert any("1 m are asked for" in leg.refused for leg in strict.legs)
+
+
+@pytest.mark.parametrize("kind", POSITIONS)
+def test_the_checker_works_out_what_is_said_of_positions(kind):
+    summary, dataset = planned(25.0).summary(), to_dataset(planned(25.0))
+    assert possible(kind, dataset)
+    for draw in range(3):
+        assert check_dataset(*altered(kind, summary, dataset, np.random.default_rng(draw))).faults
+
+
+def test_the_checker_looks_at_what_is_asked_for_and_what_the_vehicle_is():
+    run = planned(25.0)
+    summary, dataset = run.summary(), to_dataset(run)
+
+    def faults(change):
+        altered = dataset.copy()
+        settings = json.loads(dataset.attrs["scenario"])
+        change(settings["vehicle"]["navigation"])
+        altered.attrs = dataset.attrs | {"scenario": json.dumps(settings)}
+        return check_dataset(summary, altered).faults
+
+    assert faults(dict) == []
+    found = faults(lambda known: known.update(most=15.0))
+    assert len(found) == sum(leg.position_std > 15.0 for leg in run.done) > 0
+    assert all("15 m are asked for" in fault for fault in found)
+    assert any("drift is 0.02" in fault for fault in faults(lambda known: known.update(drift=0.01)))
+    assert any("surfaces for" in fault for fault in faults(lambda known: known.update(fix_time=60.0)))
+
+
+def test_the_checker_knows_of_bottom_lock():
+    """The bed slopes: from about 800 m north on it is out of reach."""
+    depth = np.broadcast_to(np.linspace(20.0, 120.0, 101)[:, None], (101, 101)) + 20.0
+    bed = Seabed.from_depth(depth, 40.0, (-1000.0, -2000.0))
+    area = replace(tidal_area(0.0, 0.0), jobs=jobs(), seabed=bed)
+    run = plan_scenario(sea(KNOWN | {"drift": 0.0, "bottom_lock": 65.0}), area=area, seed=1)
+    stds = [leg.position_std for leg in run.done]
+    assert stds[0] == pytest.approx(3.0)
+    assert 3.1 < stds[1] < stds[2] < np.hypot(3.0, 0.02 * run.t_mission)
+    summary, dataset = run.summary(), to_dataset(run)
+    assert check_dataset(summary, dataset).faults == []
+    assert check_dataset(summary, dataset.assign(seabed_depth=dataset["seabed_depth"] + 100.0)).faults
 
 
 def test_sheet_and_summary_say_it():
@@ -191,6 +277,7 @@ def test_waypoints_at_the_surface_are_fixes():
     assert buoy.position_std == pytest.approx(np.hypot(3.0, GROWTH * buoy.t_path), rel=1e-3)
     assert home.position_std == pytest.approx(np.hypot(3.0, GROWTH * home.t_path), rel=1e-3)
     assert home.t_fix is None
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
 
 
 def test_survey_lines_and_departures_have_it():
@@ -212,6 +299,8 @@ def test_simulated_missions_have_it_too_and_files_keep_it(tmp_path):
     assert all(leg.position_std is not None and leg.position_std > 3.0 for leg in run.done)
     assert all(0.0 <= leg.risk <= 1.0 for leg in run.done if leg.risk is not None)
     again = restore_run(save_run(run, tmp_path))
+    assert check_run(tmp_path).faults == []
+    assert again.vehicle.navigation == run.vehicle.navigation
     for name in ("position_std", "risk", "t_fix"):
         assert [getattr(leg, name) for leg in again.legs] == [
             None if (value := getattr(leg, name)) is None else pytest.approx(value) for leg in run.legs
@@ -245,6 +334,18 @@ def test_the_rest_of_a_leg_is_planned_from_the_fix_at_its_beginning():
     rest = found.legs[1]
     assert (rest.t_fix, rest.t_hold) == (None, 0.0)
     assert rest.position_std == pytest.approx(leg.position_std, rel=0.05)
+
+
+def test_the_rest_of_a_leg_is_planned_from_what_was_known_at_its_beginning():
+    first, second = jobs().points
+    late = Jobs((replace(first, windows=((2500.0, 3000.0),)), second))
+    rolling = RollingPlan(sea().with_(SPEEDS), seed=1, area=replace(tidal_area(0.0, 0.0), jobs=late))
+    assert rolling.plan()
+    leg = rolling.legs[1]
+    half = len(leg.times) // 2
+    found = rolling.from_position(1, np.asarray(leg.positions[half], float), float(leg.times[half]))
+    assert found is not None
+    assert found.legs[1].position_std == pytest.approx(leg.position_std, rel=0.01)
 
 
 def test_drawn_seas_take_the_time_of_a_surfacing():

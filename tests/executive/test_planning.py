@@ -230,8 +230,8 @@ def test_the_sheet_says_of_a_job_that_fits_what_was_missed(jobs):
 
 
 def planned_on_charge(capacity, speeds, area, **mission):
-    """A plan in the channel with a battery of a capacity, Wh, of which 0.7 may be used."""
-    battery = {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
+    """A plan in the channel with a battery of a capacity, Wh, of which 0.7 may be used, or without one."""
+    battery = None if capacity is None else {"capacity": capacity, "reserve": 0.2, "charge": 0.9}
     power = {"hotel": 40, "task": 60, "propulsion": {"constant": 8, "factor": 12}, "battery": battery}
     vehicle = {"power": power, "speed_range": speeds}
     return plan_scenario(channel(vehicle=vehicle, mission=CHANNEL["mission"] | mission), area=area)
@@ -257,6 +257,15 @@ def test_the_sheet_says_what_a_job_takes_for_which_the_battery_does_not_do(speed
     whole = planned(1.01 * needed / 0.7)
     assert not sheet_of(whole).left_out
     assert whole.energy.total == pytest.approx(takes, rel=0.15 if speeds else 0.02)
+
+
+def test_speeds_without_a_battery_are_those_of_an_ample_one():
+    job = Jobs((JobPoint("job", (700.0, 40.0, 5.0), 1.0, 900.0),))
+    area = replace(tidal_area(0.4, 0.0), jobs=job)
+    free, ample = (planned_on_charge(capacity, [1.0, 3.0], area) for capacity in (None, 1e4))
+    assert (free.success, free.tasks) == (True, 1)
+    assert [leg.speed for leg in free.done] == [leg.speed for leg in ample.done]
+    assert free.energy.total == pytest.approx(ample.energy.total)
 
 
 @pytest.mark.parametrize("speeds", [None, [1.0, 3.0]])

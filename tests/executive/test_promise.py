@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import jax
@@ -19,7 +20,7 @@ from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
 from auvplan.executive.outcomes import Outcomes, Rule, latest_stops, outcomes, ruled
 from auvplan.executive.planning import leaving, plan_promises, planning_context
-from auvplan.executive.turning import Stakes, just_keeping, rules, turned, until_when, ways_of
+from auvplan.executive.turning import Stakes, just_keeping, keeping, rules, turned, until_when, ways_of
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
@@ -495,6 +496,19 @@ def test_a_rule_is_made_as_early_as_its_promise_needs(seed, asked):
         assert np.ptp(earlier) < 1e-9
         later = turned(found, kept.rule.earlier(-60.0 / 2.0**12), won)  # as near as it is looked for
         assert later.found.share < asked or earlier[0] < -10.0 + 0.1
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_rule_that_only_goes_past_tasks_is_made_earlier_too(seed):
+    found, won = by_chance(seed)
+    follow = partial(turned, found, stakes=won)
+    for rule in rules(replace(found, home=np.full(found.home.shape, np.inf)), won)[1:]:
+        assert not np.isfinite(rule.past).any()
+        for made, most in ((just_keeping, 50.0), (keeping, 20.0)):
+            sure = follow(rule.earlier(most)).found.share
+            if follow(rule).found.share < sure:
+                assert made(rule, sure, won, follow).found.share >= sure
 
 
 @settings(max_examples=30, deadline=None)
