@@ -13,7 +13,7 @@ import auvplan as ap
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.path import plan_least_energy, planner, stages
-from auvplan.path.ends import check_ends
+from auvplan.path.ends import check_ends, check_water
 from auvplan.path.habitats import straight_line
 from auvplan.runtime.compiled import compilations
 from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
@@ -191,15 +191,16 @@ def test_places_that_are_rounded_by_much_of_a_leg_are_refused(apart, north, pass
         check_ends(*ends, env, ap.Vehicle())
 
 
-def test_a_current_that_is_infinite_somewhere_is_refused():
-    """Its slopes leave no path that could be followed."""
+def test_a_current_that_is_infinite_is_refused():
+    """Its slopes leave no path that could be followed: it is looked at all over the box."""
     env = ap.Environment(
         lambda x, y, z, t: (jnp.where(x > 1000.0, jnp.inf, 0.1), 0.0, 0.0),
         lower=(0, 0, 0),
         upper=(2500, 2500, 60),
     )
+    nowhere, ends = np.full((1, 4, 3), np.nan), (START[None], GOAL[None])
     with pytest.raises(CurrentError, match=r"current is infinite at \(1\d\d\d, .*, and leg 0 finds no path"):
-        ap.plan_path((200, 200, 10), (2200, 1900, 40), env, key=jax.random.key(0), config=CONFIG)
+        check_water(nowhere[:, :-1], nowhere, np.zeros((1, 4)), ends, env)
 
 
 def test_traced_moments_and_near_ones_pass():
