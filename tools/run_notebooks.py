@@ -89,7 +89,7 @@ def _small(png: bytes) -> bytes:
     """Reduce a picture to few colours, and to the width of a page."""
     picture, out = Image.open(io.BytesIO(png)).convert("RGB"), io.BytesIO()
     picture.thumbnail((_WIDTH, 4 * _WIDTH))
-    few = picture.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few = picture.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
     few.save(out, "PNG", optimize=True)
     return out.getvalue()
 
