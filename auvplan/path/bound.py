@@ -134,7 +134,12 @@ def lower_bound(
         known: s, time of a path that is known; the bound is no greater.
         depart: s since the epoch.
         fineness: factor on the cells along each axis.
+
+    Raises:
+        ValueError: no time of a path is known.
     """
+    if not 0.0 < known < np.inf:
+        raise ValueError(f"known must be the time of a path, s, got {known:g}")
     problem = _Problem.of(start, goal, env, vehicle, config, float(known), float(depart))
     cells = tuple(max(8, round(fineness * count)) for count in (DEEP if problem.deep else PLANAR))
     coarse = tuple(max(8, count // 2) for count in cells)
