@@ -194,6 +194,7 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     # Of a surfacing for a fix no track is recorded: up from the depth of the waypoint left, and down again.
     rises = [leg for leg in legs if leg.t_fix > 0.0]
     up = float(sum(max(leg.positions[0, 2], 0.0) for leg in rises))
+    dived, climbed = (up + float(np.maximum(sign * down, 0.0).sum()) for sign in (1.0, -1.0))
     descents = sum(len(list(events(np.diff(leg.positions[:, 2]) > 0.0))) for leg in legs)
     law = power["propulsion"]
 
@@ -225,11 +226,8 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
             for name in ("hotel", "payload")
         },
         "propulsion": (slow + rising, fast + watts(fastest) * max(lasts - under_way, 0.0)),
-        "dive": (
-            power["dive"] * (up + float(np.maximum(down, 0.0).sum())) + power.get("pump", 0.0) * descents,
-        )
-        * 2,
-        "climb": (power["climb"] * (up + float(np.maximum(-down, 0.0).sum())),) * 2,
+        "dive": (power["dive"] * dived + power.get("pump", 0.0) * descents,) * 2,
+        "climb": (power["climb"] * climbed,) * 2,
         # Along survey lines a task is under way.
         "tasks": (tasks, tasks + power["task"] * under_way),
     }

@@ -92,10 +92,12 @@ class _Reckoning:
             unlocked = np.clip(unlocked + lasts - leg.t_path + [-_UNSURE, _UNSURE] * lasts, 0.0, lasts)
         return known.after(self.pace * leg.speed * lasts, unlocked)
 
-    def vertical(self, leg: Leg, speed: float) -> tuple[float, float]:
+    def vertical(self, leg: Leg) -> tuple[float, float]:
         """Return s from a leg's first waypoint up to the surface and back down, as steeply as may be."""
         stated, depth = self.run.data.attrs, float(self.run.places[leg.start, 2])
-        steepest = speed * np.sin(float(stated.get("vehicle_pitch_max", 0.5 * np.pi)))
+        steepest = self.run.number("vehicle_speed") * np.sin(
+            float(stated.get("vehicle_pitch_max", 0.5 * np.pi))
+        )
         up, down = (
             depth / min(steepest, float(stated.get(f"vehicle_{name}_rate_max", np.inf)))
             for name in ("climb", "dive")
@@ -131,8 +133,7 @@ def position_faults(run: Saved, bed: Bed | None) -> Iterator[str]:
             yield from _fix_faults(reckoning, leg)
             # It surfaces before it waits for its way to open, or after.
             known = reckoning.staying(_Known(), leg.start, np.asarray([0.0, leg.t_hold - leg.t_fix]), own)
-            downs = [(reckoning.vertical(leg, speed)[1], speed) for speed in (own, leg.speed)]
-            known = reckoning.staying(known, leg.start, *np.sort(downs, axis=0).T)
+            known = reckoning.staying(known, leg.start, reckoning.vertical(leg)[1], own)
         elif run.places[leg.start, 2] <= _AT_SURFACE:
             known = _Known()
         else:
@@ -164,15 +165,14 @@ def _limits(run: Saved, settings: dict[str, Any]) -> Array:
 def fix_time(run: Saved) -> float | None:
     """Return s at the surface that a fix takes; None where a shipped vehicle's navigation has it."""
     settings = run.section("vehicle").get("navigation") or {}
-    return settings.get("fix_time") or (None if settings.get("vehicle") else _FIX_TIME)
+    stated = settings.get("fix_time")
+    return _FIX_TIME if stated is None and settings.get("vehicle") is None else stated
 
 
 def _fix_faults(reckoning: _Reckoning, leg: Leg) -> Iterator[str]:
     """Yield that surfacing took another time than up, for a fix, and down again, or longer than the wait."""
-    speeds = {reckoning.run.number("vehicle_speed"), leg.speed}
-    times = [sum(reckoning.vertical(leg, speed)) for speed in speeds]
-    least, most = min(times), max(times) / reckoning.pace[0]
-    at_surface = fix_time(reckoning.run)
+    least = sum(reckoning.vertical(leg))
+    most, at_surface = least / reckoning.pace[0], fix_time(reckoning.run)
     least, most = (least, np.inf) if at_surface is None else (least + at_surface, most + at_surface)
     if not least - _FIX_TOLERANCE <= leg.t_fix <= min(most, leg.t_hold) + _FIX_TOLERANCE:
         yield f"{leg}: surfaces for {leg.t_fix:.1f} s, a fix takes {least:.1f} s there"

@@ -121,7 +121,7 @@ class Timetable:
 
     @property
     def later_travel(self) -> Array:
-        """[..., M, N, N] s under way on the edges that end at `later`: what is left of it is waiting."""
+        """[..., M, N, N] s under way on the edges that end at `later`: the rest is waiting."""
         arrival = self.departures[..., None, None] + self.travel_time
         found = np.full_like(arrival, np.inf)
         best = travel = found[..., -1, :, :]

@@ -19,8 +19,8 @@ from auvplan.vehicle import Vehicle
 _HAIR = 0.01
 #: s, by which moments may be rounded.
 _TICK = 1.0
-#: m, and share of a leg, by whichever is more of which its ends may be rounded.
-_GRAIN, _GRAINS = 0.1, 1e-5
+#: m, by which places may be rounded; whatever the leg, as it grows shorter under way.
+_GRAIN = 0.2
 #: Places along each axis at which a current is looked at where no path could be followed.
 _LATTICE = 25
 
@@ -170,11 +170,10 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment, vehicle: V
                 raise ValueError(f"{_end(name, b, points)} {fault}")
         if env.seabed is not None:
             _check_altitude(name, points, env)
-    apart = np.linalg.norm(goal - start, axis=1)
-    for b in np.flatnonzero(apart < 1e-3)[:1]:
+    for b in np.flatnonzero(np.linalg.norm(goal - start, axis=1) < 1e-3)[:1]:
         raise ValueError(f"start and goal of leg {b} coincide")
     lost = np.maximum(_rounding(start), _rounding(goal)).max(axis=1)
-    for b in np.flatnonzero(lost > np.maximum(_GRAIN, _GRAINS * apart))[:1]:
+    for b in np.flatnonzero(lost > _GRAIN)[:1]:
         raise ValueError(
             f"{_end('goal', b, goal)} is rounded to {lost[b]:g} m in single precision: count places from an "
             "origin nearby, such as the first start"

@@ -155,6 +155,15 @@ def test_the_way_up_and_down_takes_energy_in_the_plan_and_in_the_choice_of_tasks
     assert run.routes[0].energies[1] == pytest.approx(bare + task + share * whole, rel=1e-3)
 
 
+def test_a_fix_may_take_no_time():
+    run = plan_scenario(
+        sea(KNOWN | {"fix_time": 0.0}), area=replace(tidal_area(0.0, 0.0), jobs=jobs(25.0)), seed=1
+    )
+    (fix,) = (leg.t_fix for leg in run.done if leg.t_fix is not None)
+    assert fix == pytest.approx(2.0 * 20.0 / (2.5 * 0.5), rel=1e-5)
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
 def test_the_checker_finds_energy_of_surfacing_that_is_left_out():
     run = powered(500.0)
     assert check_dataset(run.summary(), to_dataset(run)).faults == []

@@ -176,11 +176,10 @@ def test_moments_that_are_rounded_by_more_than_a_second_are_refused(plan, name, 
         call(moment, plan, **given)
 
 
-@pytest.mark.parametrize(("apart", "north", "passes"), [
-    (71.0, 1.0e6, True), (71.0, 1.1e6, False), (71.0, -6_263_397.0, False), (30_000.0, 1.5e6, True),
-])  # fmt: skip
-def test_places_that_are_rounded_by_much_of_a_leg_are_refused(apart, north, passes):
-    """Unless they are computed with in double precision."""
+@pytest.mark.parametrize("apart", [1.0, 71.0, 30_000.0])
+@pytest.mark.parametrize(("north", "passes"), [(2.0e6, True), (2.2e6, False), (-6_263_397.0, False)])
+def test_places_that_are_rounded_by_decimetres_are_refused(apart, north, passes):
+    """Unless they are computed with in double precision; however long the leg is."""
     ends = np.array([[north, 359_002.3, 5.0]]), np.array([[north + apart, 359_002.3, 5.0]])
     env = ap.Environment(None)
     if passes:
