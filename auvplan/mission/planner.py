@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import jax
@@ -151,8 +151,8 @@ def replan_mission(
     """Re-plan the rest of a mission from a waypoint of its route (section 3.3.2).
 
     Edges that were passed leave the graph, and so do the tasks done, with the energy that
-    `SpeedOptions.waypoint_fixed` has for them. The search starts from the population of the last
-    route, and the rest of that route is among its habitats.
+    `SpeedOptions.waypoint_fixed` has for them, those of all re-plans before too (`MissionRoute.passed`). The
+    search starts from the population of the last route, and the rest of that route is among its habitats.
 
     Args:
         route: that was followed so far.
@@ -192,10 +192,11 @@ def replan_mission(
             )
         graph = replace(graph, timetable=graph.timetable.since(now))
     reached = nodes.index(here)
-    graph = graph.without_edges(list(pairwise(nodes[: reached + 1])), both_ways=None)
-    for node in nodes[: reached + 1]:
+    passed = (*route.passed, *pairwise(nodes[: reached + 1]))
+    graph = graph.without_edges(passed, both_ways=None)
+    for node in {here, *chain.from_iterable(passed)}:
         graph = graph.without_task_at(node)
-    return plan_mission(
+    rest = plan_mission(
         graph,
         here,
         route.goal,
@@ -209,6 +210,7 @@ def replan_mission(
         budget=budget,
         energy_available=energy_available,
     )
+    return replace(rest, passed=passed)
 
 
 def plan_missions(

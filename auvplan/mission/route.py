@@ -68,6 +68,7 @@ class MissionRoute(ReprMixin):
             the clock. Edge times are the least then.
         speeds: that were chosen, and the energy of the legs; None where energy does not count. Edge times are
             the least at any speed then, and the timetable's those at the speeds chosen.
+        passed: legs (i, j) of the mission before this route, which `replan_mission` planned the rest of.
     """
 
     nodes: IntArray
@@ -90,6 +91,7 @@ class MissionRoute(ReprMixin):
     timetable: Timetable | None = None
     duration: Array | None = None
     speeds: RouteSpeeds | None = None
+    passed: tuple[tuple[int, int], ...] = ()
 
     @property
     def feasible(self) -> bool:

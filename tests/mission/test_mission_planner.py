@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import jax
 import numpy as np
@@ -357,6 +358,20 @@ def test_a_mission_is_replanned_from_a_waypoint_of_its_route() -> None:
     unvisited = next(node for node in range(graph.size) if node not in first.nodes)
     with pytest.raises(ValueError, match="here must be a waypoint of the route"):
         replan_mission(first, graph, unvisited, left, speed=SPEED, key=jax.random.key(7))
+
+
+def test_what_was_done_before_a_replan_is_done_in_the_next_one() -> None:
+    places = [(0.0, 0.0, 5.0), (100.0, 0.0, 5.0), (200.0, 100.0, 5.0), (300.0, 0.0, 5.0), (900.0, 0.0, 5.0)]
+    tasks = [(1, 5.0, 10.0), (2, 1.0, 10.0), (3, 1.0, 10.0)]
+    graph = task_graph(places, [(i, j) for i in range(5) for j in range(i)], waypoint_tasks=tasks)
+    settings: dict[str, Any] = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK}
+    route, left, gained = plan_mission(graph, 0, 4, 4000.0, **settings), 4000.0, 0.0
+    for _ in range(3):
+        left -= float(route.leg_times[0])
+        gained += float(graph.priority[tuple(route.nodes[:2])])
+        route = replan_mission(route, graph, int(route.nodes[1]), left, **settings)
+        assert gained + route.priority == 7.0
+    assert [len(route.passed), *route.nodes[1:]] == [3, 4]
 
 
 def test_a_replanned_mission_goes_by_the_clock() -> None:
