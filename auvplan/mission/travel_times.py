@@ -26,7 +26,7 @@ from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
 from auvplan.path.ends import check_moment
-from auvplan.path.kinematics import TINY
+from auvplan.path.kinematics import TINY, winding_length
 from auvplan.path.problem import Problem
 from auvplan.path.profile import compared, depths_within_reach, is_searched_in_depth, profiles
 from auvplan.runtime.compiled import compiled
@@ -180,11 +180,18 @@ def travel_times(
         if detours.sketch is not None and timing.world.deep and env.seabed is not None:
             timing.go_deeper(np.flatnonzero(inside & ~here), detours.sketch)
         timing.fan_out(np.flatnonzero(~timing.passable & inside))
-    # Lines that are steeper than the vehicle can dive or climb take as long as that.
+    # Lines that are steeper than the vehicle can dive or climb take as long as that, and as winding does.
     limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
     most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
     rise = goals[:, 2] - starts[:, 2]
-    seconds = np.maximum(timing.seconds, np.abs(rise) / np.where(rise > 0.0, *most))
+    steepest = np.where(rise > 0.0, *most)
+    seconds = np.maximum(timing.seconds, np.abs(rise) / steepest)
+    level, speed = np.hypot(*(goals - starts)[:, :2].T), float(np.asarray(vehicle.speed))
+    slope = np.tan(np.arcsin(np.minimum(steepest / speed, 1.0)))
+    tightest = speed / float(np.asarray(vehicle.turn_rate_max))
+    length = winding_length(level, np.abs(rise) / slope, tightest)
+    winds = (length > level) & ~here
+    seconds = np.where(winds, np.maximum(seconds, np.hypot(length, rise) / speed), seconds)
     return seconds, timing.passable & inside
 
 

@@ -74,6 +74,9 @@ _SMOOTH = 0.7
 #: How often levels are stretched, by how much more than is needed, and how many levels there are.
 _STRETCHES, _SHRINKS, _MORE, _LEVELS = 6, 40, 1e-5, 2000
 
+#: Boxes that are tried for one within which a vehicle stays for as long as is known.
+_NEARBY = 4
+
 #: Cells by which a grid may reach beyond the environment's box.
 _BEYOND = 3.0
 
@@ -166,8 +169,8 @@ def lower_bound(
         reach = grid.reach()
     if reach is None:
         return Bound(np.inf, problem.kind, cells)
-    time = min(grid.time(reach), problem.known) if reach.any else problem.known
-    return Bound((1.0 - _ROUNDING) * time, problem.kind, cells)
+    time = min(max(grid.time(reach), problem.nearby), problem.known) if reach.any else problem.known
+    return Bound(float((1.0 - _ROUNDING) * time), problem.kind, cells)
 
 
 def _total(parts: Iterable[Array]) -> Array:
@@ -187,10 +190,11 @@ class _Problem:
         start, goal: [d] m, in these axes; d is 2 where depth does not matter.
         turn: [2, 2], from north and east to the axes along and across.
         corner: [2] m, north and east of the origin.
+        begins, rise: m, depth of the start, and how much deeper the goal is.
         depths: m, least and greatest that paths may have.
         deep: whether depth matters.
         env: the world, obstacles resolved.
-        speed, fastest: m/s, through the water, and at most over ground.
+        speed, fastest, steepest: m/s, through the water, at most over ground, and at most up or down.
         config: margins and the reading of speed.
         known: s.
         depart: s since the epoch.
@@ -200,11 +204,14 @@ class _Problem:
     goal: Array
     turn: Array
     corner: Array
+    begins: float
+    rise: float
     depths: tuple[float, float]
     deep: bool
     env: Environment
     speed: float
     fastest: float
+    steepest: float
     config: PathConfig
     known: float
     depart: float
@@ -235,9 +242,10 @@ class _Problem:
         env = replace(env, obstacles=env.obstacles.resolved(env.current))
         sheared = config.speed_reading != "eq11" and bottom > top and varies_with_depth(env.current)
         limit = float(np.asarray(vehicle.surge_max)) if config.speed_reading == "track" else np.inf
+        steepest = float(vehicle.vertical_limits.get("pitch", speed))
         flat = cls(
-            np.zeros(2), turn @ way, turn, start[:2], (top, bottom), False, env, speed,
-            (1.0 + _LIMIT) * limit, config, known, depart,
+            np.zeros(2), turn @ way, turn, start[:2], start[2], goal[2] - start[2], (top, bottom), False, env,
+            speed, (1.0 + _LIMIT) * limit, steepest, config, known, depart,
         )  # fmt: skip
         if not sheared:
             return flat
@@ -252,6 +260,40 @@ class _Problem:
             self.config.speed_reading == "eq11" or deviation(self.env.current, place, (0.0,) * 4) is not None
         )
         return "certified" if found else "estimated"
+
+    @property
+    def nearby(self) -> float:
+        """Bound, s, by the currents within reach, each at most r from their mean m; zero where none is known.
+
+        What is D away in T was gone at no more than V + r relative to m: |D - m T| <= (V + r) T, exact in a
+        uniform current. Grids in the plane leave out how much deeper the goal is, and how steeply it is gone.
+        """
+        if self.config.speed_reading != "track":
+            return 0.0
+        way, half = np.append(self.goal[:2] - self.start[:2], self.rise), self.known * self.speed
+        for _ in range(_NEARBY):
+            edges = np.array([half, half, half, 0.5 * self.known])
+            middle = np.array([*self.corner, self.begins, self.depart + 0.5 * self.known])
+            corners = middle + edges * np.array(list(product((-1.0, 1.0), repeat=4)))
+            met = np.stack(evaluated(self.env.current, *corners.T), axis=1)
+            mean, place = met.mean(axis=0), [np.full(1, axis) for axis in middle]
+            departs = deviation(self.env.current, place, tuple(2.0 * edges))
+            if departs is None:
+                between = np.concatenate(evaluated(self.env.current, *place))
+                departs = 2.0 * np.linalg.norm(between - mean)
+            off = float(np.linalg.norm(met - mean, axis=1).max() + np.max(departs))
+            reach = self.known * (self.speed + np.linalg.norm(mean) + off)
+            if reach <= half:
+                mean[:2] = self.turn @ mean[:2]
+                along, gained = way @ mean, (self.speed + off) ** 2 - mean @ mean
+                root = along**2 + gained * (way @ way)
+                ahead = along + np.sqrt(root) if root >= 0.0 else 0.0
+                lift = (1.0 + _LIMIT) * self.steepest + abs(mean[2]) + off
+                return max(float(way @ way / ahead) if ahead > 0.0 else 0.0, abs(self.rise) / lift)
+            half = 1.01 * reach
+            if off > self.speed:
+                break
+        return 0.0
 
     @property
     def distance(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_at, basis_matrix, fit_matrix, greville_abscissae
 from auvplan.path.config import GUIDE_ALTITUDE, PathConfig
+from auvplan.path.kinematics import winding_length
 from auvplan.path.problem import Problem
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
@@ -18,7 +19,7 @@ _MODES = 4
 #: side, as a share of the box.
 _LENGTHENED, _WIDEST = 1.05, 0.2
 
-#: Circumference of circles that are turned in one place, over that of the tightest: splines are no circles.
+#: Radius of circles that paths wind along, over that of the tightest: splines are no circles.
 _ROUNDER = 1.15
 
 #: m, level length of a line that is a point on the map.
@@ -170,10 +171,10 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
     with_current = jnp.maximum((u * way[0] + v * way[1]).mean() / level, 0.0)
     speed = vehicle.speed * jnp.cos(vehicle.pitch_max) + with_current
     wanted = _LENGTHENED * rise / (vehicle.speed * jnp.sin(vehicle.pitch_max)) * speed
-    # Back to the same point on the map it is a turning circle at least, over ground and with the crabbing.
+    # Over ground and with the crabbing.
     fastest = vehicle.speed + jnp.sqrt(u**2 + v**2).mean()
-    circle = _ROUNDER * 2.0 * jnp.pi * fastest**2 / (vehicle.speed * vehicle.turn_rate_max)
-    wanted = jnp.where(level > _POINT, wanted, jnp.maximum(wanted, circle))
+    needed = wanted > level
+    wanted = winding_length(level, wanted, _ROUNDER * fastest**2 / (vehicle.speed * vehicle.turn_rate_max))
     turns = jnp.arange(count, dtype=start.dtype) // 2
     side = jnp.where(jnp.arange(count) % 2 == 0, 1.0, -1.0)[:, None]
     share = jnp.linspace(0.0, 1.0, config.samples)
@@ -199,7 +200,7 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
     z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)
     times = jnp.sqrt(wanted**2 + rise**2) / vehicle.speed
     habitats = jnp.stack(fitted((x, y, z), start, goal, config), axis=1).reshape(count, -1)
-    return habitats, jnp.broadcast_to(times, (count,)), wanted > level
+    return habitats, jnp.broadcast_to(times, (count,)), needed
 
 
 def transfer(

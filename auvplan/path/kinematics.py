@@ -291,6 +291,23 @@ def turn_rate(dx: jax.Array, dy: jax.Array, duration: jax.Array) -> jax.Array:
     return jnp.concatenate([jnp.zeros_like(rate[:1]), rate])
 
 
+def winding_length(level: Any, wanted: Any, tightest: Any) -> Any:
+    """Level length, m, of the shortest arc between two points that is at least as long as wanted.
+
+    What is too long for the minor arc of the tightest circle through both and too short for the major one no
+    arc can be: back to the same point that is all of a circle. Arrays of JAX or of NumPy.
+
+    Args:
+        level: m, apart on the map.
+        wanted: m, at least; at most `level` where the straight line serves.
+        tightest: m, radius of the circle.
+    """
+    xp: Any = jnp if isinstance(level, jax.Array) else np
+    minor = xp.arcsin(xp.minimum(0.5 * level / tightest, 1.0))
+    short, long = 2.0 * tightest * minor, 2.0 * tightest * (np.pi - minor)
+    return xp.where(wanted > xp.maximum(short, level), xp.maximum(wanted, long), wanted)
+
+
 @jax.custom_jvp
 def angle_between(cross: jax.Array, dot: jax.Array) -> jax.Array:
     """Compute the angle between two level vectors from their products, m2; any shape, rad in [0, pi].

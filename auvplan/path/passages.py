@@ -196,6 +196,7 @@ def trace_passages(
             winding, lasts, needed = spirals(others, problem, settings)
             rows = rows.at[-others:].set(jnp.where(needed, winding, rows[-others:]))
             times = times.at[-others:].set(jnp.where(needed, lasts, times[-others:]))
+            known = jnp.where(needed, jnp.inf, known)  # the fields know of no slope
         habitats.append(rows)
     return *habitats, times, closed, known
 

@@ -175,6 +175,14 @@ class Batch:
         return is_searched_in_depth(self.env, self.vehicle, self.current)
 
     @property
+    def winding(self) -> np.ndarray:
+        """[B], whether the straight line is steeper than the vehicle may pitch."""
+        way, pitch = np.asarray(self.legs.goal) - np.asarray(self.legs.start), self.vehicle.pitch_max
+        steepest = 0.5 * np.pi if pitch is None else float(np.asarray(pitch))
+        level = np.hypot(way[:, 0], way[:, 1])
+        return np.cos(steepest) * np.abs(way[:, 2]) > np.sin(steepest) * level + 1e-6
+
+    @property
     def factors(self) -> np.ndarray:
         """[B, 1], by which lengths and times of each leg are scaled in the search."""
         legs = self.legs
@@ -449,6 +457,9 @@ def polish_finely(
     rows = habitats.refitted(rows, *ends, config, fine)
     if again:
         rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
+        if batch.winding.any():  # with a path that winds within the limits, the last of them
+            winding = np.where(_over(batch.winding, few[:, -1:]), few[:, -1:], few[:, :1])
+            rows = np.concatenate([rows, winding], axis=1)
 
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
         """Return the first rows as fields of `PathPlans`."""
@@ -473,7 +484,9 @@ def polish_finely(
         wanted = best["violations"].any(axis=1) | (restart & (tried > 1))
         if not wanted.any():
             continue
-        stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
+        stricter = vehicle.stricter(
+            lower, "surge_max", "sway_max", "turn_rate_max", *VERTICAL_LIMITS.values()
+        )
         strict = replace(batch, vehicle=stricter)
         ranked = _ranked(*_polished(keys, strict, rows if restart else last, fine, softness))
         last, more, tried = ranked[0], judged(*ranked), tried + wanted

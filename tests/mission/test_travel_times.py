@@ -60,6 +60,21 @@ def test_times_along_against_and_across_a_uniform_current() -> None:
     assert np.isnan(np.diag(times)).all()
 
 
+def test_edges_too_steep_for_the_vehicle_take_as_long_as_winding() -> None:
+    """No arc of a circle that may be turned is longer than the minor and shorter than the major one."""
+    vehicle, level = ap.Vehicle(speed=2.0, turn_rate_max=0.1), [0.0, 1.0, 10.0, 20.0, 50.0]
+    starts = np.array([[0.0, 0.0, 10.0]] * 5)
+    goals = starts + np.array([[0.6 * apart, 0.8 * apart, 20.0] for apart in level])
+    trips = Trips(starts, goals, np.zeros(5))
+    seconds, passable = travel_times(trips, northward(0.0), vehicle, TravelTimeConfig())
+    assert passable.all()
+    arcs = 40.0 * (np.pi - np.arcsin(np.array(level[:4]) / 40.0))
+    assert seconds[:4] == pytest.approx(np.hypot(arcs, 20.0) / 2.0, rel=1e-6)
+    assert seconds[4] == pytest.approx(np.hypot(50.0, 20.0) / 2.0, rel=1e-4)
+    nearly = Trips(starts, starts + np.array([0.3, 0.0, 0.3]), np.zeros(5))
+    assert (travel_times(nearly, northward(0.0), vehicle, TravelTimeConfig())[0] == 1.0).all()
+
+
 def test_only_edges_are_timed() -> None:
     graph = compass().without_edges([(0, 1)], both_ways=False)
     known = graph.with_travel_times(northward(0.5))

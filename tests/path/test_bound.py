@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +39,29 @@ def test_straight_line_in_a_uniform_current(across):
     found = bound(ap.Environment(ap.UniformCurrent(0.5, across)), (3000.0, 0.0, 0.0), 3000.0 / ground)
     assert found.kind == "certified"
     assert 0.99 * 3000.0 / ground < found.travel_time <= 3000.0 / ground
+
+
+@pytest.mark.parametrize("level", [0.0, 10.0, 300.0])
+def test_dives_in_a_current_that_is_the_same_at_all_depths(level):
+    """What is D away in T is |D - c T| = V T through the water, up and down too."""
+    current, way, speed = np.array([0.5, 0.3, 0.05]), np.array([0.6 * level, -0.8 * level, 90.0]), 1.5
+    gained, along = speed**2 - current @ current, way @ current
+    least = (np.sqrt(along**2 + gained * (way @ way)) - along) / gained
+    free = ap.Vehicle(speed, surge_max=100.0, sway_max=100.0, pitch_max=None)
+    env = ap.Environment(ap.UniformCurrent(*current), lower=(-2000, -2000, 0), upper=(2000, 2000, 100))
+    found = bound(env, way + np.array([0.0, 0.0, 5.0]), 1.3 * least, (0.0, 0.0, 5.0), free, **COARSE)
+    assert (found.kind, found.travel_time) == ("certified", pytest.approx(least, rel=3e-5))
+    assert found.travel_time < least
+    dive = 90.0 / (speed * np.sin(0.2) + 0.05)
+    steep = bound(
+        env,
+        way + np.array([0.0, 0.0, 5.0]),
+        2.0 * dive,
+        (0.0, 0.0, 5.0),
+        replace(free, pitch_max=0.2),
+        **COARSE,
+    )
+    assert max(0.98 * dive, 0.99 * least) < steep.travel_time <= max(dive, least)
 
 
 def test_way_round_a_disc():

@@ -301,6 +301,21 @@ def test_dives_in_place_take_a_turning_circle(current):
         assert circle < plan.length < (1.2 if current == (0.0, 0.0) else 1.7) * circle
 
 
+def test_short_steep_legs_wind_along_the_major_arc_of_a_turning_circle():
+    speed, rate, dive = 2.0, 0.1, 15.0
+    level = np.array([1e-3, 2.0, 10.0, 20.0])
+    env = ap.Environment(ap.UniformCurrent(0.0, 0.0), lower=(-500, -500, 0), upper=(500, 500, 50))
+    goals = np.stack([0.6 * level, 0.8 * level, 10.0 + dive + 0.0 * level], axis=1)
+    vehicle, key = ap.Vehicle(speed, turn_rate_max=rate), jax.random.key(0)
+    plans = ap.plan_paths([(0, 0, 10)] * 4, goals, env, vehicle, key=key, config=CONFIG)
+    assert plans.feasible.all()
+    # Of all lines that turn no more than that and are long enough for the dive.
+    least = 2.0 * speed / rate * (np.pi - np.arcsin(0.5 * level * rate / speed))
+    took = np.asarray(plans.travel_time)
+    assert (took > np.hypot(least, dive) / speed).all()
+    assert (took < 1.2 * np.hypot(least, dive) / speed).all()
+
+
 def test_winding_ways_are_planned_with_more_control_points():
     water = np.ones((200, 200), bool)
     for k, side in enumerate((np.s_[:150], np.s_[50:], np.s_[:150])):
