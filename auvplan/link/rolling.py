@@ -6,7 +6,6 @@ may still change, with what has been learnt since.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,6 +41,9 @@ _NONE = Allowance()
 #: s that a vehicle goes aside for, at a share of its speed, and s that it stays there before it ends its
 #: mission by itself.
 _ASIDE, _BRISK, _WAIT = 90.0, 0.8, 900.0
+
+#: Tasks of the plan after that of a leg that is given up which the vehicle may go to at once.
+_NEXT = 2
 
 #: Times as much less time as a plan was late by which it is made again.
 _SHORTER = 2.0, 4.0, 8.0
@@ -214,7 +216,8 @@ class RollingPlan:
         """Plan the rest of the leg after the first `count` from a position, and all after it.
 
         Where no path leads from there to the leg's goal, or all after it would be too late, its rest is left
-        out, see `leave_leg`. Where only the time is short either way, the plan that is least late is taken.
+        out, see `leave_leg`: the plan of most priority is taken that is in time, then that which ends first.
+        Where only the time is short, the plan that is least late is taken.
         Where nothing but the way to the destination is open, and there is the time, it is not taken as long
         as there is `patience`.
 
@@ -226,15 +229,19 @@ class RollingPlan:
         Returns:
             The plan, or None.
         """
-        found: list[Prospect] = []
-        start, goal, home = self.legs[count].start, self.legs[count].goal, self.run.goal
-        for plan in chain(self._onward(count, position, now), self._without_leg(count, position, now)):
+        found, leg, home = list[Prospect](), self.legs[count], self.run.goal
+        for plan in self._onward(count, position, now):
             if self.in_time(plan):
-                shut = not found and home not in (start, goal) and plan.legs[count].goal == home
-                if shut and 0.0 < self.patience <= self.run.t_available - plan.ends:
-                    break
                 return plan
             found.append(plan)
+        found += self._without_leg(count, position, now)
+        worth = [(sum(leg.priority for leg in plan.legs), -plan.ends) for plan in found]
+        if good := [k for k, plan in enumerate(found) if self.in_time(plan)]:
+            best = found[max(good, key=lambda k: worth[k])]
+            shut = len(found) == 1 and best.legs[count].goal == home not in (leg.start, leg.goal)
+            if not (shut and 0.0 < self.patience <= self.run.t_available - best.ends):
+                return best
+            found = []
         if not found:
             self.reason = "no path leads on from where the vehicle is, nor back"
         return min(found, key=lambda plan: plan.ends, default=None)
@@ -246,12 +253,8 @@ class RollingPlan:
             return
         # The route that the leg belongs to may have been made at its beginning, after the state was kept.
         route = {"route": after.route, "step": after.step - 1, "slack": after.slack}
-        state = before.fork(now=now, cause="", **route)
+        state = self._as_left(old, before.fork(now=now, cause="", **route))
         state.run.routes[:] = after.run.routes
-        if state.navigation is not None:  # as it left, with a fix or without
-            left = state.fork(now=float(old.times[0]))
-            known = after_fix(left) if old.t_fix or state.at_surface else left.known
-            state.navigation, state.navigated = known, left.now
         none = {"times": np.zeros(0), "positions": np.zeros((0, 3))}
         record = replace(old, plans=[], followed=0, **none, arrived=False, t_hold=0.0, t_fix=None)
         if self._set_out_from(state, record, position):
@@ -264,14 +267,23 @@ class RollingPlan:
             elif rest := self._rest(lambda: state.fork(cause="late"), count, first):
                 yield rest
 
+    @staticmethod
+    def _as_left(leg: LegRecord, state: Mission) -> Mission:
+        """Return a state with the position known as it was when the vehicle left, with a fix or without."""
+        if state.navigation is not None:
+            left = state.fork(now=float(leg.times[0]))
+            known = after_fix(left) if leg.t_fix or state.at_surface else left.known
+            state.navigation, state.navigated = known, left.now
+        return state
+
     def in_time(self, plan: Prospect) -> bool:
         """Return whether a plan keeps the time available, and what else is promised."""
         return plan.states[-1].run.success
 
     def leave_leg(self, count: int, position: Array, now: float) -> Prospect | None:
-        """Plan without the rest of the leg after the first `count`: back to its start, or to the destination.
+        """Plan without the rest of the leg after the first `count`.
 
-        On the way to the destination it is without the task there.
+        Back to its start, to the destination without the task there, or on to one of the tasks after its own.
 
         Arguments as for `from_position`; None where the destination is not reached so in time, or where the
         leg is such a way back itself.
@@ -300,6 +312,23 @@ class RollingPlan:
                 state.end("")
             if (found := self._complete(state, count, (record, before), late=True)) is not None:
                 yield found
+        if old.start == old.goal:
+            return
+        graph, later = before.graph, dict.fromkeys(leg.goal for leg in self.legs[count + 1 :])
+        worth = np.where(graph.adjacency[old.start], graph.priority[old.start], 0.0)
+        for goal in [node for node in later if node != home and worth[node] > 0.0][:_NEXT]:
+            state = self._as_left(old, before.fork(now=now, cause="", route=None, step=0))
+            record = LegRecord(
+                old.start, goal, 0.0, float(graph.duration[old.start, goal]), float(worth[goal])
+            )
+            if not self._set_out_from(state, record, position):
+                continue
+            state.run.legs.append(record)
+            step([state])
+            if not state.ended:
+                state.cause = "refused"
+                if (found := self._complete(state, count, (record, before), late=True)) is not None:
+                    yield found
 
     def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
         """Plan a leg's path from a position instead of its start; return whether it may be gone."""

@@ -779,6 +779,22 @@ def test_a_vehicle_that_is_shut_in_waits_before_it_goes_home():
     assert on.legs[1].goal == leg.goal
 
 
+def test_a_vehicle_that_gives_up_a_task_goes_on_to_the_next_one():
+    """Back to where it came from first takes longer, and straight to the destination leaves tasks undone."""
+    plan = in_the_channel(())
+    leg, after = plan.legs[1:3]
+    middle = len(leg.times) // 2
+    here, now = np.asarray(leg.positions[middle], float), float(leg.times[middle])
+    north, east, _ = map(float, plan.run.graph.positions[leg.goal])
+    plan.add_obstacle(KnownObstacle("rig", (north, east), 15.0))
+    found = is_there(plan.from_position(1, here, now))
+    assert (found.legs[1].goal, found.legs[1].priority) == (after.goal, after.priority)
+    back = is_there(plan.leave_leg(1, here, now))
+    assert back.legs[1].goal == leg.start
+    assert found.ends < back.ends
+    assert sum(part.priority for part in found.legs) >= sum(part.priority for part in back.legs)
+
+
 def in_the_channel(members):
     """A plan among six tasks in a stream, with other forecasts of it."""
     settings, area = channel_with(members, available=3000.0)
