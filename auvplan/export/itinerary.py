@@ -7,6 +7,7 @@ from importlib.metadata import version as installed_version
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
@@ -424,6 +425,24 @@ def geographic(site: Site, places: ArrayLike) -> Array:
     """
     axes = np.asarray(places).T
     return np.stack([*site.to_geographic(axes[0], axes[1]), *-axes[2:]], axis=1)
+
+
+def rings_around(corners: Array, site: Site) -> list[Array]:
+    """Return a polygon by corners [k, 2] m north, east as rings [n, 2] of longitude and latitude, degrees.
+
+    They are closed and run counter-clockwise; there are two where it lies across the antimeridian.
+    """
+    longitude, latitude = geographic(site, corners).T
+    near = np.degrees(np.unwrap(np.radians(longitude)))
+    whole = shapely.Polygon(np.stack([near, latitude], axis=1))
+    rings = []
+    for turn in (-360.0, 0.0, 360.0):
+        world = shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0)
+        parts = [whole] if whole.within(world) else shapely.get_parts(whole.intersection(world))
+        for part in parts:
+            if part.area > 0.0:
+                rings.append(np.asarray(shapely.orient_polygons(part).exterior.coords) - (turn, 0.0))
+    return rings
 
 
 def moment(site: Site, seconds: float) -> str | None:

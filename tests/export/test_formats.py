@@ -133,7 +133,19 @@ def test_kml(itinerary: Itinerary, tmp_path: Path):
     found = [mark.findtext(f"{KML}TimeStamp/{KML}when") or "" for mark in marks]
     same_times(itinerary, found, kept_seconds(itinerary))
     assert marks[3].findtext(f"{KML}name") == "wreck & reef"
-    assert len(folders["fences"].findall(f"{KML}Placemark")) == 3
+    marks = folders["fences"].findall(f"{KML}Placemark")
+    for mark, fence in zip(marks, itinerary.fences, strict=True):
+        rings = [
+            numbers(ring.text or "", ",")
+            for ring in mark.iterfind(
+                f".//{KML}Polygon/{KML}outerBoundaryIs/{KML}LinearRing/{KML}coordinates"
+            )
+        ]
+        assert all(height == 0.0 for ring in rings for *_, height in ring)
+        flat = [[[place[:2] for place in ring]] for ring in rings]
+        one = {"type": "Polygon", "coordinates": flat[0]}
+        area(itinerary, one if len(flat) == 1 else {"type": "MultiPolygon", "coordinates": flat}, fence)
+        assert (mark.find(f"{KML}MultiGeometry") is not None) == (len(flat) > 1)
 
 
 @pytest.mark.parametrize("epoch", [EPOCH, None])
