@@ -323,7 +323,8 @@ class Waypoint:
         hold: s, of the task and the waiting there, or of a rest under way; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
-        yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
+        yaw, pitch: degrees, from true north and nose up, attitude that was planned for the path there; NaN
+            where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
         charge: share of the battery's usable energy that is left; NaN where not known.
         wait, onward, rise: s of the hold, see `PlannedLeg`.
@@ -396,6 +397,7 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
     rows: list[Waypoint] = []
     for leg in itinerary.legs:
         places, motion = geographic(itinerary.site, leg.waypoints), leg.motion[leg.kept]
+        motion = by_true_north(motion, itinerary.site, places)
         last, body = len(leg.kept) - 1, motion.body_velocity
         for k, place in enumerate(leg.waypoints):
             if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
@@ -425,6 +427,15 @@ def geographic(site: Site, places: ArrayLike) -> Array:
     """
     axes = np.asarray(places).T
     return np.stack([*site.to_geographic(axes[0], axes[1]), *-axes[2:]], axis=1)
+
+
+def by_true_north(motion: Motion, site: Site, places: Array) -> Motion:
+    """Return a motion [n] in the local frame as one by true north and east.
+
+    Args:
+        places: [n, 2 or 3], where: longitude and latitude, degrees, first.
+    """
+    return motion.turned(-site.true_north(places[:, 0], places[:, 1]))
 
 
 def rings_around(corners: Array, site: Site) -> list[Array]:
