@@ -50,14 +50,23 @@ class Site:
         return np.asarray(longitude), np.asarray(latitude)
 
     def true_north(self, longitude: ArrayLike, latitude: ArrayLike) -> Array:
-        """Bearing of true north in the local frame, rad clockwise from local north; 0 at the site.
-
-        A velocity of e east and n north is n cos b - e sin b in local north and n sin b + e cos b in local
-        east, b being this bearing at its place.
-        """
+        """Bearing of true north in the local frame, rad clockwise from local north; 0 at the site."""
         proj = _projection_of(self.longitude, self.latitude)
         convergence = proj.get_factors(np.asarray(longitude), np.asarray(latitude)).meridian_convergence
         return -np.deg2rad(np.asarray(convergence))  # it is where grid north points, seen from true north
+
+    def local_vector(
+        self, north: ArrayLike, east: ArrayLike, longitude: ArrayLike, latitude: ArrayLike
+    ) -> tuple[Array, Array]:
+        """Local north and east components of a vector, such as a velocity, by true north and east.
+
+        Args:
+            north, east: [..., n], its components in any unit.
+            longitude, latitude: [n] degrees, where it is.
+        """
+        bearing = self.true_north(longitude, latitude)
+        cos, sin, north, east = np.cos(bearing), np.sin(bearing), np.asarray(north), np.asarray(east)
+        return north * cos - east * sin, north * sin + east * cos
 
     def utc(self, seconds: float) -> datetime | None:
         """Return the moment of a local time, or None where missions have no date."""

@@ -84,9 +84,9 @@ def test_velocities_turn_as_the_docstring_says():
     azimuth, speed = np.rad2deg(np.arctan2(e, n)), np.hypot(e, n)
     there = ELLIPSOID.fwd(longitude, latitude, azimuth, speed * seconds)[:2]
     moved = np.array(FJORD.to_local(*there)) - (north, east)
-    b = float(FJORD.true_north(longitude, latitude))
-    local = np.array([n * np.cos(b) - e * np.sin(b), n * np.sin(b) + e * np.cos(b)])
+    local = np.array(FJORD.local_vector(n, e, longitude, latitude))
     np.testing.assert_allclose(moved, local * seconds, atol=1e-3)
+    np.testing.assert_array_equal(FJORD.local_vector(n, e, FJORD.longitude, latitude), (n, e))
 
 
 def test_moments():

@@ -4,10 +4,17 @@ import json
 from typing import Any
 
 import numpy as np
-import shapely
 
 from auvplan.export.fences import Circle
-from auvplan.export.itinerary import DEGREES, Itinerary, elevation, geographic, moment, waypoints
+from auvplan.export.itinerary import (
+    DEGREES,
+    Itinerary,
+    elevation,
+    geographic,
+    moment,
+    rings_around,
+    waypoints,
+)
 from auvplan.export.speeds import ground_share
 from auvplan.runtime.arrays import Array
 from auvplan.site import Site
@@ -51,7 +58,8 @@ def geojson_text(itinerary: Itinerary) -> bytes:
         about: dict[str, Any] = {}
         if isinstance(fence, Circle):
             about = ({"name": fence.name} if fence.name else {}) | {"radius_m": fence.radius}
-        add("exclusion", _area(fence.corners, site), about)
+        rings = [[np.round(ring, DEGREES).tolist()] for ring in rings_around(fence.corners, site)]
+        add("exclusion", _one_or_many("Polygon", rings), about)
     collection = {
         "type": "FeatureCollection",
         "name": itinerary.name,
@@ -91,22 +99,6 @@ def _line(positions: Array, site: Site) -> dict[str, Any]:
         for part in parts
     ]
     return _one_or_many("LineString", lines)
-
-
-def _area(corners: Array, site: Site) -> dict[str, Any]:
-    """Return a polygon by corners [k, 2] m north, east; two where it lies across the antimeridian."""
-    longitude, latitude = geographic(site, corners).T
-    near = np.degrees(np.unwrap(np.radians(longitude)))
-    whole = shapely.Polygon(np.stack([near, latitude], axis=1))
-    rings = []
-    for turn in (-360.0, 0.0, 360.0):
-        world = shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0)
-        parts = [whole] if whole.within(world) else shapely.get_parts(whole.intersection(world))
-        for part in parts:
-            if part.area > 0.0:
-                ring = np.asarray(shapely.orient_polygons(part).exterior.coords) - (turn, 0.0)
-                rings.append([np.round(ring, DEGREES).tolist()])
-    return _one_or_many("Polygon", rings)
 
 
 def _one_or_many(kind: str, parts: list[Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from importlib.metadata import version as installed_version
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
@@ -322,7 +323,8 @@ class Waypoint:
         hold: s, of the task and the waiting there, or of a rest under way; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
-        yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
+        yaw, pitch: degrees, from true north and nose up, attitude that was planned for the path there; NaN
+            where not known.
         body_velocity: [3] m/s, surge, sway and heave that were.
         charge: share of the battery's usable energy that is left; NaN where not known.
         wait, onward, rise: s of the hold, see `PlannedLeg`.
@@ -395,6 +397,7 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
     rows: list[Waypoint] = []
     for leg in itinerary.legs:
         places, motion = geographic(itinerary.site, leg.waypoints), leg.motion[leg.kept]
+        motion = by_true_north(motion, itinerary.site, places)
         last, body = len(leg.kept) - 1, motion.body_velocity
         for k, place in enumerate(leg.waypoints):
             if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
@@ -424,6 +427,33 @@ def geographic(site: Site, places: ArrayLike) -> Array:
     """
     axes = np.asarray(places).T
     return np.stack([*site.to_geographic(axes[0], axes[1]), *-axes[2:]], axis=1)
+
+
+def by_true_north(motion: Motion, site: Site, places: Array) -> Motion:
+    """Return a motion [n] in the local frame as one by true north and east.
+
+    Args:
+        places: [n, 2 or 3], where: longitude and latitude, degrees, first.
+    """
+    return motion.turned(-site.true_north(places[:, 0], places[:, 1]))
+
+
+def rings_around(corners: Array, site: Site) -> list[Array]:
+    """Return a polygon by corners [k, 2] m north, east as rings [n, 2] of longitude and latitude, degrees.
+
+    They are closed and run counter-clockwise; there are two where it lies across the antimeridian.
+    """
+    longitude, latitude = geographic(site, corners).T
+    near = np.degrees(np.unwrap(np.radians(longitude)))
+    whole = shapely.Polygon(np.stack([near, latitude], axis=1))
+    rings = []
+    for turn in (-360.0, 0.0, 360.0):
+        world = shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0)
+        parts = [whole] if whole.within(world) else shapely.get_parts(whole.intersection(world))
+        for part in parts:
+            if part.area > 0.0:
+                rings.append(np.asarray(shapely.orient_polygons(part).exterior.coords) - (turn, 0.0))
+    return rings
 
 
 def moment(site: Site, seconds: float) -> str | None:

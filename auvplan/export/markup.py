@@ -11,7 +11,15 @@ from xml.etree import ElementTree
 import numpy as np
 
 from auvplan.export.fences import Circle
-from auvplan.export.itinerary import Itinerary, degrees, geographic, metres, moment, waypoints
+from auvplan.export.itinerary import (
+    Itinerary,
+    degrees,
+    geographic,
+    metres,
+    moment,
+    rings_around,
+    waypoints,
+)
 from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import plain
 from auvplan.site import Site
@@ -145,11 +153,13 @@ def kml_text(itinerary: Itinerary) -> bytes:
     fences = add_folder("fences")
     for number, fence in enumerate(itinerary.fences, 1):
         name = fence.name if isinstance(fence, Circle) and fence.name else f"exclusion {number}"
-        polygon = add(add_mark(fences, name, "fence"), "Polygon")
-        ring = add(add(polygon, "outerBoundaryIs"), "LinearRing")
-        # Counter-clockwise, at the surface; the first corner again at the end.
-        corners = np.pad([*fence.corners[::-1], fence.corners[-1]], ((0, 0), (0, 1)))
-        add(ring, "coordinates", " ".join(map(",".join, _tuples(corners, site))))
+        parent, rings = add_mark(fences, name, "fence"), rings_around(fence.corners, site)
+        if len(rings) > 1:
+            parent = add(parent, "MultiGeometry")
+        for corners in rings:
+            ring = add(add(add(parent, "Polygon"), "outerBoundaryIs"), "LinearRing")
+            places = (f"{degrees(x)},{degrees(y)},{metres(0.0)}" for x, y in corners.tolist())
+            add(ring, "coordinates", " ".join(places))
     return xml_text(root)
 
 

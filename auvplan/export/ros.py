@@ -1,7 +1,7 @@
 """A geographic_msgs/GeoPath of ROS 2 as CDR bytes, as its middleware and bags carry messages.
 
-Altitude is minus depth; the attitude is the course to the next waypoint, level, in ROS's frame of east, north
-and up.
+Altitude is minus depth; the attitude is the course to the next waypoint, level, in ROS's frame of true east,
+north and up.
 """
 
 import math
@@ -29,10 +29,11 @@ def geo_path(itinerary: Itinerary) -> bytes:
         ExportError: a time is beyond those of ROS.
     """
     rows, cdr = waypoints(itinerary), _Cdr()
-    # From north towards east, to the next waypoint; at the last, the course there.
+    # In the local frame, to the next waypoint; at the last, the course there.
     steps = np.diff(np.asarray([row.position for row in rows]), axis=0)
     courses = np.append(np.arctan2(steps[:, 1], steps[:, 0]), 0.0)
     courses[-1] = courses[max(len(steps) - 1, 0)]
+    courses -= itinerary.site.true_north([row.longitude for row in rows], [row.latitude for row in rows])
     _header(cdr, itinerary, float(itinerary.legs[0].times[0]))
     cdr.number("I", len(rows))
     for row, course in zip(rows, courses.tolist(), strict=True):

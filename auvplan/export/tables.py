@@ -8,17 +8,26 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.export.itinerary import Itinerary, Track, degrees, geographic, metres, moment, waypoints
+from auvplan.export.itinerary import (
+    Itinerary,
+    Track,
+    by_true_north,
+    degrees,
+    geographic,
+    metres,
+    moment,
+    waypoints,
+)
 from auvplan.io.fields import motion_variables, variable
 from auvplan.io.schema import TIME_UNITS
 from auvplan.path.motion import Motion
 from auvplan.site import as_utc
 
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
-#: Yaw and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the planned path at
-#: that place: the bearing of the straight line to the next waypoint may differ. Where the battery is known, a
-#: column charge follows, the share of its usable energy that is left; where legs have their own speeds, a
-#: column speed, m/s through the water on the way there.
+#: Yaw, from true north, and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the
+#: planned path at that place: the bearing of the straight line to the next waypoint may differ. Where the
+#: battery is known, a column charge follows, the share of its usable energy that is left; where legs have
+#: their own speeds, a column speed, m/s through the water on the way there.
 COLUMNS = (
     "leg", "seq", "name", "lon", "lat", "depth", "time", "north", "east", "hold", "task", "note",
     "yaw", "pitch", "surge", "sway", "heave",
@@ -65,7 +74,9 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
     names += [f"executed, leg {number}" for number in range(1, len(itinerary.executed) + 1)]
     places = np.concatenate([track.positions for track in tracks])
-    longitude, latitude, _ = geographic(itinerary.site, places).T
+    where = geographic(itinerary.site, places)
+    longitude, latitude, _ = where.T
+    motion = by_true_north(Motion.joined([track.motion for track in tracks]), itinerary.site, where)
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
     kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
     more: dict[str, Any] = {}
@@ -111,7 +122,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
             "obs", np.concatenate(kept).astype(np.int8), "whether the sample was kept as a waypoint",
             flag_meanings="no yes", **flags,
         ),
-        **motion_variables("obs", Motion.joined([track.motion for track in tracks])),
+        **motion_variables("obs", motion, true_north=True),
         **more,
     }, attrs=_attributes(itinerary))  # fmt: skip
     return dataset.set_coords(["time", "lon", "lat", "depth"])

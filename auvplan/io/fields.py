@@ -194,22 +194,36 @@ def vortices_of(dataset: xr.Dataset, plan: int) -> LambVortices | None:
     return LambVortices(**arrays)
 
 
-def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = "") -> Variables:
-    """Write course, attitude and body velocities, an array each."""
+def motion_variables(
+    dims: str | tuple[str, ...], motion: Motion, prefix: str = "", *, true_north: bool = False
+) -> Variables:
+    """Write course, attitude and body velocities, an array each.
+
+    CF's names of course and yaw are those of angles from true north; the local frame's have none.
+    """
     yaw, pitch = (np.degrees(angle).astype(np.float32) for angle in (motion.yaw, motion.pitch))
     body = np.where(np.abs(motion.body_velocity) < _ROUNDING, 0.0, motion.body_velocity).astype(np.float32)
     # The course is that of what is filed, so that a run that was read back is filed as it was.
     course = Motion.of_body(np.radians(yaw, dtype=float), np.radians(pitch, dtype=float), body).course
     course = np.degrees(course % (2.0 * np.pi)).astype(np.float32)
     course = np.where(course >= 360.0, 0.0, course)  # just west of north
+    named = {"course": "platform_course", "yaw": "platform_yaw_fore_starboard"} if true_north else {}
+    named |= {"pitch": "platform_pitch_fore_up"}
+    north = "true north" if true_north else "the local frame's north"
     angles = {
-        "course": (course, "course over ground, from north", "platform_course"),
-        "yaw": (yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),
-        "pitch": (pitch, "pitch theta of the hull, nose up", "platform_pitch_fore_up"),
+        "course": (course, f"course over ground, clockwise from {north}"),
+        "yaw": (yaw, f"yaw psi of the hull, clockwise from {north}"),
+        "pitch": (pitch, "pitch theta of the hull, nose up"),
     }
     return {
-        prefix + name: variable(dims, values.astype(np.float32), what, "degree", standard_name=standard_name)
-        for name, (values, what, standard_name) in angles.items()
+        prefix + name: variable(
+            dims,
+            values.astype(np.float32),
+            what,
+            "degree",
+            **({"standard_name": named[name]} if name in named else {}),
+        )
+        for name, (values, what) in angles.items()
     } | {
         prefix + name: variable(
             dims, body[..., axis], f"{name}: speed over ground {sense} of the hull", "m s-1"

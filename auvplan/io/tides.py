@@ -125,6 +125,12 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
             turned = factor[0, k] * constituent.amplitudes * np.exp(1j * phase[k])
             in_phase[:, p, k], quadrature[:, p, k] = turned.real, -turned.imag
         mean[:, p] = one.mean[::-1]
-    local = [site.to_local(one.longitude, one.latitude) for one in places]
+    where = np.asarray([(one.longitude, one.latitude) for one in places]).T
+    in_phase, quadrature = (
+        np.stack(site.local_vector(*part.transpose(0, 2, 1), *where)).transpose(0, 2, 1)
+        for part in (in_phase, quadrature)
+    )
+    mean = site.local_vector(*mean, *where)
+    local = np.stack(site.to_local(*where), axis=1)
     arrays = local, rate, in_phase, quadrature, mean, stated.depths, stated.shares
     return HarmonicCurrent(*(np.asarray(array, np.float32) for array in arrays))

@@ -233,12 +233,8 @@ class ImcVehicle(ListeningLink):
         if isinstance(message, imc.EstimatedState):
             longitude, latitude = math.degrees(message.lon), math.degrees(message.lat)
             north, east = self._site.to_local(longitude, latitude)
-            bearing, x, y = float(self._site.true_north(longitude, latitude)), message.x, message.y
-            more = (
-                x * math.cos(bearing) - y * math.sin(bearing),
-                x * math.sin(bearing) + y * math.cos(bearing),
-            )
-            self._put(float(north) + more[0], float(east) + more[1], message.depth)
+            more = self._site.local_vector(message.x, message.y, longitude, latitude)
+            self._put(float(north + more[0]), float(east + more[1]), message.depth)
             self._speed = math.hypot(message.vx, message.vy, message.vz)
         elif isinstance(message, imc.PlanControlState):
             self._control = message

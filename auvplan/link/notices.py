@@ -89,7 +89,8 @@ class NoticeFile:
     `{"obstacle": "ferry", "longitude": 148.97, "latitude": -20.35, "radius": 80, "course": 90, "speed": 3}`,
     or `{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}`, or
     `{"gone": "ferry"}`; `north` and `east`, metres, may stand for longitude and latitude; a current without a
-    place is that at the vehicle.
+    place is that at the vehicle. Courses and currents count from true north at places in degrees, and from
+    the local frame's north otherwise.
     """
 
     def __init__(self, path: str | Path, site: Site) -> None:
@@ -153,7 +154,7 @@ class NoticeFile:
             parts = [_number({"current": part}, "current", (-10.0, 10.0)) for part in velocity]
             depth = _number(found, "depth", _DEPTHS, 0.0)
             at = None if place is None else np.asarray([*place, depth])
-            return CurrentNotice(np.asarray([*parts, 0.0][:3]), at)
+            return CurrentNotice(np.asarray([*self._turned(found, *parts[:2]), *parts[2:], 0.0][:3]), at)
         if place is None:
             raise ValueError("obstacle: needs longitude and latitude, or north and east")
         speed = _number(found, "speed", (0.0, 50.0), 0.0)
@@ -165,7 +166,7 @@ class NoticeFile:
         )
         if bottom < top:
             raise ValueError(f"depth_max: {bottom:g} is above depth_min, {top:g}")
-        velocity = speed * math.cos(course), speed * math.sin(course)
+        velocity = self._turned(found, speed * math.cos(course), speed * math.sin(course))
         return ObstacleNotice(KnownObstacle(_name(found["obstacle"]), place, radius, top, bottom, velocity))
 
     def _left_out(self, found: dict[str, Any]) -> Iterator[str]:
@@ -175,6 +176,13 @@ class NoticeFile:
             self._unread |= set(unread)
             fields, known = ", ".join(map(one_line, unread)), ", ".join(_KINDS[kind]) or "none"
             yield f"{self._path}, line {self._line}: not read: {fields[:200]}; {kind} has {known}"
+
+    def _turned(self, found: dict[str, Any], north: float, east: float) -> tuple[float, float]:
+        """Return a velocity in the local frame: at a place in degrees it is given by true north and east."""
+        if "longitude" not in found:
+            return north, east
+        turned = self._site.local_vector(north, east, found["longitude"], found["latitude"])
+        return float(turned[0]), float(turned[1])
 
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""

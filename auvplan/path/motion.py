@@ -93,6 +93,14 @@ class Motion:
         """Return some of the moments."""
         return Motion(self.yaw[chosen], self.pitch[chosen], self.ground_velocity[chosen])
 
+    def turned(self, angle: ArrayLike) -> "Motion":
+        """Return it in a frame whose north lies `angle`, [n] rad, counter-clockwise from this one's north."""
+        yaw, (north, east, down) = self.yaw + np.asarray(angle), np.moveaxis(self.ground_velocity, -1, 0)
+        cos, sin = np.cos(angle), np.sin(angle)
+        yaw = np.where(np.abs(yaw) > np.pi, yaw - np.copysign(2.0 * np.pi, yaw), yaw)
+        velocity = np.stack([north * cos - east * sin, north * sin + east * cos, down], axis=-1)
+        return Motion(yaw, self.pitch, velocity)
+
     @property
     def course(self) -> Array:
         """Direction of the velocity over ground from north towards east, [n] rad."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import Geod
 
 from auvplan.export import FORMATS, Itinerary, export
 from tests.export.sample import EPOCH
@@ -23,6 +24,13 @@ def near(itinerary: Itinerary, found, expected: np.ndarray) -> None:
     assert (np.abs(found[:, 0]) <= 180.0).all()
     north, east = itinerary.site.to_local(found[:, 0], found[:, 1])
     assert np.column_stack([north, east, found[:, 2]]) == pytest.approx(expected, abs=0.1)
+
+
+def azimuth(itinerary: Itinerary, places, angle) -> np.ndarray:
+    """Degrees from true north, in [-180, 180], of local angles [n] rad at places [n, 2 or 3] m."""
+    north, east = np.asarray(places, float)[..., :2].T
+    ends = (north, east), (north + 10.0 * np.cos(angle), east + 10.0 * np.sin(angle))
+    return Geod(ellps="WGS84").inv(*(part for end in ends for part in itinerary.site.to_geographic(*end)))[0]
 
 
 def kept(itinerary: Itinerary) -> np.ndarray:

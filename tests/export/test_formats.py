@@ -18,7 +18,7 @@ from pyproj import Geod
 
 from auvplan.export import Itinerary, Track
 from auvplan.records import TurnBack
-from tests.export.compare import kept, kept_seconds, near, same_times, written
+from tests.export.compare import azimuth, kept, kept_seconds, near, same_times, written
 from tests.export.sample import EPOCH, SITE, make_itinerary
 
 KML, GX = "{http://www.opengis.net/kml/2.2}", "{http://www.google.com/kml/ext/2.2}"
@@ -133,7 +133,19 @@ def test_kml(itinerary: Itinerary, tmp_path: Path):
     found = [mark.findtext(f"{KML}TimeStamp/{KML}when") or "" for mark in marks]
     same_times(itinerary, found, kept_seconds(itinerary))
     assert marks[3].findtext(f"{KML}name") == "wreck & reef"
-    assert len(folders["fences"].findall(f"{KML}Placemark")) == 3
+    marks = folders["fences"].findall(f"{KML}Placemark")
+    for mark, fence in zip(marks, itinerary.fences, strict=True):
+        rings = [
+            numbers(ring.text or "", ",")
+            for ring in mark.iterfind(
+                f".//{KML}Polygon/{KML}outerBoundaryIs/{KML}LinearRing/{KML}coordinates"
+            )
+        ]
+        assert all(height == 0.0 for ring in rings for *_, height in ring)
+        flat = [[[place[:2] for place in ring]] for ring in rings]
+        one = {"type": "Polygon", "coordinates": flat[0]}
+        area(itinerary, one if len(flat) == 1 else {"type": "MultiPolygon", "coordinates": flat}, fence)
+        assert (mark.find(f"{KML}MultiGeometry") is not None) == (len(flat) > 1)
 
 
 @pytest.mark.parametrize("epoch", [EPOCH, None])
@@ -188,7 +200,8 @@ def test_csv(itinerary: Itinerary, tmp_path: Path):
     # What the first leg's path was planned at; nothing is known of the second one.
     first = itinerary.legs[0].motion[itinerary.legs[0].kept]
     attitude = np.array([[row["yaw"], row["pitch"]] for row in rows[:4]], float)
-    assert attitude == pytest.approx(np.degrees(np.stack([first.yaw, first.pitch], axis=1)), abs=0.006)
+    yaw = azimuth(itinerary, itinerary.legs[0].waypoints, first.yaw)
+    assert attitude == pytest.approx(np.stack([yaw, np.degrees(first.pitch)], axis=1), abs=0.006)
     body = np.array([[row[name] for name in ("surge", "sway", "heave")] for row in rows[:4]], float)
     assert body == pytest.approx(first.body_velocity, abs=6e-4)
     assert [rows[4][name] for name in ("yaw", "pitch", "surge", "sway", "heave")] == [""] * 5
@@ -209,7 +222,11 @@ def test_netcdf(itinerary: Itinerary, tmp_path: Path):
     near(itinerary, np.stack([data[name].values for name in ("lon", "lat", "depth")], axis=1), places)
     assert data["time"].values == pytest.approx(np.concatenate([track.times for track in tracks]))
     motion = itinerary.legs[0].motion
-    assert data["yaw"].values[:9] == pytest.approx(np.degrees(motion.yaw), abs=1e-4)
+    for name, angle in (("yaw", motion.yaw), ("course", motion.course)):
+        true = azimuth(itinerary, itinerary.legs[0].positions, angle)
+        off = (data[name].values[:9] - true + 180.0) % 360.0 - 180.0
+        assert off == pytest.approx(0.0, abs=1e-4)
+    assert data["course"].attrs["standard_name"] == "platform_course"
     assert data["sway"].values[:9] == pytest.approx(motion.body_velocity[:, 1], abs=1e-6)
     assert np.isnan(data["sway"].values[9:]).all()
     epoch = "2000-01-01 00:00:00" if itinerary.site.epoch is None else "2024-02-28 23:59:30.500000"

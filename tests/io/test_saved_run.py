@@ -112,6 +112,9 @@ def test_course_attitude_and_body_velocities_are_filed(written):
     ):
         assert data[name].attrs["units"] == "degree"
         np.testing.assert_allclose(data[name], np.degrees(values), atol=1e-4)
+    for name in ("course", "yaw", "plan_course", "plan_yaw"):
+        assert data[name].attrs["long_name"].endswith("clockwise from the local frame's north")
+        assert "standard_name" not in data[name].attrs
     body = np.stack([data[name] for name in ("surge", "sway", "heave")], axis=1)
     np.testing.assert_allclose(body, motion.body_velocity, atol=1e-6)
     plans = [plan.motion for leg in run.legs for plan in leg.plans]

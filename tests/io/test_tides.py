@@ -1,5 +1,6 @@
 """Tidal constituents: against utide's reconstruction, stated by u and v or by ellipses; slips in one line."""
 
+import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -101,6 +102,21 @@ def test_places_and_depths_are_between_what_is_stated(tmp_path):
     first, middle, last = (float(found(0.0, east, 0.0, 0.0)[1]) for east in (0.0, 2790.0, 5580.0))
     assert middle == pytest.approx(0.5 * (first + last), abs=0.01)
     assert float(found(0.0, 0.0, 20.0, 0.0)[1]) == pytest.approx(0.5 * first, abs=1e-6)
+
+
+def test_a_tide_is_by_true_north(tmp_path):
+    """20 km to the east in 82 degrees north a current to the north sets to the west of the frame's north."""
+    site = Site(5.0, 82.0, epoch=SITE.epoch)
+    tide = {"constituents": {"M2": {"u": [0.0, 0.0], "v": [0.5, 0.0]}}, "mean": [0.0, 0.8]}
+    places = [{"longitude": x, "latitude": 82.0} | tide for x in (5.0, 6.3)]
+    field = read_tide(written(tmp_path, json.dumps({"places": places})), site, 3600.0)
+    here, ahead = (np.array(site.to_local(6.3, 82.0 + step)) for step in (0.0, 1e-4))
+    for second in (0.0, 3000.0):
+        north, east, _ = (float(part) for part in field(*here, 0.0, second))
+        assert np.arctan2(east, north) == pytest.approx(np.arctan2(*(ahead - here)[::-1]), abs=1e-4)
+        at_site = field(0.0, 0.0, 0.0, second)
+        assert np.hypot(north, east) == pytest.approx(float(at_site[0]), rel=1e-5)
+        assert float(at_site[1]) == pytest.approx(0.0, abs=1e-7)
 
 
 ROUND = {"constituents": {"M2": {"ellipse": [1, 0, 0, 0]}}}

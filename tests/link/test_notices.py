@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from pyproj import Geod
 
 from auvplan.errors import AuvplanError
 from auvplan.link.notices import CurrentNotice, GoneNotice, NoticeFile, ObstacleNotice
@@ -33,9 +34,27 @@ def test_obstacles_by_place_and_by_metres(tmp_path):
     )
     assert isinstance(first, ObstacleNotice)
     assert first.obstacle.position == pytest.approx((0.0, 1044.0), abs=2.0)
-    assert first.obstacle.velocity == pytest.approx((0.0, 3.0))
+    there = Geod(ellps="WGS84").fwd(148.97, -20.34, 90.0, 300.0)[:2]
+    assert first.obstacle.after(100.0).position == pytest.approx(SITE.to_local(*there), abs=1e-3)
     assert isinstance(second, ObstacleNotice)
     assert (second.obstacle.position, second.obstacle.depth_max) == ((100.0, -50.0), 12.0)
+
+
+def test_courses_and_currents_count_from_true_north_at_places_in_degrees(tmp_path):
+    place = {"longitude": 149.96, "latitude": -20.34}
+    obstacle = {"obstacle": "ship", "radius": 5, "course": 180, "speed": 2}
+    ship, current, still = stated(
+        tmp_path, obstacle | place, {"current": [-2, 0, 0.1]} | place, obstacle | {"north": 0, "east": 1e5}
+    )
+    ends = (SITE.to_local(149.96, -20.34 + step) for step in (0.0, -1e-4))
+    way = np.subtract(*reversed(list(ends)))
+    velocity = 2.0 * way / np.hypot(*way)
+    assert isinstance(ship, ObstacleNotice)
+    assert ship.obstacle.velocity == pytest.approx(velocity, abs=1e-5)
+    assert isinstance(current, CurrentNotice)
+    assert current.velocity == pytest.approx([*velocity, 0.1], abs=1e-5)
+    assert isinstance(still, ObstacleNotice)
+    assert still.obstacle.velocity == pytest.approx((-2.0, 0.0))
 
 
 def test_currents_here_and_elsewhere(tmp_path):

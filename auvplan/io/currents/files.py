@@ -250,7 +250,8 @@ def _held(dataset: xr.Dataset) -> File:
     for name, given in dataset.variables.items():
         dates = given.dtype.kind in "mMO"
         variable = conventions.encode_cf_variable(given) if dates else given.copy(deep=False)
-        kept = {key: given.encoding[key] for key in ("coordinates", "grid_mapping") if key in given.encoding}
+        hints = "coordinates", "grid_mapping", "bounds"
+        kept = {key: given.encoding[key] for key in hints if key in given.encoding}
         variable.attrs = kept | variable.attrs
         variables[str(name)] = variable.to_base_variable()
     return File("dataset", variables, dataset.attrs, lambda: None)

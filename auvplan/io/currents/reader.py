@@ -223,10 +223,9 @@ def _read(box: _Box, grid: _Grid, frames: slice, depths: Array, epoch: datetime)
     shape = (frames.stop - frames.start, len(depths), *map(len, grid.axes))
     apart = (float(grid.axes[0][1] - grid.axes[0][0]), float(grid.axes[1][1] - grid.axes[1][0]))
     (to_north, to_east, down), floor, lowest = _gridded(box, weights, frames, depths)
-    bearing = site.true_north(grid.longitude, grid.latitude)
-    cos, sin = np.cos(bearing), np.sin(bearing)
-    u = (to_north * cos - to_east * sin).reshape(shape)
-    v = (to_north * sin + to_east * cos).reshape(shape)
+    u, v = (
+        part.reshape(shape) for part in site.local_vector(to_north, to_east, grid.longitude, grid.latitude)
+    )
     if not np.isfinite(u).any():
         raise source.fail("the current is missing everywhere in the box: there is land only")
     steps = np.diff(source.times)

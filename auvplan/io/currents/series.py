@@ -10,7 +10,7 @@ import xarray as xr
 
 from auvplan.io.currents.files import Array, File, Series, close_all, same_values
 from auvplan.io.currents.names import Names, PartnerMissing, find_current, find_places
-from auvplan.io.currents.times import decode_times, find_time, stamp
+from auvplan.io.currents.times import decode_times, find_time, stamp, to_middles
 from auvplan.io.currents.triangles import connectivity
 from auvplan.ocean.gridded import CurrentError
 
@@ -238,7 +238,8 @@ def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tu
             raise file.fail(f"has no {name}, which {files[0].path} has")
         time = find_time(file, tuple(map(str, file.variables[name].dims)))
         seconds, remarks = decode_times(file, time)
-        notes += [remark for remark in remarks if remark not in notes]
+        seconds, more = to_middles(file, time, name, seconds)
+        notes += [remark for remark in (*remarks, *more) if remark not in notes]
         dims = file.variables[time].dims
         known.append((file, str(dims[0]) if dims else None, seconds))
         _require_same_grid(files[0], file, name, coordinates, known[-1][1])

@@ -1,6 +1,7 @@
 """Times of ocean files: CF units and calendars to UTC moments and seconds since 1970."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from importlib.util import find_spec
 from typing import Any
@@ -122,6 +123,52 @@ def decode_times(file: File, name: str) -> tuple[Array, list[str]]:
     if (np.diff(seconds) < 0).any():
         raise file.fail(f"{name} does not rise: sort the file by it, such as by xarray's sortby")
     return seconds, notes
+
+
+def to_middles(file: File, name: str, of: str, seconds: Array) -> tuple[Array, list[str]]:
+    """Return the times of means over windows of time as the middles of these, and notes.
+
+    Means say so in their `cell_methods`; their windows are the bounds of the time coordinate, which may label
+    them at any end. Other times are returned as they are.
+
+    Args:
+        name: of the time coordinate.
+        of: the variable whose times they are.
+        seconds: [T], as `decode_times` has them.
+    """
+    bounds = file.text(name, "bounds")
+    variable = file.variables[name]
+    if bounds not in file.variables or not _is_mean(file, of, {"time", name, *map(str, variable.dims)}):
+        return seconds, []
+    unused = [f"{bounds} does not hold the times of {name}, which are taken as they are"]
+    stated = file.variables[bounds]
+    own = {key: stated.attrs[key] for key in ("units", "calendar") if key in stated.attrs}
+    try:
+        windows = file.read(bounds)
+        if stated.shape != (*variable.shape, 2) or not np.isfinite(windows).all():
+            return seconds, unused
+        begin, end = (
+            decode_times(replace(file, variables={**file.variables, name: edge}), name)[0]
+            for edge in (xr.Variable(variable.dims, windows[..., k], variable.attrs | own) for k in range(2))
+        )
+    except CurrentError:
+        return seconds, unused
+    # Times in single precision may lie beside their windows.
+    slack, middles = 1.0 + 0.1 * np.abs(end - begin), 0.5 * (begin + end)
+    if ((seconds < begin - slack) | (seconds > end + slack)).any() or (np.diff(middles) < 0).any():
+        return seconds, unused
+    moved = float(np.abs(middles - seconds).max())
+    if moved < 1.0:
+        return seconds, []
+    note = f"means over time are taken at the middle of their windows ({bounds})"
+    return middles, [f"{note}: {name} labels them up to {moved / 3600.0:.3g} h from there"]
+
+
+def _is_mean(file: File, name: str, axes: set[str]) -> bool:
+    """Return whether a variable is a mean over time, by CF's cell methods."""
+    methods = re.sub(r"\([^)]*\)", " ", file.text(name, "cell_methods"))
+    found = re.findall(r"((?:\w+\s*:\s*)+)(\w+)", methods)
+    return any(axes & set(re.findall(r"\w+", over)) and method.lower() == "mean" for over, method in found)
 
 
 def moment_of(seconds: float) -> datetime:

@@ -235,7 +235,8 @@ def _names(file: File, ocean: OceanData, picks: Mapping[str, Indices], request: 
     flat = up is not None and up.levels.dim not in picks and ocean.levels is not None
     stated = [name for kind, name in ocean.names.items() if not (kind == "wo" and flat)]
     stated += [name for name in ocean.model.source.places or () if name in file.variables]
-    stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
+    stated.append(time := find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
+    stated += [name for name in (file.text(time, "bounds"),) if name in file.variables]
     hints: set[str] = set()
     for name in stated:
         attributes: Any = {**file.variables[name].encoding, **file.variables[name].attrs}

@@ -234,7 +234,10 @@ def read_zones(source: Features, site: Site, extent: Extent | None = None) -> li
         for feature in found:
             hours = {k: v for k, v in feature.properties.items() if k in _HOURS and v != ""}
             name = str(feature.properties.get("name", feature.number))
-            zones.append(Zone(name, to_local(feature.shape, site), feature.where, hours))
+            polygon = to_local(feature.shape, site)
+            if polygon.is_empty:
+                raise GeoError(f"{feature.where}: is no polygon with an area")
+            zones.append(Zone(name, polygon, feature.where, hours))
         return zones
 
 

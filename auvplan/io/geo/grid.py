@@ -147,14 +147,30 @@ class Extent(NamedTuple):
 
 
 def to_local(shape: Any, site: Site) -> Any:
-    """Return a shapely geometry in longitude and latitude, degrees, as one in local (north, east), m."""
+    """Return a shapely geometry in longitude and latitude, degrees, as one in local (north, east), m.
+
+    Polygons stay polygons; those of one shape that meet at the antimeridian become one.
+    """
 
     def local(places: NDArray) -> NDArray:
         return np.stack(site.to_local(places[:, 0], places[:, 1]), axis=-1)
 
     moved = shapely.transform(shapely.segmentize(shape, _PIECE), local)
-    # Rounding may fold what all but touched.
-    return moved if shapely.is_valid(moved) else shapely.make_valid(moved)
+    if shapely.is_valid(moved):
+        return moved
+    # Rounding may fold what all but touched, and parts meet that were a turn of longitude apart.
+    sound = [shapely.make_valid(part) for part in shapely.get_parts(moved)]
+    whole = shapely.union_all(sound)
+    return areas(whole) if isinstance(moved, Polygon | MultiPolygon) else whole
+
+
+def areas(shape: Any) -> Polygon | MultiPolygon:
+    """Return the polygons of a geometry, which may lie among points and lines; an empty one without any."""
+    if isinstance(shape, Polygon | MultiPolygon):
+        return shape
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon | MultiPolygon)]
+    union = shapely.union_all(parts)
+    return union if isinstance(union, Polygon | MultiPolygon) else Polygon()
 
 
 def near(shapes: Sequence[Any], site: Site, grid: LocalGrid, margin: float) -> Any:

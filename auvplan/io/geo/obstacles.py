@@ -30,7 +30,7 @@ class _Properties(Section):
             reason = f"{self.depth_max:g} m lies above depth_min {self.depth_min:g} m"
             raise RuleError(reason, field="depth_max", concerns=("depth_min",))
         if self.speed > 0.0 and self.course is None:
-            reason = "needs a course, degrees clockwise from north"
+            reason = "needs a course, degrees clockwise from true north"
             raise RuleError(reason, field="speed", concerns=("course",))
 
 
@@ -38,8 +38,8 @@ def read_obstacles(source: Features, site: Site) -> tuple[KnownObstacle, ...]:
     """Read obstacles that are known before the mission.
 
     GeoJSON points with the properties `radius` m, and `name`, `depth_min` and `depth_max` m, `course` degrees
-    clockwise from north and `speed` m/s over ground where they have them. An obstacle without depths reaches
-    from the surface to the bed; one that moves is at its place at the scenario's epoch.
+    clockwise from true north and `speed` m/s over ground where they have them. An obstacle without depths
+    reaches from the surface to the bed; one that moves is at its place at the scenario's epoch.
 
     Raises:
         GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
@@ -54,13 +54,14 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         lines = (f"{one.field} {one.reason}".replace(f"{one.field} unknown", "unknown") for one in faults)
         raise GeoError(*(f"{feature.where}: {line}" for line in lines))
     ((north, east, _),) = local_positions(feature, site).tolist()
-    bearing = np.deg2rad(stated.course or 0.0)
-    velocity = (stated.speed * float(np.cos(bearing)), stated.speed * float(np.sin(bearing)))
+    course = np.deg2rad(stated.course or 0.0)
+    by_true_north = stated.speed * np.cos(course), stated.speed * np.sin(course)
+    velocity = site.local_vector(*by_true_north, *site.to_geographic(north, east))
     return KnownObstacle(
         stated.name or f"obstacle {feature.number}",
         (north, east),
         stated.radius,
         stated.depth_min,
         np.inf if stated.depth_max is None else stated.depth_max,
-        velocity if stated.speed > 0.0 else (0.0, 0.0),
+        (float(velocity[0]), float(velocity[1])) if stated.speed > 0.0 else (0.0, 0.0),
     )

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 import scipy
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import Polygon
 
 from auvplan.errors import reason_of, warn
 from auvplan.io.geo.charts import Land
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.features import Feature, gdal, read_layer
-from auvplan.io.geo.grid import Extent, LocalGrid, around, near, to_local, touched
+from auvplan.io.geo.grid import Extent, LocalGrid, areas, around, near, to_local, touched
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.closures import Zone
 from auvplan.ocean.known import KnownObstacle
@@ -120,7 +120,7 @@ class _Found:
             local = shapely.intersection(whole, part)
             if shapely.is_empty(local):
                 continue
-            area, least = _areas(local), float(one.properties.get("DRVAL1", -np.inf))
+            area, least = areas(local), float(one.properties.get("DRVAL1", -np.inf))
             if one.kind in _SKIN:
                 skin.append(area)
             if one.kind in _DRY:
@@ -150,7 +150,7 @@ class _Found:
                 self.closed.append(Zone(_name(one, one.kind), area, one.where))
             elif _HINDERED in values and not area.is_empty:
                 self.hindered += 1
-        gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
+        gap = areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
         self.depths.setdefault(0.0, []).extend([gap, *unknown])
         within = gap.intersection(self.grid.box)
         if within.area > 0.0:
@@ -234,12 +234,12 @@ def read_cells(
         found = _Found(site, grid, deepest, safety_depth, hazard_radius, margin)
         notes, covered = [], Polygon()
         for cell in sorted(reaching, key=lambda cell: (cell.scale, cell.path.name)):
-            coverage = _areas(near([cell.coverage], site, grid, margin))
-            own = _areas(coverage.difference(covered))
+            coverage = areas(near([cell.coverage], site, grid, margin))
+            own = areas(coverage.difference(covered))
             if own.buffer(-_GAP / 2.0).is_empty:
                 continue
             found.collect(cell, own)
-            covered = _areas(covered.union(coverage))
+            covered = areas(covered.union(coverage))
             notes.append(f"{cell.path.name}: {cell.edition}")
         _refuse_uncovered(path, covered, [cell.coverage for cell in cells], site, grid)
         dry = touched(shapely.union_all(found.dry), grid)
@@ -401,16 +401,7 @@ def _grown(local: Any, points: float, lines: float) -> Any:
         part if part.geom_type == "Polygon" else part.buffer(points if part.geom_type == "Point" else lines)
         for part in shapely.get_parts(local)
     ]
-    return _areas(shapely.union_all(parts))
-
-
-def _areas(shape: Any) -> Polygon | MultiPolygon:
-    """Return the polygons of a geometry, which an intersection may have left among points and lines."""
-    if isinstance(shape, Polygon | MultiPolygon):
-        return shape
-    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon | MultiPolygon)]
-    union = shapely.union_all(parts)
-    return union if isinstance(union, Polygon | MultiPolygon) else Polygon()
+    return areas(shapely.union_all(parts))
 
 
 def _refuse_uncovered(
@@ -418,7 +409,7 @@ def _refuse_uncovered(
 ) -> None:
     """Refuse a rectangle that reaches beyond what cells cover: how much of it, on which side and how far."""
     box = grid.box
-    beyond = _areas(box.difference(covered).buffer(-_GAP / 2.0))
+    beyond = areas(box.difference(covered).buffer(-_GAP / 2.0))
     if beyond.is_empty:
         return
     if not covered.intersects(box):

@@ -434,6 +434,59 @@ def test_dates_in_an_array_of_characters(tmp_path):
             np.testing.assert_allclose(ocean.times, START + 3600.0 * hours + late, atol=1e-6)
 
 
+def means(label, method="time: mean (interval: 10 minutes)", bounds=None):
+    """Means over an hour of the sample, whose middles are at 0.5, 1.5 and 2.5 h, labelled `label` h later."""
+    data, begin = regular(hours=[0.5, 1.5, 2.5]), np.arange(3.0)
+    data["time"] = "time", begin + 0.5 + label, HOURS | {"bounds": "time_bnds"}
+    stated = np.stack([begin, begin + 1.0], axis=1) if bounds is None else np.asarray(bounds)
+    data["time_bnds"] = ("time", "nv"), stated
+    for name in ("uo", "vo"):
+        data[name].attrs["cell_methods"] = method
+    return data
+
+
+@pytest.mark.parametrize(
+    "method", ["time: mean (interval: 10 minutes)", "area: time: mean", "depth: sum time: mean"]
+)
+@pytest.mark.parametrize("label", [-0.5, 0.5, 0.1])
+def test_means_belong_to_the_middle_of_their_window(tmp_path, label, method):
+    path = write(means(label, method), tmp_path / "a.nc")
+    decoded = xr.open_dataset(path, decode_coords="all")
+    other = means(label, method)
+    other["time_bnds"] = other["time_bnds"].dims, other["time_bnds"].values * 60.0 + 60.0
+    other["time_bnds"].attrs["units"] = "minutes since 2019-12-31T23:00:00"
+    for source in (path, decoded, other):
+        ocean = check(source, hour=1.7)
+        np.testing.assert_allclose(ocean.times, START + 3600.0 * np.array([0.5, 1.5, 2.5]))
+        words = f"windows (time_bnds): time labels them up to {abs(label):g} h from there"
+        assert any(words in note for note in ocean.notes)
+    decoded.close()
+    cuts = [means(label, method).isel(time=slice(k, k + 1)) for k in range(3)]
+    check([write(cut, tmp_path / f"part{k}.nc") for k, cut in enumerate(cuts)], hour=1.7)
+    with open_ocean(means(label, method).isel(time=1)) as ocean:
+        np.testing.assert_allclose(ocean.times, [START + 5400.0])
+
+
+@pytest.mark.parametrize(
+    ("data", "note"),
+    [
+        (means(0.0), ""),
+        (means(0.5, "time: point"), ""),
+        (means(0.5, "area: mean time: point"), ""),
+        (means(0.5, ""), ""),
+        (means(0.5).drop_vars("time_bnds"), ""),
+        (means(0.5, bounds=np.zeros((3, 2))), "does not hold the times"),
+        (means(0.5, bounds=np.full((3, 2), np.nan)), "does not hold the times"),
+        (means(0.5, bounds=np.full((3, 2), 1e30)), "does not hold the times"),
+        (means(0.5, bounds=np.zeros((3, 3))), "does not hold the times"),
+    ],
+)
+def test_other_times_are_taken_as_they_are(data, note):
+    with open_ocean(data) as ocean:
+        np.testing.assert_array_equal(ocean.times, START + 3600.0 * data["time"].values)
+        assert any(note in line for line in ocean.notes) if note else ocean.notes == ()
+
+
 def test_times_in_single_precision_are_noted():
     data = timed((58849.0 + HOUR).astype(np.float32), "days since 1858-11-17 00:00:00")
     with open_ocean(data) as ocean:

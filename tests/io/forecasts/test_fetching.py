@@ -100,6 +100,19 @@ def test_the_box_times_and_depths_asked_for_and_no_other_variable(server, tmp_pa
         np.testing.assert_allclose(east, ocean.at(5.03, 60.02, 3.0, START + 1800.0)[0])
 
 
+def test_windows_of_means_are_fetched_too(tmp_path):
+    data = regular(hours=[0.0, 1.0, 2.0])
+    data["time_bnds"] = ("time", "nv"), np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 2.0]])
+    data["time"].attrs["bounds"] = "time_bnds"
+    for name in ("uo", "vo"):
+        data[name].attrs["cell_methods"] = "time: mean"
+    with serving(a=data) as other:
+        found = fetch(dap(other), tmp_path / "f.nc", time="2020-01-01T00:40Z,+40min")
+    np.testing.assert_array_equal(found["time_bnds"].values, data["time_bnds"].values[1:])
+    with open_ocean(tmp_path / "f.nc") as ocean:
+        np.testing.assert_allclose(ocean.times, START + np.array([1800.0, 5400.0]))
+
+
 @pytest.mark.parametrize(("most", "requests"), [(800, 1), (400, 2), (200, 4), (40, 20), (8, 100), (1, 100)])
 def test_a_request_is_no_larger_than_is_well_answered(server, tmp_path, monkeypatch, most, requests):
     """2 times, 2 depths, 5 rows, 5 columns of 8 bytes: in parts of as many first dimensions as it takes."""

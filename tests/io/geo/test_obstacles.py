@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from pyproj import Geod
 
 from auvplan.io.geo import GeoError, read_obstacles
+from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, write_geojson
 from tests.io.refusals import refusal
 
@@ -21,9 +23,22 @@ def test_an_obstacle_stands_or_moves_where_the_file_has_it(tmp_path):
     assert buoy.position == pytest.approx((north, east))
     assert (buoy.name, buoy.radius, buoy.depth_min, buoy.depth_max) == ("buoy", 40.0, 0.0, np.inf)
     assert not buoy.moves
-    assert found.velocity == pytest.approx((0.0, 2.0), abs=1e-12)
     assert (found.moves, found.name, found.depth_max) == (True, "obstacle 2", 8.0)
-    assert found.after(100.0).position[1] - found.position[1] == pytest.approx(200.0)
+    there = Geod(ellps="WGS84").fwd(148.97, -20.34, 90.0, 200.0)[:2]
+    assert found.after(100.0).position == pytest.approx(SITE.to_local(*there), abs=1e-3)
+    (on_the_meridian,) = read_obstacles(stated(tmp_path, ship, place=(148.96, -20.3)), SITE)
+    assert on_the_meridian.velocity == pytest.approx((0.0, 2.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("course", [0.0, 130.0, 360.0])
+def test_a_course_is_from_true_north(tmp_path, course):
+    """Far north the local frame's own north differs: 1.3 degrees at 20 km from the site."""
+    site = Site(30.0, 82.0, origin=(500.0, -200.0))
+    longitude, latitude, _ = Geod(ellps="WGS84").fwd(30.0, 82.0, 90.0, 20_000.0)
+    ship = {"radius": 50, "course": course, "speed": 1.0}
+    (found,) = read_obstacles(stated(tmp_path, ship, place=(longitude, latitude)), site)
+    there = Geod(ellps="WGS84").fwd(longitude, latitude, course, 18_000.0)[:2]
+    assert found.after(18_000.0).position == pytest.approx(site.to_local(*there), abs=1.0)
 
 
 @pytest.mark.parametrize(

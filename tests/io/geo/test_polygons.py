@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box
 
-from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
+from auvplan.io.geo import GeoError, Zone, chart_from_polygons, read_zones, with_no_go
 from auvplan.io.geo.grid import Extent, touched
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
@@ -76,6 +76,45 @@ def test_land_across_the_antimeridian(tmp_path):
     assert 0.1 < (charts[0] == 0).mean() < 0.2
     for other in charts[1:]:
         np.testing.assert_array_equal(charts[0], other)
+
+
+def test_closed_areas_across_the_antimeridian(tmp_path):
+    """Halves that meet there are one area with its lake; parts a turn of longitude apart may overlap."""
+    lake = [[179.995, 0.003], [179.995, 0.006], [180.004, 0.006], [180.004, 0.003], [179.995, 0.003]]
+    shore = [[179.99, 0], [180.01, 0], [180.01, 0.01], [179.99, 0.01], [179.99, 0]]
+    west = [[179.99, 0], [180, 0], [180, 0.003], [179.995, 0.003], [179.995, 0.006], [180, 0.006]]
+    east = [[-179.99, 0], [-180, 0], [-180, 0.003], [-179.996, 0.003], [-179.996, 0.006], [-180, 0.006]]
+    halves = [
+        [[*near, [turn, 0.01], [x, 0.01], near[0]]]
+        for near, turn, x in ((west, 180, 179.99), (east, -180, -179.99))
+    ]
+    beside = [[-179.995, 0], [-179.985, 0], [-179.985, 0.01], [-179.995, 0.01], [-179.995, 0]]
+    polar = [[[-180, 80], [-180, 90], [180, 90], [180, 80], [0, 80], [-180, 80]]]
+    site = Site(180.0, 0.0)
+    whole, split, shifted, cap = (
+        zone.polygon
+        for stated, near in (
+            (feature("Polygon", [shore, lake]), site),
+            (feature("MultiPolygon", halves), site),
+            (feature("MultiPolygon", [[shore, lake], [beside]]), site),
+            (feature("Polygon", polar), Site(180.0, 85.0)),
+        )
+        for zone in read_zones(write_geojson(tmp_path / "z.json", stated), near)
+    )
+    assert split.symmetric_difference(whole).area < 1e-3
+    assert not split.contains(Point(500.0, 0.0))
+    assert shifted.difference(whole).area == pytest.approx(0.25 * Polygon(whole.exterior).area, rel=0.01)
+    assert whole.difference(shifted).area < 1e-3
+    assert cap.geom_type == "Polygon"
+    extent = Extent((-2000.0, -2000.0), (2000.0, 2000.0), 50.0)
+    np.testing.assert_array_equal(*(kinds(with_no_go(None, [one], extent)) for one in (whole, split)))
+
+
+def test_a_closed_area_without_an_area_in_metres_is_refused(tmp_path):
+    far, (x, y) = Site(148.96, -20.34, origin=(1e7, 1e7)), (148.96, -20.34)
+    thread = [[x, y], [x + 0.01, y], [x + 0.01, y + 1e-14], [x, y + 1e-14], [x, y]]
+    path = write_geojson(tmp_path / "z.json", feature("Polygon", [thread]))
+    refusal(GeoError, "feature 1: is no polygon with an area", read_zones, path, far)
 
 
 corner = st.tuples(*(st.integers(-300, 1500).map(lambda tenths: tenths / 10) for _ in range(2)))
