@@ -273,8 +273,7 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
         many did it, and what share of what is planned of it they earn on average; how many did all that is
         planned, on time.
     """
-    names, count = planned.names, executed.sizes["mission"]
-    nodes = {job.name: job.nodes for job in jobs_of(names)}
+    nodes, count = {job.name: job.nodes for job in jobs_of(planned.jobs)}, executed.sizes["mission"]
 
     def did(legs: list[tuple[int, int, float]]) -> tuple[set[str], dict[str, float]]:
         """Return the jobs of which legs do all parts, and what they earn of each."""
@@ -283,7 +282,7 @@ def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
             for name, own in nodes.items():
                 if goal in own and (len(own) == 1 or start in own):
                     earned[name] += priority
-        return jobs_done(names, [leg[:2] for leg in legs]) if names else set(), earned
+        return jobs_done(planned.jobs, [leg[:2] for leg in legs]), earned
 
     wanted, whole = did([(leg.start, leg.goal, leg.priority) for leg in planned.earning])
     lines = {name for name in wanted if len(nodes.get(name, ())) > 1}

@@ -328,7 +328,7 @@ def _lines(run: MissionRun) -> list[str]:
     """Return how much of each survey line that is followed is covered, and how far off it the track is."""
     followed = {frozenset((leg.start, leg.goal)): leg for leg in run.done if leg.line and not leg.missed}
     found = []
-    for job in jobs_of(run.names):
+    for job in jobs_of(run.jobs):
         legs = [followed[edge] for edge in map(frozenset, pairwise(job.nodes)) if edge in followed]
         parts = [leg.coverage for leg in legs if leg.coverage is not None]
         if not parts:
@@ -470,9 +470,9 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
     """Return the job that a leg does, or a part of."""
-    if not run.names:
+    if run.jobs is None:
         return f"edge {leg.start} to {leg.goal}"
-    for job in jobs_of(run.names):
+    for job in jobs_of(run.jobs):
         if leg.goal in job.nodes and (len(job.nodes) == 1 or leg.start in job.nodes):
             part = min(job.nodes.index(node) for node in (leg.start, leg.goal) if node in job.nodes) + 1
             return job.name if len(job.nodes) <= 2 else f"{job.name}, part {part}"
@@ -481,12 +481,12 @@ def _task_name(run: MissionRun, leg: LegRecord) -> str:
 
 def _left_out(run: MissionRun) -> list[LeftOut]:
     """Jobs that are not done, with what stands against them."""
-    if not run.names:
+    if run.jobs is None:
         return []
-    done = jobs_done(run.names, [(leg.start, leg.goal) for leg in run.earning])
+    done = jobs_done(run.jobs, [(leg.start, leg.goal) for leg in run.earning])
     taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
     graph, found = run.graph, []
-    for job in jobs_of(run.names):
+    for job in jobs_of(run.jobs):
         if job.name in done:
             continue
         if len(job.nodes) == 1:
@@ -505,7 +505,7 @@ def _why_dropped(run: MissionRun, job: NodesOfJob) -> str:
 
     def has(moment: float, ahead: Sequence[int]) -> bool:
         legs = [(leg.start, leg.goal) for leg in run.done if leg.ends <= moment + 1.0]
-        return job.name in jobs_done(run.names, [*legs, *pairwise(ahead)])
+        return job.name in jobs_done(run.jobs, [*legs, *pairwise(ahead)])
 
     if (run.arrived and not run.simulated) or has(math.inf, ()):
         return ""

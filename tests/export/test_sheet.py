@@ -19,7 +19,7 @@ from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
 from auvplan.mission import MissionGraph, plan_mission
-from auvplan.mission.jobs import JobPoint, jobs_done, jobs_graph
+from auvplan.mission.jobs import JobPoint, Jobs, jobs_done, jobs_graph
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
 from auvplan.records import LegRecord, MissionRun, RouteRecord
@@ -229,6 +229,7 @@ def failed_mission(time_available):
     graph, names = jobs_graph(points, [], [0.0, 0.0, 5.0], [900.0, 0.0, 5.0])
     first = plan_mission(graph, 0, 3, time_available, speed=SPEED, key=jax.random.key(0), method="exact")
     run = MissionRun({}, 0, Vehicle(speed=SPEED), graph, None, 0, 3, time_available, names=names)
+    run.jobs = Jobs(tuple(points))
     run.first_route, run.t_mission, run.reason = first, time_available, "time ran out"
     figures = float(first.time), float(first.priority), 0.1
     run.routes = [RouteRecord(0.0, np.asarray(first.nodes).tolist(), *figures, "start")]
@@ -245,7 +246,7 @@ def test_what_a_failed_mission_left_out_is_compared_with_its_first_route():
         assert f"the first route takes {hours(seconds)}, {hours(500.0)} are available" in reasons[name]
         needed = float(re.search(r"(\d+) s would do", reasons[name])[1])
         assert needed == pytest.approx(seconds, rel=1e-3)
-        assert name in jobs_done(run.names, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
+        assert name in jobs_done(run.jobs, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
 
 
 def test_what_a_failed_mission_had_on_its_route_was_left_out_under_way_or_time_ran_out_before_it():

@@ -8,7 +8,7 @@ import xarray as xr
 import auvplan as ap
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
-from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.runtime.files import write_dataset
 from auvplan.scenario import Scenario
 from auvplan.study import Design
@@ -50,7 +50,7 @@ def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it():
 def two_tasks():
     """The made run as one of two jobs on the way."""
     run = make_run((0, 1, 2, 3))
-    run.names = ["start", "gauge", "wreck", "goal"]
+    run.jobs = Jobs(tuple(JobPoint(name, (0.0, 0.0, 5.0)) for name in ("gauge", "wreck")))
     for leg, priority in zip(run.legs, (3.0, 3.0, 0.0), strict=True):
         leg.priority = priority
     return run
@@ -80,7 +80,7 @@ def test_a_survey_line_counts_as_done_where_it_is_covered():
 
     def surveyed(*priorities):
         run = make_run((0, 1, 2, 3))
-        run.names = ["start", "ridge[1]", "ridge[2]", "ridge[3]", "goal"]
+        run.jobs = Jobs(lines=(JobLine("ridge", tuple((float(k), 0.0, 5.0) for k in range(3))),))
         for leg, priority in zip(run.legs, priorities, strict=True):
             leg.priority = priority
         return run
