@@ -20,7 +20,7 @@ from auvplan.study.table import VARIABLES, Row, rows_of
 PIECES, DATASET, SUMMARY = "missions", "missions.nc", "summary.json"
 
 #: Variables that neither summaries nor pictures need.
-_UNSHOWN = ("revisits", "length", "leg_revisit")
+_UNSHOWN = ("revisits", "length", "leg_revisit", "leg_line_covered")
 
 #: Folder in that of a study for whole results of its missions, one each, where they are saved.
 RUNS = "runs"
