@@ -564,8 +564,8 @@ class MissionRun(ReprMixin):
     def completed(self, legs: Iterable[LegRecord]) -> list[str]:
         """Return what the tasks are called that some of the `earning` legs complete."""
         taken = [(leg.start, leg.goal) for leg in legs]
-        if self.names:
-            return sorted(jobs_done(self.names, taken))
+        if self.jobs is not None:
+            return sorted(jobs_done(self.jobs, taken))
         return [f"edge {start} to {goal}" for start, goal in taken]
 
     @cached_property

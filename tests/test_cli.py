@@ -17,6 +17,7 @@ from auvplan import cli
 from auvplan.cli import shared
 from auvplan.cli.plan import _promise_row, print_sheet
 from auvplan.cli.study import run_with_bar
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.whitsunday import classes, render
 from auvplan.records import Promise
 from auvplan.study import cluster
@@ -88,19 +89,20 @@ def test_a_plan_is_written_without_the_files_that_cannot_hold_it(tmp_path, call,
 def test_what_a_plan_gives_up_are_tasks():
     """A line that is surveyed the other way is done; without names a task is that of its edge."""
 
-    def run(names, *nodes):
+    def run(jobs, *nodes):
         found = make_run(nodes)
-        found.names = names
+        found.jobs = jobs
         found.promise = Promise(None, 0.9, 0.8, 0.95, 1000, 1, (1.0, 2.0, 3.0), 0.0)
         for leg in found.legs:
             leg.priority = 1.0
         return found
 
-    names = ["start", "ridge[1]", "ridge[2]", "buoy", "goal"]
-    first, other = run(names, 0, 1, 2, 3), run(names, 0, 2, 1)
+    ridge = JobLine("ridge", ((0.0, 0.0, 5.0), (100.0, 0.0, 5.0)))
+    jobs = Jobs((JobPoint("buoy", (0.0, 100.0, 5.0)),), (ridge,))
+    first, other = run(jobs, 0, 2, 3, 1), run(jobs, 0, 3, 2)
     row = _promise_row(other, first)
     assert (row["gives_up"], row["does_instead"]) == (["buoy"], [])
-    row = _promise_row(run([], 0, 2, 1), run([], 0, 1, 2, 3))
+    row = _promise_row(run(None, 0, 2, 1), run(None, 0, 1, 2, 3))
     assert row["gives_up"] == ["edge 0 to 1", "edge 1 to 2", "edge 2 to 3"]
     assert row["does_instead"] == ["edge 0 to 2", "edge 2 to 1"]
 

@@ -21,6 +21,7 @@ class Job:
 
     name: str  # of the job
     places: Array  # [n, 3] m; one of a point, two or more of a line
+    nodes: list[int]  # of the graph: its place, or its vertices in order
     priority: float  # before it falls
     duration: float  # s
     #: In which a task at a point begins and a part of a line lies whole, s since the departure; empty: any.
@@ -90,21 +91,30 @@ def _spans(stated: list[list[float | None]]) -> Spans:
 
 
 def read_jobs(run: Saved) -> list[Job] | None:
-    """Return the jobs that a run has saved; None where it has saved none."""
+    """Return the jobs that a run has saved; None where it has saved none.
+
+    The graph has them in this order: the start, a waypoint a point, the vertices of each line.
+    """
     stated = run.stated("jobs")
     if stated is None:
         return None
+    every = [*stated["points"], *stated["lines"]]
+    places = [
+        np.asarray(job["positions"] if "positions" in job else [job["position"]], float) for job in every
+    ]
+    first = np.cumsum([1, *map(len, places)]).tolist()
     return [
         Job(
             job["name"],
-            np.asarray(job["positions"] if "positions" in job else [job["position"]], float),
+            own,
+            list(range(*ends)),
             float(job["priority"]),
             float(job["duration"]),
             _spans(job["windows"]),
             [(float(moment), float(after)) for moment, after in job["falls"]],
             job.get("max_error"),
         )
-        for job in (*stated["points"], *stated["lines"])
+        for job, own, ends in zip(every, places, pairwise(first), strict=True)
     ]
 
 
@@ -155,16 +165,11 @@ def job_faults(run: Saved, jobs: list[Job]) -> Iterator[str]:
     """Yield jobs that the graph of the run has in another place, of other worth or with other windows."""
     for job in jobs:
         wanted = [f"{job.name}[{k}]" for k in range(1, len(job.places) + 1)] if job.is_line else [job.name]
-        nodes = [
-            [node for node, name in enumerate(run.names) if name == own and near(run.places[node], place)]
-            for own, place in zip(wanted, job.places, strict=True)
-        ]
-        if not all(own in run.names for own in wanted):
-            continue  # at a place that has another name, such as the start
-        if not all(nodes):
+        chain = job.nodes
+        same = chain[-1] < len(run.places) and run.names[chain[0] : chain[-1] + 1] == wanted
+        if not (same and all(near(*pair) for pair in zip(run.places[chain], job.places, strict=True))):
             yield f"job {job.name!r} is not where the graph has it"
             continue
-        chain = [own[0] for own in nodes]
         for name, value in (("priority", job.priority), ("duration", job.duration)):
             at, along = (run[f"{of}_{name}"] for of in ("waypoint", "task"))
             own = sum(float(along[i, j]) for i, j in pairwise(chain)) if job.is_line else float(at[chain[0]])

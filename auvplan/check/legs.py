@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from auvplan.check.inputs import Job, read_jobs
 from auvplan.check.lines import line_of
 from auvplan.check.navigation import fix_time
 from auvplan.check.saved import TIME_TOLERANCE, Leg, Saved, near
@@ -218,7 +219,8 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     # Where it stays, it makes the speed of a current that it held out against, or its own.
     fastest = max([run.number("vehicle_speed"), *speeds], key=watts)
     done = [leg for leg in legs if leg.arrived and leg.priority > 0.0]
-    starts = sum(not _goes_on(run, leg) for leg in done)
+    jobs = read_jobs(run) or []
+    starts = sum(not _goes_on(run, jobs, leg) for leg in done)
     tasks = power["task"] * sum(leg.t_task for leg in done) + power["task_start"] * starts
     joules = {
         **{
@@ -234,13 +236,13 @@ def _energy_bounds(run: Saved, power: dict[str, Any]) -> dict[str, tuple[float, 
     return {name: (least / 3600.0, most / 3600.0) for name, (least, most) in joules.items()}
 
 
-def _goes_on(run: Saved, leg: Leg) -> bool:
+def _goes_on(run: Saved, jobs: list[Job], leg: Leg) -> bool:
     """Return whether a leg goes on along a survey line that the one before it has begun."""
     before = [other for other in run.legs[: leg.number] if other.executed][-1:]
     if not before or not (before[0].arrived and before[0].priority > 0.0):
         return False
-    line = line_of(run.names, leg)
-    return bool(line) and line_of(run.names, before[0]) == line and before[0].goal == leg.start
+    line = line_of(jobs, leg)
+    return line is not None and line_of(jobs, before[0]) is line and before[0].goal == leg.start
 
 
 def figure_faults(run: Saved) -> Iterator[str]:

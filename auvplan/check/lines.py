@@ -1,10 +1,11 @@
 """The checker's own measure of how survey lines were followed. Plain NumPy."""
 
-import re
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
+from auvplan.check.inputs import Job
 from auvplan.check.saved import Array, Leg, Saved
 from auvplan.runtime.files import MISSION, SUMMARY
 
@@ -84,11 +85,7 @@ def line_faults(run: Saved) -> Iterator[str]:
                     yield f"{leg}: line_{name} is {figure:.1f} m in {source}, {value:.1f} m by the track"
 
 
-def line_of(names: list[str], leg: Leg) -> str:
-    """Return the survey line along which a leg leads from vertex to vertex, or an empty string."""
-    if max(leg.start, leg.goal) >= len(names):
-        return ""
-    first, last = (re.fullmatch(r"(.*)\[(\d+)\]", names[node], re.DOTALL) for node in (leg.start, leg.goal))
-    if first is None or last is None or first[1] != last[1] or abs(int(first[2]) - int(last[2])) != 1:
-        return ""
-    return first[1]
+def line_of(jobs: list[Job], leg: Leg) -> Job | None:
+    """Return the survey line along which a leg leads from vertex to vertex, or None."""
+    ends = {leg.start, leg.goal}
+    return next((job for job in jobs if any(ends == set(part) for part in pairwise(job.nodes))), None)

@@ -155,10 +155,8 @@ def _limits(run: Saved, settings: dict[str, Any]) -> Array:
     """Return the standard deviation that is asked for at most at each waypoint, [N] m."""
     limits = np.full(len(run.places), settings.get("most") or np.inf)
     for job in read_jobs(run) or ():
-        names = [f"{job.name}[{k + 1}]" for k in range(len(job.places))] if job.is_line else [job.name]
-        at = np.asarray([name in names for name in run.names], bool)
-        if job.max_error is not None and len(at) == len(limits):
-            limits[at] = np.minimum(limits[at], job.max_error)
+        if job.max_error is not None and job.nodes[-1] < len(limits):
+            limits[job.nodes] = np.minimum(limits[job.nodes], job.max_error)
     return limits
 
 

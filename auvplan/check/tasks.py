@@ -237,8 +237,7 @@ class _JobTasks:
     """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex."""
 
     left: list[_Task]  # tasks still to be done
-    names: list[str]  # of the waypoints, empty where they have none
-    start: Array  # [3] m, where a mission begins: what has no name there is never arrived at
+    start: Array  # [3] m, where a mission begins: a job there is arrived at as its own waypoint alone
 
     @classmethod
     def of(cls, jobs: list[Job], run: Saved) -> "_JobTasks":
@@ -248,16 +247,15 @@ class _JobTasks:
             parts = zip(pairwise(job.places), lengths, strict=True)
             tasks += [_Task(job, ends, float(length / lengths.sum())) for ends, length in parts]
             tasks += [] if job.is_line else [_Task(job, (job.places[0],))]
-        return cls(tasks, run.names, run.places[int(run.number("start"))])
+        return cls(tasks, run.places[int(run.number("start"))])
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Return every task that lies where the leg ends, or along it.
 
-        Of tasks in one place it is the one that the leg's last waypoint is named after.
+        Of tasks in one place it is the one whose waypoint the leg's last one is.
         """
         done = [task for task in self.left if task.is_done_by(leg)]
-        name = self.names[leg.goal] if leg.goal < len(self.names) else None
-        own = [task for task in done if task.is_point and task.job.name == name]
+        own = [task for task in done if task.is_point and leg.goal in task.job.nodes]
         if own or near(leg.positions[-1], self.start):
             done = [task for task in done if not task.is_point or task in own]
         if share == 0.0:  # the line was passed, and nothing of it done
@@ -271,23 +269,23 @@ class _JobTasks:
 
 def window_faults(run: Saved) -> Iterator[str]:
     """Yield tasks that were begun or ended outside their windows, and waiting for none."""
-    jobs, names = read_jobs(run), run.names
+    jobs = read_jobs(run)
     if jobs is None and run.section("mission").get("jobs"):
         return  # that they were not saved is noted with the tasks
-    timed = {job.name: job for job in jobs or () if job.windows}
+    timed = [job for job in jobs or () if job.windows]
     # For an area to open a vehicle waits where no window asks for it.
     closing = bool(run.section("chart").get("no_go"))
     for leg in run.legs:
         if not leg.arrived:
             continue
-        if (line := timed.get(line_of(names, leg))) is not None:
+        if (line := line_of(timed, leg)) is not None:
             begins, ends = float(leg.times[0]), float(leg.times[-1]) + leg.t_task
             if leg.priority > 0.0 and not within(begins, ends, line.windows):
                 what = f"a part of line {line.name!r} from {begins:.0f} to {ends:.0f} s"
                 yield f"{leg}: {what} is in none of its windows"
             continue
-        point = timed.get(names[leg.goal] if leg.goal < len(names) else "")
-        if point is None or point.is_line:
+        point = next((job for job in timed if job.nodes == [leg.goal]), None)
+        if point is None:
             if leg.t_wait > TIME_TOLERANCE and not closing:
                 yield f"{leg}: waits {leg.t_wait:.0f} s for a task without a time window"
             continue

@@ -31,15 +31,10 @@ _PRICED = 1_000_003
 _SLOWLY = 1.3
 
 
-def edges_of_lines(context: MissionContext, names: list[str]) -> dict[Edge, LinePart]:
-    """Return the part of a survey line that each edge follows, in either direction.
-
-    Args:
-        context: with the area's jobs.
-        names: of the waypoints.
-    """
+def edges_of_lines(context: MissionContext) -> dict[Edge, LinePart]:
+    """Return the part of a survey line that each edge follows, in either direction."""
     jobs, tolerance, found = context.area.jobs, context.scenario.mission.line_tolerance, {}
-    nodes = {job.name: job.nodes for job in jobs_of(names)}
+    nodes = {job.name: job.nodes for job in jobs_of(jobs)}
     for line in jobs.lines if jobs else ():
         for (i, j), (start, end) in zip(pairwise(nodes[line.name]), line.parts, strict=True):
             found[i, j] = LinePart(start, end, tolerance)

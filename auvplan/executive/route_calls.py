@@ -266,7 +266,7 @@ def _leave_line(mission: Mission) -> bool:
     """Open the ways off a survey line from where the vehicle is; return whether there are any."""
     if mission.context.scenario.mission.lines != "whole":
         return False
-    shut = edges_off_lines(mission.run.names, np.asarray(mission.run.graph.adjacency))
+    shut = edges_off_lines(mission.run.jobs, np.asarray(mission.run.graph.adjacency))
     closed = mission.barred | {(mission.here, node) for node in mission.visited}
     ways = [(i, j) for i, j in shut if i == mission.here and (i, j) not in closed]
     mission.graph = mission.graph.with_edges(ways)

@@ -1,6 +1,5 @@
 """Jobs by place: points to visit and lines to survey, as an operation graph between a start and a goal."""
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,12 +14,6 @@ from auvplan.mission.timetable import ALWAYS, NONE
 
 #: Up to this many waypoints every pair is joined by default; of more, each with this many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
-
-#: Name of a line's vertex.
-_VERTEX = re.compile(r"(?P<line>.*)\[(?P<number>\d+)\]", re.DOTALL)
-
-#: Name of a waypoint of a detour.
-_VIA = re.compile(r"\(via \d+\)")
 
 #: Pairs of places, the nearest first, between which detours are looked for.
 _PAIRS = 8
@@ -188,8 +181,9 @@ def jobs_graph(
     distance = _distances(positions, free, np.r_[:own, len(positions) - 1], terrain.length)
     adjacency = _joined(distance, neighbours, line_edges, names)
     if whole:
-        outward = np.where(_off_lines(names), np.inf, distance)
-        for job in jobs_of(names):
+        jobs = Jobs(tuple(points), tuple(lines))
+        outward = np.where(_off_lines(jobs, len(names)), np.inf, distance)
+        for job in jobs_of(jobs):
             outward[np.ix_(job.nodes, job.nodes)] = np.inf
         adjacency |= _joined(outward, neighbours, line_edges, names)
     tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
@@ -238,49 +232,43 @@ def _drops(job: JobPoint | JobLine) -> list[tuple[float, float]]:
     return [(moment, last - priority) for last, (moment, priority) in zip(before, job.falls, strict=False)]
 
 
-def edges_off_lines(names: Sequence[str], adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def edges_off_lines(jobs: Jobs | None, adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the edges (i, j), both ways, that lead off a survey line between its ends, or on to it there.
 
     Without them a line is surveyed whole or not at all, from either end.
 
     Args:
-        names: of the nodes, as `jobs_graph` gives them.
+        jobs: that `jobs_graph` made the graph of; None where its waypoints were drawn.
         adjacency: [N, N] of the graph.
     """
-    return [(int(i), int(j)) for i, j in np.argwhere(_off_lines(names) & adjacency)]
+    return [(int(i), int(j)) for i, j in np.argwhere(_off_lines(jobs, len(adjacency)) & adjacency)]
 
 
-def _off_lines(names: Sequence[str]) -> NDArray[np.bool_]:
+def _off_lines(jobs: Jobs | None, size: int) -> NDArray[np.bool_]:
     """[N, N]: pairs of which one lies between the ends of a line and the other is not its neighbour there."""
-    off = np.zeros((len(names), len(names)), bool)
-    for job in jobs_of(names):
+    off = np.zeros((size, size), bool)
+    for job in jobs_of(jobs):
         for before, node, after in zip(job.nodes, job.nodes[1:], job.nodes[2:], strict=False):
             off[node] = True
             off[node, [before, after]] = False
     return off | off.T
 
 
-def jobs_done(names: Sequence[str], legs: Iterable[tuple[int, int]]) -> set[str]:
+def jobs_done(jobs: Jobs | None, legs: Iterable[tuple[int, int]]) -> set[str]:
     """Return names of the jobs that legs complete.
 
     Args:
-        names: of the nodes, as `jobs_graph` gives them.
+        jobs: that `jobs_graph` made the graph of; None where its waypoints were drawn.
         legs: edges (i, j) that were taken and earned something.
     """
-    line_of = {k: match for k, name in enumerate(names) if (match := _VERTEX.fullmatch(name))}
-    parts: dict[str, set[int]] = {}
-    for match in line_of.values():
-        if int(match["number"]) > 1:
-            parts.setdefault(match["line"], set()).add(int(match["number"]))
-    done, left = set(), {line: set(numbers) for line, numbers in parts.items()}
-    for i, j in legs:
-        ends = [line_of[k] for k in (i, j) if k in line_of]
-        numbers = sorted(int(end["number"]) for end in ends)
-        if len(ends) == 2 and ends[0]["line"] == ends[1]["line"] and numbers[1] == numbers[0] + 1:
-            left[ends[0]["line"]].discard(numbers[1])
-        elif j not in line_of:
-            done.add(names[j])
-    return done | {line for line, numbers in left.items() if not numbers}
+    taken = list(legs)
+    ends, edges = {goal for _, goal in taken}, {frozenset(leg) for leg in taken}
+    return {
+        job.name
+        for job in jobs_of(jobs)
+        if all(part in edges for part in map(frozenset, pairwise(job.nodes)))
+        and (len(job.nodes) > 1 or job.nodes[0] in ends)
+    }
 
 
 class NodesOfJob(NamedTuple):
@@ -290,15 +278,17 @@ class NodesOfJob(NamedTuple):
     nodes: list[int]
 
 
-def jobs_of(names: Sequence[str]) -> list[NodesOfJob]:
-    """Return the jobs of a graph whose nodes have the names that `jobs_graph` gives them."""
-    found: dict[str, list[int]] = {}
-    for node in range(1, len(names) - 1):
-        if _VIA.fullmatch(names[node]):
-            continue
-        match = _VERTEX.fullmatch(names[node])
-        found.setdefault(match["line"] if match else names[node], []).append(node)
-    return [NodesOfJob(name, nodes) for name, nodes in found.items()]
+def jobs_of(jobs: Jobs | None) -> list[NodesOfJob]:
+    """Return where jobs are in the graph that `jobs_graph` makes of them; empty without any.
+
+    That is said by their order, and by no name: a point may be called as a vertex of a line is.
+    """
+    found, first = [], 1
+    for job in () if jobs is None else (*jobs.points, *jobs.lines):
+        last = first + (len(job.positions) if isinstance(job, JobLine) else 1)
+        found.append(NodesOfJob(job.name, list(range(first, last))))
+        first = last
+    return found
 
 
 def _shares(line: JobLine) -> NDArray[np.float64]:

@@ -241,7 +241,7 @@ def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]
     left = [(job["name"], job["priority"], job["reason"]) for job in stated.get("left_out", [])]
     return done + [
         {"name": name, "priority": priority, "done": False, "at": None, "duration": None, "why": why}
-        for name, priority, why in (left if run.names else _unvisited(run))
+        for name, priority, why in (_unvisited(run) if run.jobs is None else left)
     ]
 
 

@@ -92,8 +92,8 @@ def run_study(
         The dataset, see `auvplan.study.table.VARIABLES`.
 
     Raises:
-        StudyError: the folder holds a study that is not to be replaced, or another one than is to be resumed;
-            a worker died, Dask is not there.
+        StudyError: the folder holds a study that is not to be replaced, or another one than is to be resumed,
+            or missions without a result that `save_runs` asks for; a worker died, Dask is not there.
         ScenarioError, ChartError: a scenario cannot be built.
         OutputError: the folder cannot be written.
     """
@@ -102,7 +102,7 @@ def run_study(
     for case in design.cases:
         make_graph(case, make_context(case, folder).area, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
-        store = Store(out, design, resume, force, folder)
+        store = Store(out, design, resume, force, folder, save_runs)
         if resume and store.finished:
             return load_study(out)
         tasks, started = store.missing(), time.perf_counter()

@@ -12,14 +12,14 @@ import xarray as xr
 from scipy.special import stdtrit
 from scipy.stats import binom
 
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, StudyError
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.records import MissionRun
 from auvplan.runtime.arrays import Array
 from auvplan.runtime.intervals import wilson
 from auvplan.scenario.scenario import Scenario
 
-#: Share of what a plan earns on a survey line from which on a mission has done it.
+#: Share of what a plan covers of a survey line from which on a mission has done it.
 _MOST = 0.95
 
 
@@ -266,37 +266,46 @@ def require_one_sea(scenario: Scenario) -> None:
 def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     """Figures of how often a plan holds in missions of its scenario, ready for JSON.
 
-    A survey line counts as done where a mission earns `_MOST` of what the plan earns on it.
+    A survey line counts as done where a mission covers `_MOST` of what the plan covers of it, whatever it is
+    worth by then.
 
     Returns:
         What `summarise` returns of the missions; the plan's figures; how many missions came to each job, how
-        many did it, and what share of what is planned of it they earn on average; how many did all that is
+        many did it, and what share of what is planned of it they do on average; how many did all that is
         planned, on time.
+
+    Raises:
+        StudyError: the missions are of an older study, which does not say what of lines they cover.
     """
-    names, count = planned.names, executed.sizes["mission"]
-    nodes = {job.name: job.nodes for job in jobs_of(names)}
+    if "leg_line_covered" not in executed:
+        raise StudyError("the study has no variable leg_line_covered: replace it with --force")
+    nodes, count = {job.name: job.nodes for job in jobs_of(planned.jobs)}, executed.sizes["mission"]
 
     def did(legs: list[tuple[int, int, float]]) -> tuple[set[str], dict[str, float]]:
-        """Return the jobs of which legs do all parts, and what they earn of each."""
-        earned = dict.fromkeys(nodes, 0.0)
-        for start, goal, priority in legs:
+        """Return the jobs of which legs do all parts, and how much they do of each: of points 1."""
+        much = dict.fromkeys(nodes, 0.0)
+        for start, goal, amount in legs:
             for name, own in nodes.items():
                 if goal in own and (len(own) == 1 or start in own):
-                    earned[name] += priority
-        return jobs_done(names, [leg[:2] for leg in legs]) if names else set(), earned
+                    much[name] += 1.0 if len(own) == 1 else amount
+        return jobs_done(planned.jobs, [leg[:2] for leg in legs]), much
 
-    wanted, whole = did([(leg.start, leg.goal, leg.priority) for leg in planned.earning])
+    legs_of_plan = [(leg.start, leg.goal, leg.coverage, leg.priority) for leg in planned.earning]
+    wanted, whole = did([(i, j, part.length if part else worth) for i, j, part, worth in legs_of_plan])
     lines = {name for name in wanted if len(nodes.get(name, ())) > 1}
     come, done, shares, complete = Counter[str](), Counter[str](), dict.fromkeys(wanted, 0.0), 0
+    covered = executed["leg_line_covered"]
+    amounts = covered.where(covered > 0.0, executed["leg_priority"])
     for row in range(count):
         legs = {of: executed[f"leg_{of}"].values[row] for of in ("arrived", "priority", "from", "to")}
         earning = (legs["arrived"] == 1) & (legs["priority"] > 0.0)
-        starts, goals, priorities = (legs[of][earning].tolist() for of in ("from", "to", "priority"))
-        found, earned = did(list(zip(map(int, starts), map(int, goals), priorities, strict=True)))
+        starts, goals = (legs[of][earning].tolist() for of in ("from", "to"))
+        parts = zip(map(int, starts), map(int, goals), amounts.values[row][earning].tolist(), strict=True)
+        found, much = did(list(parts))
         come.update(found)
-        found -= {name for name in lines if earned[name] < _MOST * whole[name]}
+        found -= {name for name in lines if much[name] < _MOST * whole[name]}
         for name in shares:
-            shares[name] += min(earned[name] / whole[name], 1.0) / count
+            shares[name] += min(much[name] / whole[name], 1.0) / count
         done.update(found)
         complete += bool(executed["success"].values[row] == 1 and wanted <= found)
     plan = {"tasks": planned.tasks, "total_priority": planned.total_priority, "time_s": planned.t_mission}

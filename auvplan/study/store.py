@@ -20,7 +20,7 @@ from auvplan.study.table import VARIABLES, Row, rows_of
 PIECES, DATASET, SUMMARY = "missions", "missions.nc", "summary.json"
 
 #: Variables that neither summaries nor pictures need.
-_UNSHOWN = ("revisits", "length", "leg_revisit")
+_UNSHOWN = ("revisits", "length", "leg_revisit", "leg_line_covered")
 
 #: Folder in that of a study for whole results of its missions, one each, where they are saved.
 RUNS = "runs"
@@ -41,6 +41,7 @@ class Store:
         resume: bool = False,
         force: bool = False,
         home: str | Path | None = None,
+        save_runs: bool = False,
     ):
         """Open a new study, with `resume` the same again or one of more missions; `force` replaces it.
 
@@ -48,9 +49,11 @@ class Store:
             folder, design: as the attributes.
             resume, force: which of these.
             home: folder that relative paths in the scenario start from; that of its file if absent.
+            save_runs: whether a whole result of each mission is kept in `RUNS`.
 
         Raises:
-            StudyError: the folder holds a study that is not to be replaced, or to resume another one or none.
+            StudyError: the folder holds a study that is not to be replaced, or to resume another one or none,
+                or one of whose missions some are done and not kept whole, as `save_runs` asks.
             OutputError: the folder cannot be written.
         """
         self.folder, self.design = Path(folder), design
@@ -58,7 +61,7 @@ class Store:
         # As it comes back from JSON: tuples are lists there.
         plain = json.loads(json.dumps(design.plain()))
         if resume:
-            self._resume(plain)
+            self._resume(plain, save_runs)
             return
         files.require_kind(folder, "study")
         if not force:
@@ -71,7 +74,7 @@ class Store:
         files.write_json(self.folder / files.DESIGN, plain | {"sources": self._sources()})
         files.output_folder(self.folder / PIECES)
 
-    def _resume(self, plain: dict[str, Any]) -> None:
+    def _resume(self, plain: dict[str, Any], save_runs: bool) -> None:
         """Continue the study, whose missions become pieces again where it is finished and more are wanted.
 
         Its steps are in an order that can be broken off anywhere, and the folder resumed.
@@ -81,12 +84,19 @@ class Store:
         for case in self.design.cases if "sources" in known else ():
             if changed := changed_source(known["sources"], case.model_dump(mode="json"), self._home):
                 raise StudyError(f"{self.folder / files.DESIGN}: {changed}; run it in another folder")
+        done = replace(self.design, count=kept)
+        pieces = [self._piece(*task) for task in done.tasks]
+        lost = [piece for piece in pieces if not (self.folder / RUNS / piece.stem).is_dir()]
+        if save_runs and (without := sum(self.finished or piece.is_file() for piece in lost)):
+            raise StudyError(
+                f"{self.folder}: {counted(without, 'finished mission')} without a saved run: "
+                "resume it without --save-runs, or run all again with --force"
+            )
         if self.finished:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)  # broken off while it cleaned up
         if kept == plain["count"]:
             return
         if self.finished:
-            done = replace(self.design, count=kept)
             for task, row in zip(done.tasks, rows_of(load_study(self.folder)), strict=True):
                 self.add(*task, row)
             self._drop_results()

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
-from auvplan.mission.graph import shortest_path, shortest_times, time_to_go
+from auvplan.mission.graph import shortest_path, time_to_go
 from auvplan.mission.jobs import NodesOfJob, jobs_done, jobs_of
 from auvplan.mission.route import MissionRoute
-from auvplan.mission.timetable import Timetable, stages
+from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun, Promise
@@ -328,7 +328,7 @@ def _lines(run: MissionRun) -> list[str]:
     """Return how much of each survey line that is followed is covered, and how far off it the track is."""
     followed = {frozenset((leg.start, leg.goal)): leg for leg in run.done if leg.line and not leg.missed}
     found = []
-    for job in jobs_of(run.names):
+    for job in jobs_of(run.jobs):
         legs = [followed[edge] for edge in map(frozenset, pairwise(job.nodes)) if edge in followed]
         parts = [leg.coverage for leg in legs if leg.coverage is not None]
         if not parts:
@@ -414,7 +414,7 @@ def _stop(run: MissionRun, leg: LegRecord) -> Stop:
     if run.site is not None:  # to a tenth of a metre
         longitude, latitude = run.site.to_geographic(*np.asarray(run.graph.positions[node], float)[:2])
         place = round(float(longitude), 6), round(float(latitude), 6)
-    task, arrival = _task_name(run, leg) if leg.priority else "", float(times[-1])
+    task, arrival = _task_name(run, leg.start, leg.goal) if leg.priority else "", float(times[-1])
     return Stop(
         waypoint_name(run, node),
         "out of its window" if leg.missed else task,
@@ -468,25 +468,25 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
     return "" if table is None else timeline.spans_in_words(run, timeline.windows_of(table, begin, node))
 
 
-def _task_name(run: MissionRun, leg: LegRecord) -> str:
+def _task_name(run: MissionRun, start: int, goal: int) -> str:
     """Return the job that a leg does, or a part of."""
-    if not run.names:
-        return f"edge {leg.start} to {leg.goal}"
-    for job in jobs_of(run.names):
-        if leg.goal in job.nodes and (len(job.nodes) == 1 or leg.start in job.nodes):
-            part = min(job.nodes.index(node) for node in (leg.start, leg.goal) if node in job.nodes) + 1
+    if run.jobs is None:
+        return f"edge {start} to {goal}"
+    for job in jobs_of(run.jobs):
+        if goal in job.nodes and (len(job.nodes) == 1 or start in job.nodes):
+            part = min(job.nodes.index(node) for node in (start, goal) if node in job.nodes) + 1
             return job.name if len(job.nodes) <= 2 else f"{job.name}, part {part}"
-    return run.names[leg.goal]
+    return run.names[goal]
 
 
 def _left_out(run: MissionRun) -> list[LeftOut]:
     """Jobs that are not done, with what stands against them."""
-    if not run.names:
+    if run.jobs is None:
         return []
-    done = jobs_done(run.names, [(leg.start, leg.goal) for leg in run.earning])
+    done = jobs_done(run.jobs, [(leg.start, leg.goal) for leg in run.earning])
     taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
     graph, found = run.graph, []
-    for job in jobs_of(run.names):
+    for job in jobs_of(run.jobs):
         if job.name in done:
             continue
         if len(job.nodes) == 1:
@@ -505,7 +505,7 @@ def _why_dropped(run: MissionRun, job: NodesOfJob) -> str:
 
     def has(moment: float, ahead: Sequence[int]) -> bool:
         legs = [(leg.start, leg.goal) for leg in run.done if leg.ends <= moment + 1.0]
-        return job.name in jobs_done(run.names, [*legs, *pairwise(ahead)])
+        return job.name in jobs_done(run.jobs, [*legs, *pairwise(ahead)])
 
     if (run.arrived and not run.simulated) or has(math.inf, ()):
         return ""
@@ -534,23 +534,16 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     if run.first_route is None:
         return "no route was found"
     first = run.first_route
-    times = np.asarray(first.edge_times, float)
     route, earned, of = run.route, run.total_priority, "the route"
-    ends = [0.0, *(leg.ends for leg in run.done)]
     if not run.arrived:
         route, earned, of = np.asarray(first.nodes).tolist(), float(first.priority), "the first route"
-        ends = [0.0, *np.cumsum(first.leg_times).tolist()]
     if all(node in route for node in nodes):
         return f"{of} passes its waypoints, not the line between them"
     with_it = _with_job(first, route, nodes)
     if with_it is None:
         return "no open path leads there: the current, the coast or the sea bed closes every leg"
     if not np.isfinite(with_it.ends[-1]):
-        reached = list(zip(route, ends, strict=True))
-        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], reached, shortest_times(times))):
-            return why
-        words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
-        return f"its window is {words}: from no place of {of} on are it and the other tasks in theirs"
+        return _out_of_time(run, nodes, with_it, of)
     more = f"with it, the others in their order, {of} takes"
     if lacks := list(filter(None, (_short_of_time(run, with_it), _short_of_energy(run, with_it)))):
         taken, would_do = zip(*lacks, strict=True)
@@ -612,16 +605,31 @@ class _WithJob(NamedTuple):
 
     Attributes:
         nodes: [n + 1] its waypoints.
-        ends: [n] s, when each leg is done.
+        done: its legs [n] by the clock.
+        last: number of the leg that ends the job.
         needs: s, the time that it must be given, with the margin that its route was made with.
         others, own: priority that the other tasks are worth then, and the job.
     """
 
     nodes: list[int]
-    ends: NDArray
+    done: Stages
+    last: int
     needs: float
     others: float
     own: float
+
+    @property
+    def ends(self) -> NDArray:
+        """[n] s, when each leg is done; infinite from the first on that cannot be done in time."""
+        return self.done.ends
+
+    @property
+    def lack(self) -> tuple[float, bool, int, float]:
+        """What is less in a better place: its end, s; without one, legs not done, and s until the first."""
+        late, arrives = np.isinf(self.ends), self.done.arrives
+        if late[self.last]:
+            return np.inf, True, 0, float(arrives[self.last])
+        return float(self.ends[-1]), False, int(late.sum()), float(arrives[late].min(initial=np.inf))
 
     @property
     def given(self) -> float:
@@ -631,6 +639,8 @@ class _WithJob(NamedTuple):
 
 def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -> _WithJob | None:
     """Put a job into a route where that ends soonest, by the clock; None where no open leg leads there.
+
+    Where no place leaves all tasks in their windows, it is where the most of the route follows it in time.
 
     Args:
         first: the first route of the mission, by whose times of all edges that is.
@@ -653,8 +663,6 @@ def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -
         onward = legs[1] if len(job) > 1 else legs[1][1:]
         whole = [*route[: k - 1], *legs[0], *job[1:-1], *onward, *route[k + 1 :]]
         done = stages(table, duration, whole)
-        if found is not None and not done.ends[-1] < found.ends[-1]:
-            continue
         worth = {True: 0.0, False: 0.0}
         for leg, begins in zip(pairwise(whole), done.begins, strict=True):
             worth[leg[1] in job] += float(first.edge_priority[leg]) - table.lost(*leg, float(begins))
@@ -662,33 +670,41 @@ def _with_job(first: MissionRoute, route: Sequence[int], nodes: Sequence[int]) -
         if first.speeds is not None:  # which are chosen with the margin on the last leg
             last = float(done.ends[-1] - done.departs[-1])
             needs = max(needs, float(done.ends[-1]) + first.return_margin * last)
-        found = _WithJob(whole, done.ends, needs, worth[False], worth[True])
+        ended = k + len(legs[0]) + len(job) - 4
+        here = _WithJob(whole, done, ended, needs, worth[False], worth[True])
+        if found is None or here.lack < found.lack:
+            found = here
     return found
 
 
-def _out_of_window(
-    run: MissionRun, node: int, reached: Sequence[tuple[int, float]], shortest: NDArray
-) -> str:
-    """Return how a task's windows miss a route, by shortest times; empty where a detour is in time.
+def _out_of_time(run: MissionRun, nodes: Sequence[int], with_it: _WithJob, of: str) -> str:
+    """Return which window a route with one more job, the others in their order, misses first.
 
-    The route is at its waypoints, and done there, at the times `reached`, s.
+    Args:
+        run: whose first route it is.
+        nodes: of the job.
+        with_it: the route with the job in its best place, where it is not in time.
+        of: what the route is called.
     """
-    table = run.graph.timetable
-    if table is None or not _windows(run, node):
-        return ""
-    stay = float(np.asarray(run.graph.waypoint_duration)[node])
-    reach = [(seconds + shortest[i, node] - stay, i) for i, seconds in reached if i != run.goal]
-    begins = [table.begins(i, node, arrival) - arrival for arrival, i in reach]
-    arrival, i = min(reach)
-    if not np.isfinite(begins).any():
-        closes = float(table.closes[i, node].max())
-        return (
-            f"its window is {_windows(run, node)}: the route could be there "
-            f"{timeline.time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
-        )
-    wait = min(begins)
-    cost = f"its window is {_windows(run, node)}: it would cost {hours(wait)} of waiting"
-    return cost if wait > 60.0 else ""
+    leg = int(np.argmin(np.isfinite(with_it.ends)))
+    i, j = with_it.nodes[leg : leg + 2]
+    table, window, arrives = run.graph.timetable, _windows(run, j, i), float(with_it.done.arrives[leg])
+    with_others = "with it, the others in their order,"
+    if table is None or not window:
+        return f"{with_others} the way from {run.called(i)} to {run.called(j)} is closed by then"
+    own = j in nodes and (len(nodes) == 1 or i in nodes)
+    if not np.isfinite(arrives):  # of a line, whose parts lie in a window whole
+        if own:
+            return f"its window is {window}: from no place of {of} on can all of it be done then"
+        return f"{with_others} {_task_name(run, i, j)} cannot be done in its window, {window}"
+    over = arrives - float(table.closes[i, j].max())
+    late = f"{hours(over) if over >= 30.0 else f'{over:.0f} s'} too late"
+    if own:
+        there = f"the route could be there {timeline.time_in_words(run, arrives)} at the earliest"
+        return f"its window is {window}: {there}{f', {late}' if over > 0.0 else ' and may not wait'}"
+    comes = f"comes to {_task_name(run, i, j)}"
+    misses = f"{late} for" if over > 0.0 else "and may not wait for"
+    return f"{with_others} {of} {comes} {misses} its window, {window}"
 
 
 def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:

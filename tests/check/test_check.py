@@ -377,7 +377,7 @@ def with_jobs(run, *jobs):
     """The run as one of these jobs."""
     points = tuple(job for job in jobs if isinstance(job, JobPoint))
     lines = tuple(job for job in jobs if isinstance(job, JobLine))
-    run.jobs, run.names = Jobs(points, lines), ["start", "gauge", "goal", "wreck"]
+    run.jobs, run.names = Jobs(points, lines), ["start", *(point.name for point in points)]
     return run
 
 
@@ -391,8 +391,8 @@ def three_jobs(run, priority=3.0, duration=60.0, windows=()):
     return with_jobs(
         run,
         JobPoint("gauge", (700.0, 900.0, 40.0), priority, duration, windows),
-        JobPoint("wreck", (400.0, 1200.0, 25.0), 3.0, 60.0),
         JobPoint("end", (1000.0, 1800.0, 30.0), 3.0, 60.0),
+        JobPoint("wreck", (400.0, 1200.0, 25.0), 3.0, 60.0),
     )
 
 
@@ -415,24 +415,25 @@ def test_jobs_are_counted_as_they_were_planned_for(gauge, found):
 
 def test_two_tasks_that_were_swapped_are_found():
     run = three_jobs(make_run())
-    gauge, wreck, end = run.jobs.points
-    run.jobs = Jobs((replace(gauge, position=wreck.position), replace(wreck, position=gauge.position), end))
+    gauge, end, wreck = run.jobs.points
+    run.jobs = Jobs((replace(gauge, position=wreck.position), end, replace(wreck, position=gauge.position)))
     assert "job 'gauge' is not where the graph has it" in str(check(run))
 
 
 def test_a_survey_line_counts_when_all_of_it_is_done():
     survey = JobLine("survey", tuple(map(tuple, WAYPOINTS[[0, 1, 3]].tolist())), 9.0, 180.0)
-    run = with_jobs(make_run((0, 1, 3)), survey)
-    lengths = np.linalg.norm(np.diff(WAYPOINTS[[0, 1, 3]], axis=0), axis=1)
-    for leg, share in zip(run.legs, lengths / lengths.sum(), strict=True):
-        leg.priority, late = 9.0 * float(share), 180.0 * float(share) - leg.t_task
+    places = np.array([[300.0, 250.0, 20.0], *survey.positions, [400.0, 1250.0, 25.0]])
+    run = with_jobs(make_run((0, 1, 2, 3, 4), waypoints=places), survey)
+    lengths, late = np.linalg.norm(np.diff(survey.positions, axis=0), axis=1), 0.0
+    for leg, share in zip(run.legs, [0.0, *(lengths / lengths.sum()).tolist(), 0.0], strict=True):
+        leg.times, late = leg.times + late, late + 180.0 * share - leg.t_task
+        leg.priority, leg.t_task = 9.0 * share, 180.0 * share
         run.graph.priority[leg.start, leg.goal] = leg.priority
-        run.graph.duration[leg.start, leg.goal] = 180.0 * float(share)
-        leg.t_task += late
-        run.t_mission += late
-    run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
-    run.names = ["survey[1]", "survey[2]", "goal", "survey[3]"]
-    run.routes[0].priority, run.routes[1].priority = 9.0, run.legs[1].priority
+        run.graph.duration[leg.start, leg.goal] = leg.t_task
+    run.t_mission += late
+    run.names = ["start", "survey[1]", "survey[2]", "survey[3]", "goal"]
+    run.routes[0].priority = run.routes[1].priority = 9.0
+    run.routes[1].made_at = float(run.legs[1].times[0])
     run.saved_bound = 9.0
     report = check(run)
     assert report.ok, report

@@ -9,7 +9,7 @@ import xarray as xr
 from auvplan.check.saved import Leg, Saved
 from auvplan.check.tasks import window_faults
 
-NAMES = ["start", "gauge", "wreck", "goal", "survey[1]", "survey[2]"]
+NAMES = ["start", "gauge", "wreck", "buoy", "survey[1]", "survey[2]", "goal"]
 
 
 def leg(goal, arrival, wait=0.0, task=60.0, priority=1.0, start=0, missed=False):
@@ -24,11 +24,12 @@ def run_with(legs, windows, line=None, **variables):
     """A run of these legs with a job at the gauge and a survey line."""
     job = {"priority": 1.0, "duration": 60.0, "falls": []}
     gauge = job | {"name": "gauge", "position": [0.0, 0.0, 0.0], "windows": windows}
+    others = [gauge | {"name": name, "windows": []} for name in ("wreck", "buoy")]
     survey = job | {"name": "survey", "positions": [[0.0] * 3, [9.0] * 3], "windows": line or []}
     attributes = {
         "scenario": json.dumps({"mission": {"jobs": "jobs.csv"}}),
         "waypoint_names": json.dumps(NAMES),
-        "jobs": json.dumps({"points": [gauge], "lines": [survey]}),
+        "jobs": json.dumps({"points": [gauge, *others], "lines": [survey]}),
     }
     data = {name: (("waypoint", "window"), values) for name, values in variables.items()}
     return Saved({}, xr.Dataset(data, attrs=attributes), legs)

@@ -50,7 +50,7 @@ def test_a_job_behind_land_is_joined_by_a_way_around(mouth):
     assert names[:2] == ["start", "inside"]
     assert names[-1] == "goal"
     assert all(name.startswith("(via ") for name in names[2:-1])
-    assert [job.name for job in jobs_of(names)] == ["inside"]
+    assert [job.name for job in jobs_of(area.jobs)] == ["inside"]
     free = lines_clear(np.asarray(graph.positions), scenario, area)
     assert not free[0, 1]
     assert graph.adjacency[0, 1], "the way round is an edge of its own"

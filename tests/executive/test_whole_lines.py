@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvplan.check.run import check_run
 from auvplan.executive import plan_scenario
 from auvplan.executive.context import make_context
 from auvplan.executive.loop import seed_keys, start_mission
 from auvplan.executive.route_calls import plan_routes, time_edges
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, edges_off_lines
 from auvplan.runtime import prng
 from auvplan.scenario.area import OperatingArea
+from auvplan.view.sheet import sheet_of
 from tests.executive.small import POWER, SMALL, scenario
 from tests.executive.tide import tidal_area
 
@@ -46,12 +50,24 @@ def test_a_line_is_begun_only_where_all_of_it_fits(lines, seconds, priority):
     assert run.total_priority == pytest.approx(priority)
 
 
+@pytest.mark.slow
+def test_points_called_as_vertices_of_lines_are_tasks_of_their_own(tmp_path):
+    points = [JobPoint(f"line[{k}]", (900.0 * k, 300.0, 5.0), 1.0, 10.0) for k in (1, 2, 3)]
+    points.append(JobPoint("(via 1)", (3600.0, 300.0, 5.0), 1.0, 10.0))
+    run = plan_scenario(settings("whole", 5000.0), area=OperatingArea(jobs=Jobs(tuple(points), (LINE,))))
+    assert run.tasks == 5
+    save_run(run, tmp_path)
+    assert check_run(tmp_path).ok, check_run(tmp_path)
+    again = restore_run(tmp_path)
+    assert (again.tasks, sheet_of(again).left_out) == (5, ())
+
+
 def test_a_line_that_cannot_be_finished_is_left():
     context = make_context(settings("whole", 2500.0), None, OperatingArea(jobs=JOBS))
     mission = start_mission(context, 0, prng.single(seed_keys([0]))[0], 0)
     names = mission.run.names
     start, first, middle, last = (names.index(name) for name in ("start", "line[1]", "line[2]", "line[3]"))
-    off = edges_off_lines(names, np.asarray(mission.run.graph.adjacency))
+    off = edges_off_lines(JOBS, np.asarray(mission.run.graph.adjacency))
     assert off
     assert not any(mission.graph.adjacency[edge] for edge in off)
     mission.here, mission.visited = middle, {start, first, middle}
@@ -75,7 +91,7 @@ def test_ways_off_a_line_stay_shut_and_a_line_is_offered_once(start):
     mission = start_mission(make_context(start[0], None, start[1]), 0, prng.single(seed_keys([0]))[0], 0)
     names, mission.cause = mission.run.names, "start"
     time_edges([mission])
-    off = edges_off_lines(names, np.asarray(mission.run.graph.adjacency))
+    off = edges_off_lines(JOBS, np.asarray(mission.run.graph.adjacency))
     assert off
     assert not any(mission.timed.adjacency[edge] for edge in off)
     plan_routes([mission])

@@ -19,7 +19,8 @@ from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
 from auvplan.mission import MissionGraph, plan_mission
-from auvplan.mission.jobs import JobPoint, jobs_done, jobs_graph
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_done, jobs_graph, task_hours
+from auvplan.mission.timetable import Timetable
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
 from auvplan.records import LegRecord, MissionRun, RouteRecord
@@ -223,12 +224,49 @@ def test_without_speeds_of_their_own_nothing_is_said_of_them():
     assert alike.facts["speed"] == "2.00 m/s through the water"
 
 
+def timed_mission(points, lines):
+    """A mission by the clock in open water that has its first route alone."""
+    graph, names = jobs_graph(points, lines, [0.0, 0.0, 5.0], [0.0, 900.0, 5.0])
+    still = graph.leg_times(SPEED) - graph.duration
+    graph = graph.with_timetable(Timetable(np.zeros(1), still[None], **task_hours(points, lines, graph.size)))
+    goal = graph.size - 1
+    first = plan_mission(graph, 0, goal, 9000.0, speed=SPEED, key=jax.random.key(0), method="exact")
+    run = MissionRun({}, 0, Vehicle(speed=SPEED), graph, None, 0, goal, 9000.0, names=names)
+    run.jobs, run.first_route = Jobs(tuple(points), tuple(lines)), first
+    return run
+
+
+def test_a_job_in_whose_window_the_route_could_be_is_left_out_for_the_window_that_it_then_misses():
+    """Job b is in time alone before a, and a alone before b."""
+    closes = 620.0 / SPEED
+    b_then_a = (600.0 + float(np.hypot(600.0, 600.0))) / SPEED
+    points = [
+        JobPoint("a", (0.0, 600.0, 5.0), 4.0, windows=((0.0, closes),)),
+        JobPoint("b", (600.0, 0.0, 5.0), 3.0, windows=((0.0, closes),)),
+    ]
+    run = timed_mission(points, [])
+    assert np.asarray(run.first_route.nodes).tolist() == [0, 1, 3]
+    reasons = {job.name: job.reason for job in sheet_of(run).left_out}
+    late, window = hours(b_then_a - closes), f"0 h 00 min-{hours(closes)}"
+    assert reasons["b"].endswith(f"the first route comes to a {late} too late for its window, {window}")
+
+
+def test_a_line_of_several_parts_is_left_out_for_its_window():
+    places = (900.0, 0.0, 5.0), (900.0, 300.0, 5.0), (1200.0, 300.0, 5.0)
+    line = JobLine("l", places, 4.0, windows=((60.0, 180.0),))
+    point = JobPoint("a", (0.0, 600.0, 5.0), 1.0)
+    reasons = {job.name: job.reason for job in sheet_of(timed_mission([point], [line])).left_out}
+    window = "its window is 0 h 01 min-0 h 03 min"
+    assert reasons["l"] == f"{window}: from no place of the first route on can all of it be done then"
+
+
 def failed_mission(time_available):
     """A mission in open water with jobs a (east) and b (far in the east), that has its first route alone."""
     points = [JobPoint("a", [0.0, 600.0, 5.0], 3.0, 60.0), JobPoint("b", [0.0, 2000.0, 5.0], 4.0, 60.0)]
     graph, names = jobs_graph(points, [], [0.0, 0.0, 5.0], [900.0, 0.0, 5.0])
     first = plan_mission(graph, 0, 3, time_available, speed=SPEED, key=jax.random.key(0), method="exact")
     run = MissionRun({}, 0, Vehicle(speed=SPEED), graph, None, 0, 3, time_available, names=names)
+    run.jobs = Jobs(tuple(points))
     run.first_route, run.t_mission, run.reason = first, time_available, "time ran out"
     figures = float(first.time), float(first.priority), 0.1
     run.routes = [RouteRecord(0.0, np.asarray(first.nodes).tolist(), *figures, "start")]
@@ -245,7 +283,7 @@ def test_what_a_failed_mission_left_out_is_compared_with_its_first_route():
         assert f"the first route takes {hours(seconds)}, {hours(500.0)} are available" in reasons[name]
         needed = float(re.search(r"(\d+) s would do", reasons[name])[1])
         assert needed == pytest.approx(seconds, rel=1e-3)
-        assert name in jobs_done(run.names, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
+        assert name in jobs_done(run.jobs, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
 
 
 def test_what_a_failed_mission_had_on_its_route_was_left_out_under_way_or_time_ran_out_before_it():

@@ -32,8 +32,8 @@ def make_chart() -> Chart:
 
 
 def make_graph(waypoints: np.ndarray = WAYPOINTS) -> MissionGraph:
-    """All four waypoints linked but 0 and 2."""
-    adjacency = ~np.eye(4, dtype=bool)
+    """All waypoints linked but 0 and 2."""
+    adjacency = ~np.eye(len(waypoints), dtype=bool)
     adjacency[0, 2] = adjacency[2, 0] = False
     priority = np.where(adjacency, 3.0, 0.0)
     priority[1, 2] = priority[2, 1] = 0.0

@@ -6,7 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from auvplan.mission.jobs import JobLine, JobPoint, Terrain, edges_off_lines, jobs_graph
+from auvplan.mission.jobs import (
+    JobLine,
+    JobPoint,
+    Jobs,
+    Terrain,
+    edges_off_lines,
+    jobs_done,
+    jobs_graph,
+    jobs_of,
+)
 from tests.mission.naive import best_priority
 
 START, GOAL = (0.0, 0.0, 5.0), (1000.0, 300.0, 5.0)
@@ -33,8 +42,8 @@ def test_nodes_and_tasks():
 
 def test_without_ways_off_its_line_a_survey_is_whole_or_none():
     """By every route there is: with less time than the whole line needs, none of it is done."""
-    graph, names = jobs_graph(POINTS, [LINE], START, GOAL, whole=True)
-    off = edges_off_lines(names, graph.adjacency)
+    graph, _ = jobs_graph(POINTS, [LINE], START, GOAL, whole=True)
+    off = edges_off_lines(Jobs(POINTS, (LINE,)), graph.adjacency)
     assert set(off) == {(4, k) for k in (0, 1, 2, 6)} | {(k, 4) for k in (0, 1, 2, 6)}
     kept = graph.without_edges(off)
     assert best_priority(graph, 0, 6, 3000.0, 1.0) == best_priority(kept, 0, 6, 3000.0, 1.0)
@@ -49,8 +58,26 @@ def test_ends_of_whole_lines_are_joined_though_their_nearest_are_on_the_line():
     places = [(float(x), 0.0, 5.0) for x in range(0, 100, 10)]
     line = JobLine("dense", tuple(places), 5.0)
     graph, names = jobs_graph([], [line], (0.0, 900.0, 5.0), (90.0, 900.0, 5.0), neighbours=1, whole=True)
-    kept = graph.without_edges(edges_off_lines(names, graph.adjacency))
+    kept = graph.without_edges(edges_off_lines(Jobs(lines=(line,)), graph.adjacency))
     assert best_priority(kept, 0, len(names) - 1, 1e5, 1.0) == pytest.approx(5.0)
+
+
+def test_a_point_may_be_called_as_a_vertex_or_a_waypoint_of_a_detour_is():
+    names = "survey[1]", "survey[2]", "CTD[1]", "CTD[2]", "(via 1)", "goal"
+    points = tuple(JobPoint(name, (100.0 * k, 900.0, 5.0)) for k, name in enumerate(names, 1))
+    jobs = Jobs(points, (LINE,))
+    graph, _ = jobs_graph(points, [LINE], START, GOAL, whole=True)
+    assert jobs_of(jobs) == [*((name, [k]) for k, name in enumerate(names, 1)), ("survey", [7, 8, 9])]
+    off = edges_off_lines(jobs, graph.adjacency)
+    assert set(off) == {edge for k in (*range(7), 10) for edge in ((8, k), (k, 8))}
+    assert jobs_done(jobs, [(0, 1), (1, 2), (2, 4), (4, 5)]) == {
+        "survey[1]",
+        "survey[2]",
+        "CTD[2]",
+        "(via 1)",
+    }
+    assert jobs_done(jobs, [(6, 3), (3, 9), (9, 8)]) == {"CTD[1]"}
+    assert jobs_done(jobs, [(3, 9), (9, 8), (8, 7)]) == {"survey"}
 
 
 @pytest.mark.parametrize(("budget", "worth"), [(3000.0, 11.0), (1100.0, 3.0), (1050.0, 0.0), (1000.0, None)])

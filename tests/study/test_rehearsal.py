@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import xarray as xr
 
 import auvplan as ap
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, StudyError
 from auvplan.executive import plan_scenario
-from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
+from auvplan.mission.survey import LinePart
 from auvplan.runtime.files import write_dataset
 from auvplan.scenario import Scenario
 from auvplan.study import Design
@@ -50,7 +52,7 @@ def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it():
 def two_tasks():
     """The made run as one of two jobs on the way."""
     run = make_run((0, 1, 2, 3))
-    run.names = ["start", "gauge", "wreck", "goal"]
+    run.jobs = Jobs(tuple(JobPoint(name, (0.0, 0.0, 5.0)) for name in ("gauge", "wreck")))
     for leg, priority in zip(run.legs, (3.0, 3.0, 0.0), strict=True):
         leg.priority = priority
     return run
@@ -80,7 +82,7 @@ def test_a_survey_line_counts_as_done_where_it_is_covered():
 
     def surveyed(*priorities):
         run = make_run((0, 1, 2, 3))
-        run.names = ["start", "ridge[1]", "ridge[2]", "ridge[3]", "goal"]
+        run.jobs = Jobs(lines=(JobLine("ridge", tuple((float(k), 0.0, 5.0) for k in range(3))),))
         for leg, priority in zip(run.legs, priorities, strict=True):
             leg.priority = priority
         return run
@@ -91,6 +93,32 @@ def test_a_survey_line_counts_as_done_where_it_is_covered():
     assert (ridge["name"], ridge["planned"], ridge["come_to"], ridge["done"]) == ("ridge", True, 3, 2)
     assert ridge["share"] == pytest.approx((3.6 + 3.96 + 4.0) / 12.0)
     assert found["all_planned_tasks"] == 2
+
+
+def test_what_is_done_after_its_priority_has_fallen_is_done():
+    """The second leg is along a line, of which it covers all or four fifths, and the last one to a point."""
+
+    def surveyed(worth, off=0.0):
+        run = make_run((0, 2, 3, 1))
+        ends = np.array([run.legs[1].positions[k] for k in (0, -1)])
+        ends -= off * (ends[1] - ends[0])
+        run.legs[1].line = LinePart(*map(tuple, ends.tolist()), 10.0)
+        run.jobs = Jobs((JobPoint("gauge", (0.0, 0.0, 5.0)),), (JobLine("ridge", tuple(map(tuple, ends))),))
+        for leg, priority in zip(run.legs, (0.0, 6.0 * (1.0 - off), 2.0), strict=True):
+            leg.priority = worth * priority
+        return run
+
+    found, _ = rehearsal(surveyed(1.0), [surveyed(1.0), surveyed(0.5), surveyed(2.0, 0.2)])
+    gauge, ridge = found["jobs"]
+    assert (gauge["done"], gauge["share"]) == (3, pytest.approx(1.0))
+    assert (ridge["come_to"], ridge["done"], ridge["share"]) == (3, 2, pytest.approx(2.8 / 3.0))
+    assert found["all_planned_tasks"] == 2
+
+
+def test_a_study_that_does_not_say_what_is_covered_is_refused():
+    plan = two_tasks()
+    with pytest.raises(StudyError, match="no variable leg_line_covered: replace it with --force"):
+        rehearsal_of(plan, rehearsal(plan, [plan])[1].drop_vars("leg_line_covered"))
 
 
 @pytest.mark.parametrize(

@@ -413,6 +413,29 @@ def test_a_finished_study_makes_way_for_another_one_by_force_alone(tmp_path):
     assert names(tmp_path) == RESULTS
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_study_is_not_resumed_to_save_runs_where_missions_are_done_without(three, tmp_path, count):
+    """Neither a finished one, whole or as a part, nor one that was broken off; nothing is changed."""
+    out = tmp_path / "study"
+    shutil.copytree(three[0], out)
+    words = r"study: 3 finished missions without a saved run: resume it without --save-runs, or .*--force"
+    with refused(StudyError, words):
+        run_here(Design(small(), count), out, resume=True, save_runs=True)
+    assert names(out) == names(three[0])
+    for seed in range(3):
+        (out / "runs" / f"0000-{seed:08d}").mkdir(parents=True)
+    design = Design(small(), 3)
+    xr.testing.assert_identical(run_here(design, out, resume=True, save_runs=True), three[1])
+    (out / "runs" / "0000-00000001").rmdir()
+    with refused(StudyError, "1 finished mission without"):
+        Store(out, Design(small(), 4), resume=True, save_runs=True)
+    Store(out, Design(small(), 4), resume=True)
+    with refused(StudyError, "1 finished mission without"):
+        Store(out, Design(small(), 4), resume=True, save_runs=True)
+    (out / "missions" / "0000-00000001.npz").unlink()
+    assert Store(out, Design(small(), 4), resume=True, save_runs=True).missing() == [(0, 1), (0, 3)]
+
+
 @pytest.mark.parametrize(
     ("other", "field"),
     [
