@@ -24,6 +24,10 @@ os.environ["XLA_FLAGS"] = " ".join(
 import jax
 import pytest
 
+from auvplan.runtime import compiled
+
+compiled._LEVEL = 0  # of programs that have one of their own
+
 from auvplan import cli
 from auvplan.executive import context, loop
 from auvplan.link import rolling
