@@ -181,15 +181,12 @@ def travel_times(
             timing.go_deeper(np.flatnonzero(inside & ~here), detours.sketch)
         timing.fan_out(np.flatnonzero(~timing.passable & inside))
     # Lines that are steeper than the vehicle can dive or climb take as long as that, and as winding does.
-    limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
-    most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
-    rise = goals[:, 2] - starts[:, 2]
-    steepest = np.where(rise > 0.0, *most)
-    seconds = np.maximum(timing.seconds, np.abs(rise) / steepest)
-    level, speed = np.hypot(*(goals - starts)[:, :2].T), float(np.asarray(vehicle.speed))
-    slope = np.tan(np.arcsin(np.minimum(steepest / speed, 1.0)))
+    rise, speed = goals[:, 2] - starts[:, 2], float(np.asarray(vehicle.speed))
+    sine = np.asarray(vehicle.steepest(rise), float)
+    seconds = np.maximum(timing.seconds, np.abs(rise) / (speed * sine))
+    level = np.hypot(*(goals - starts)[:, :2].T)
     tightest = speed / float(np.asarray(vehicle.turn_rate_max))
-    length = winding_length(level, np.abs(rise) / slope, tightest)
+    length = winding_length(level, np.abs(rise) * np.sqrt(1.0 - sine**2) / sine, tightest)
     winds = (length > level) & ~here
     seconds = np.where(winds, np.maximum(seconds, np.hypot(length, rise) / speed), seconds)
     return seconds, timing.passable & inside

@@ -145,7 +145,9 @@ def fitted(
     return planes
 
 
-def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array, jax.Array, jax.Array]:
+def spirals(
+    count: int, problem: Problem, config: PathConfig, aside: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return paths that wind from start to goal where the straight line is too steep.
 
     The first two are bows to either side, the others turn about that line, more often where the box is
@@ -153,14 +155,14 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
 
     Args:
         count: of paths.
-        problem: the leg, of a vehicle with a limit on its pitch.
+        problem: the leg, of a vehicle with limits in the vertical.
         config: static settings.
+        aside: [2], direction of the first bow where the line is a point on the map.
 
     Returns:
         ``(habitats [count, 3 n] m, times [count] s in still water, needed [])``.
     """
     (start, goal), env, vehicle = problem.ends, problem.env, problem.vehicle
-    assert vehicle.pitch_max is not None
     way = goal - start
     level, rise = jnp.sqrt((way[:2] ** 2).sum() + 1e-8), jnp.abs(way[2])
     # At the steepest, for as long as the dive takes, with what the current adds along the line.
@@ -169,8 +171,9 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
     x, y, z = (start[axis] + share * way[axis] for axis in range(3))
     u, v, _ = env.current(x, y, z, problem.depart + share * lasts)
     with_current = jnp.maximum((u * way[0] + v * way[1]).mean() / level, 0.0)
-    speed = vehicle.speed * jnp.cos(vehicle.pitch_max) + with_current
-    wanted = _LENGTHENED * rise / (vehicle.speed * jnp.sin(vehicle.pitch_max)) * speed
+    sine = vehicle.steepest(way[2])
+    speed = vehicle.speed * jnp.sqrt(1.0 - sine**2) + with_current
+    wanted = _LENGTHENED * rise / (vehicle.speed * sine) * speed
     # Over ground and with the crabbing.
     fastest = vehicle.speed + jnp.sqrt(u**2 + v**2).mean()
     needed = wanted > level
@@ -190,13 +193,12 @@ def spirals(count: int, problem: Problem, config: PathConfig) -> tuple[jax.Array
     often = jnp.maximum(turns, jnp.ceil(around / (2.0 * jnp.pi * widest)))[:, None]
     radius, angle = around / (2.0 * jnp.pi * often), 2.0 * jnp.pi * often * share
     turning = level * share + radius * jnp.sin(angle), radius * (1.0 - jnp.cos(angle))
-    along, aside = (
+    along, beside = (
         jnp.where(turns[:, None] == 0.0, arc, turn) for arc, turn in zip(bow, turning, strict=True)
     )
-    # Ahead is along the line, or north where it is a point on the map.
-    ahead = jnp.where(level > _POINT, way[:2] / level, jnp.asarray([1.0, 0.0], start.dtype))
-    x = start[0] + along * ahead[0] - side * aside * ahead[1]
-    y = start[1] + along * ahead[1] + side * aside * ahead[0]
+    ahead = jnp.where(level > _POINT, way[:2] / level, jnp.stack([aside[1], -aside[0]]))
+    x = start[0] + along * ahead[0] - side * beside * ahead[1]
+    y = start[1] + along * ahead[1] + side * beside * ahead[0]
     z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)
     times = jnp.sqrt(wanted**2 + rise**2) / vehicle.speed
     habitats = jnp.stack(fitted((x, y, z), start, goal, config), axis=1).reshape(count, -1)

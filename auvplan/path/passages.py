@@ -192,13 +192,25 @@ def trace_passages(
     for settings in (config, config.fine()):
         rows = jnp.concatenate([_fitted(p, depths, start, goal, settings) for p, depths in parts])
         rows = raise_above_seabed(rows, problem, settings)
-        if vehicle.pitch_max is not None and (others := min(_WINDING, count // 2)):
-            winding, lasts, needed = spirals(others, problem, settings)
+        if vehicle.vertical_limits and (others := min(_WINDING, count // 2)):
+            winding, lasts, needed = spirals(others, problem, settings, _most_open(problem, config))
             rows = rows.at[-others:].set(jnp.where(needed, winding, rows[-others:]))
             times = times.at[-others:].set(jnp.where(needed, lasts, times[-others:]))
             known = jnp.where(needed, jnp.inf, known)  # the fields know of no slope
         habitats.append(rows)
     return *habitats, times, closed, known
+
+
+def _most_open(problem: Problem, config: PathConfig) -> jax.Array:
+    """Return the direction [2], of eight from east on, in which a circle at the start has most room."""
+    radius = problem.vehicle.speed / problem.vehicle.turn_rate_max
+    angle = 0.25 * np.pi * jnp.arange(8)
+    directions = jnp.stack([jnp.sin(angle), jnp.cos(angle)])
+    x, y = problem.start[:2, None] + radius * directions
+    places, when = (x, y, jnp.full_like(x, problem.start[2])), jnp.full_like(x, problem.depart)
+    known = _known(places, when, problem)
+    room = _clearance(places, when, jnp.zeros(()), problem.env, config, known)
+    return directions[:, jnp.argmax(jnp.minimum(room, 2.0 * radius))]
 
 
 def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:

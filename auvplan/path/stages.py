@@ -176,11 +176,12 @@ class Batch:
 
     @property
     def winding(self) -> np.ndarray:
-        """[B], whether the straight line is steeper than the vehicle may pitch."""
-        way, pitch = np.asarray(self.legs.goal) - np.asarray(self.legs.start), self.vehicle.pitch_max
-        steepest = 0.5 * np.pi if pitch is None else float(np.asarray(pitch))
-        level = np.hypot(way[:, 0], way[:, 1])
-        return np.cos(steepest) * np.abs(way[:, 2]) > np.sin(steepest) * level + 1e-6
+        """[B], whether the straight line is too steep for the vehicle."""
+        way = np.asarray(self.legs.goal) - np.asarray(self.legs.start)
+        return (
+            np.abs(way[:, 2])
+            > np.asarray(self.vehicle.steepest(way[:, 2])) * np.linalg.norm(way, axis=1) + 1e-6
+        )
 
     @property
     def factors(self) -> np.ndarray:

@@ -316,6 +316,36 @@ def test_short_steep_legs_wind_along_the_major_arc_of_a_turning_circle():
     assert (took < 1.2 * np.hypot(least, dive) / speed).all()
 
 
+@pytest.mark.parametrize("level", [1e-3, 22.0, 60.0])
+def test_climbs_that_are_too_fast_wind_for_as_long_as_they_take(level):
+    rise, rate, speed = 25.0, 0.25, 1.2
+    env = ap.Environment(ap.UniformCurrent(0.0, 0.0), lower=(-500, -500, 0), upper=(500, 500, 50))
+    ends = np.array([[0.0, 0.0, 30.0]] * 4), np.array([[0.6 * level, 0.8 * level, 30.0 - rise]] * 4)
+    by_rate, by_pitch = (
+        ap.Vehicle(speed, turn_rate_max=0.1, **limit)
+        for limit in (
+            {"pitch_max": None, "climb_rate_max": rate},
+            {"pitch_max": float(np.arcsin(rate / speed))},
+        )
+    )
+    for vehicle in (by_rate, by_pitch):
+        plans = ap.plan_paths(*ends, env, vehicle, key=jax.random.key(0), config=CONFIG)
+        assert plans.feasible.all()
+        assert (np.asarray(plans.travel_time) > rise / rate).all()
+        assert (np.asarray(plans.travel_time) < 1.05 * rise / rate).all()
+
+
+@pytest.mark.parametrize("bearing", [0.0, 45.0, 90.0, 180.0, 270.0])
+def test_a_vertical_station_beside_a_wall_is_dived_at_on_the_open_side(bearing):
+    toward, room = np.array([np.cos(np.radians(bearing)), np.sin(np.radians(bearing)), 0.0]), 15.0
+    wall = ap.Obstacles.static([(2000.0 + room) * toward], [2000.0])
+    env = ap.Environment(None, obstacles=wall, lower=(-400, -400, 0), upper=(400, 400, 60))
+    vehicle = ap.Vehicle(1.2, turn_rate_max=0.1)
+    plan = ap.plan_path((0, 0, 8), (0, 0, 22), env, vehicle, key=jax.random.key(0), config=CONFIG)
+    assert plan.feasible, plan.reason
+    assert (np.asarray(plan.positions) @ toward < room).all()
+
+
 def test_winding_ways_are_planned_with_more_control_points():
     water = np.ones((200, 200), bool)
     for k, side in enumerate((np.s_[:150], np.s_[50:], np.s_[:150])):
