@@ -158,12 +158,16 @@ class Vehicle:
             limits["pitch"] = jnp.asarray(self.speed * jnp.sin(limits["pitch"]))
         return limits
 
-    def steepest(self, down: ArrayLike) -> jax.Array:
-        """Sine of the steepest slope in still water, [...]: of dives where it goes `down`, else of climbs."""
-        limits = self.vertical_limits
-        pitch = limits.get("pitch", jnp.inf)
-        rates = [jnp.minimum(pitch, limits.get(name, jnp.inf)) for name in ("dive", "climb")]
-        return jnp.minimum(jnp.where(jnp.asarray(down) > 0.0, *rates) / self.speed, 1.0)
+    def steepest(self, down: ArrayLike) -> Any:
+        """Sine of the steepest slope in still water, [...]: of dives where it goes `down`, else of climbs.
+
+        An array of NumPy for one, of JAX for others.
+        """
+        xp: Any = np if isinstance(down, np.ndarray) else jnp
+        limits = {name: xp.asarray(limit) for name, limit in self.vertical_limits.items()}
+        pitch = limits.get("pitch", np.inf)
+        rates = [xp.minimum(pitch, limits.get(name, np.inf)) for name in ("dive", "climb")]
+        return xp.minimum(xp.where(xp.asarray(down) > 0.0, *rates) / xp.asarray(self.speed), 1.0)
 
     def vertical_times(self, depth: float) -> tuple[float, float]:
         """Return s that it takes from a depth, m, up to the surface, and back down, as steeply as it may."""

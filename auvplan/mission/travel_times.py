@@ -182,7 +182,7 @@ def travel_times(
         timing.fan_out(np.flatnonzero(~timing.passable & inside))
     # Lines that are steeper than the vehicle can dive or climb take as long as that, and as winding does.
     rise, speed = goals[:, 2] - starts[:, 2], float(np.asarray(vehicle.speed))
-    sine = np.asarray(vehicle.steepest(rise), float)
+    sine = vehicle.steepest(np.asarray(rise))
     seconds = np.maximum(timing.seconds, np.abs(rise) / (speed * sine))
     level = np.hypot(*(goals - starts)[:, :2].T)
     tightest = speed / float(np.asarray(vehicle.turn_rate_max))

@@ -178,10 +178,7 @@ class Batch:
     def winding(self) -> np.ndarray:
         """[B], whether the straight line is too steep for the vehicle."""
         way = np.asarray(self.legs.goal) - np.asarray(self.legs.start)
-        return (
-            np.abs(way[:, 2])
-            > np.asarray(self.vehicle.steepest(way[:, 2])) * np.linalg.norm(way, axis=1) + 1e-6
-        )
+        return np.abs(way[:, 2]) > self.vehicle.steepest(way[:, 2]) * np.linalg.norm(way, axis=1) + 1e-6
 
     @property
     def factors(self) -> np.ndarray:
