@@ -197,6 +197,7 @@ def start_mission(context: MissionContext, number: int, key: jax.Array, seed: in
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(edges_off_lines(area.jobs, np.asarray(graph.adjacency)))
     parts, rng = edges_of_lines(context), prng.generator(chance_key)
+    parts = {edge: part for edge, part in parts.items() if graph.adjacency[edge]}
     common = {"allowance": context.rules.allowance, "faults": faults, "parts": parts}
     common |= {"navigation": context.navigation}
     return Mission(context, number, run, sea, planner_key, rng, graph, graph, **common)

@@ -29,12 +29,13 @@ def geojson_text(itinerary: Itinerary) -> bytes:
         features.append({"type": "Feature", "geometry": geometry, "properties": {"kind": kind} | about})
 
     for leg in itinerary.legs:
-        add("plan", _line(leg.positions, site), {
+        line, times = _timed(leg.positions, leg.times, site)
+        add("plan", line, {
             "leg": leg.number, "from": leg.start_name, "to": leg.goal_name, "note": leg.note,
             "hold_s": leg.hold, "priority": leg.priority,
             "ground_speed_share": round(ground_share(leg, itinerary.through_water(leg)), 3),
             **_speed(leg.speed),
-        } | _times(leg.times, site))  # fmt: skip
+        } | times)  # fmt: skip
     speeds = {leg.number: leg.speed for leg in itinerary.legs}
     for sequence, row in enumerate(waypoints(itinerary), 1):
         place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
@@ -44,10 +45,11 @@ def geojson_text(itinerary: Itinerary) -> bytes:
             "seconds": round(row.seconds, 3), "time": moment(site, row.seconds), **_speed(speeds[row.leg]),
         } | ({} if np.isnan(row.charge) else {"charge": round(row.charge, 4)}))  # fmt: skip
     for number, track in enumerate(itinerary.executed, 1):
-        add("executed", _line(track.positions, site), {"leg": number} | _times(track.times, site))
+        line, times = _timed(track.positions, track.times, site)
+        add("executed", line, {"leg": number} | times)
     for turn in itinerary.turns:
         kind, last = ("turn back", -1) if turn.past is None else ("skip", turn.past)
-        add(kind, _line(np.asarray(turn.positions), site), {
+        add(kind, _line(_cut(geographic(site, turn.positions))), {
             "leg": turn.leg + 1, "from": itinerary.legs[turn.leg].goal_name,
             "to": itinerary.legs[last].goal_name,
             "leave_later_than_s": round(turn.latest, 3),
@@ -75,27 +77,41 @@ def _speed(speed: float | None) -> dict[str, float]:
     return {} if speed is None else {"speed_m_s": round(speed, 4)}
 
 
-def _times(times: Array, site: Site) -> dict[str, Any]:
-    """When the samples are passed: s since the epoch, and times of day where there is an epoch."""
-    seconds = [round(float(time), 3) for time in times]
-    return {"seconds": seconds, "times": [moment(site, time) for time in times] if site.epoch else None}
+def _timed(positions: Array, times: Array, site: Site) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a line through positions [n, 3] m, and when each of its vertices is passed.
+
+    That is in s since the epoch, and in times of day where there is an epoch: one of each for every vertex,
+    part after part, also where the line is cut.
+    """
+    parts = _cut(np.column_stack([geographic(site, positions), times]))
+    passed = [float(row[3]) for part in parts for row in part]
+    seconds = [round(time, 3) for time in passed]
+    days = [moment(site, time) for time in passed] if site.epoch else None
+    return _line(parts), {"seconds": seconds, "times": days}
 
 
-def _line(positions: Array, site: Site) -> dict[str, Any]:
-    """Return a line through positions [n, 3] m, in parts where it crosses the antimeridian."""
-    rows = geographic(site, positions)
+def _cut(rows: Array) -> list[list[Array]]:
+    """Return rows [n, K], of longitudes first, in parts where they cross the antimeridian.
+
+    There each part has a row more, between those on either side.
+    """
     parts, start = [], 0
     head: list[Array] = []
     for k in np.flatnonzero(np.abs(np.diff(rows[:, 0])) > 180.0):
         edge = np.copysign(180.0, rows[k, 0])
-        there = rows[k + 1] + np.array([2.0 * edge, 0.0, 0.0])
+        there = np.array([rows[k + 1, 0] + 2.0 * edge, *rows[k + 1, 1:]])
         share = (edge - rows[k, 0]) / (there[0] - rows[k, 0]) if there[0] != rows[k, 0] else 0.0
         cut = rows[k] + share * (there - rows[k])
         parts.append([*head, *rows[start : k + 1], np.array([edge, *cut[1:]])])
         head, start = [np.array([-edge, *cut[1:]])], k + 1
     parts.append([*head, *rows[start:]])
+    return parts
+
+
+def _line(parts: list[list[Array]]) -> dict[str, Any]:
+    """Return a line of rows of longitude, latitude and m above the surface, in one part or several."""
     lines = [
-        [[round(float(x), DEGREES), round(float(y), DEGREES), elevation(-z)] for x, y, z in part]
+        [[round(float(x), DEGREES), round(float(y), DEGREES), elevation(-z)] for x, y, z, *_ in part]
         for part in parts
     ]
     return _one_or_many("LineString", lines)

@@ -220,9 +220,9 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
 
 
 def _check_graph(files: "AreaFiles") -> None:
-    """Raise where no graph can be made; warn of legs that are too steep and lines that are blocked."""
+    """Raise where no graph can be made; warn of jobs in obstacles, steep legs and lines that are blocked."""
     from auvplan.scenario.lines import line_warnings
-    from auvplan.scenario.waypoints import make_graph, shut_in, slope_warnings
+    from auvplan.scenario.waypoints import left_out_jobs, make_graph, shut_in, slope_warnings
 
     scenario, area = files.scenario, files.area()
     if (start := scenario.mission.start) is not None and (why := shut_in(np.asarray(start), area, 0.0)):
@@ -230,5 +230,5 @@ def _check_graph(files: "AreaFiles") -> None:
     graph, names = make_graph(scenario, area, np.random.default_rng(0))
     stated = area.jobs is not None or graph.size == 2
     steep = slope_warnings(scenario, graph, names or ["start", "goal"]) if stated else []
-    for line in [*line_warnings(scenario, area), *steep]:
+    for line in [*left_out_jobs(scenario, area), *line_warnings(scenario, area), *steep]:
         warn(line)

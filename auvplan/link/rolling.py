@@ -21,6 +21,7 @@ from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.mission import MissionGraph
+from auvplan.mission.jobs import kept_off
 from auvplan.ocean.currents import SumCurrent, combine, partition
 from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights, perturbed
 from auvplan.ocean.gridded import GriddedCurrent
@@ -160,7 +161,7 @@ class RollingPlan:
             away: s that it takes to the start.
         """
         self._context.circle = allowance.circle
-        first, graph = self._first.fork(), self._circled(self._first.graph)
+        first, graph = self._first.fork(), self._clear_of_obstacles(self._first.graph)
         own = float(np.asarray(self.run.vehicle.speed))
         fastest = max((self.run.scenario.get("vehicle") or {}).get("speed_range") or [own])
         self._stop, self._task = allowance.ends(fastest), allowance.task
@@ -173,10 +174,11 @@ class RollingPlan:
             self.followed = found
         return found is not None
 
-    def _circled(self, graph: MissionGraph) -> MissionGraph:
-        """Return a graph without the tasks that no vehicle circles, as an obstacle stands too near."""
-        context, self.left_out = self._context, {}
-        near = context.scenario.safety.obstacles + context.circle
+    def _clear_of_obstacles(self, graph: MissionGraph) -> MissionGraph:
+        """Return a graph without the jobs and tasks that no vehicle does, as an obstacle stands too near."""
+        context, whole = self._context, self._context.scenario.mission.lines == "whole"
+        self.left_out = kept_off(context.area.jobs, context.area.obstacles, self.margin, whole)
+        graph, near = graph.without_waypoints(self.left_out), self.margin + context.circle
         standing = [known for known in context.area.obstacles if context.circle and not known.moves]
         for node, place in enumerate(np.asarray(graph.positions, float)):
             close = (known.name for known in standing if known.closest(place, 0.0, 0.0)[1] < near)

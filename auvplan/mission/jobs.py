@@ -1,6 +1,6 @@
 """Jobs by place: points to visit and lines to survey, as an operation graph between a start and a goal."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.mission.graph import MissionGraph, join_parts, task_graph
 from auvplan.mission.timetable import ALWAYS, NONE
+from auvplan.ocean.known import KnownObstacle, keeps_off
 
 #: Up to this many waypoints every pair is joined by default; of more, each with this many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
@@ -129,6 +130,7 @@ def jobs_graph(
     neighbours: int | None = None,
     whole: bool = False,
     terrain: Terrain | None = None,
+    barred: Collection[int] = (),
 ) -> tuple[MissionGraph, list[str]]:
     """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
@@ -147,6 +149,7 @@ def jobs_graph(
         whole: whether the ends of lines are joined to the rest as if no edge led off between them, for
             missions without `edges_off_lines`.
         terrain: what lies between the places; nothing by default.
+        barred: nodes of jobs, see `kept_off`, that no edge leads to.
 
     Returns:
         The graph, and the name of each node: "start", "goal", a point's name, a line's with the number of
@@ -179,16 +182,16 @@ def jobs_graph(
         free = _passable(positions, terrain.clear)
     line_edges = [(i, j) for i, j, _, _ in parts]
     distance = _distances(positions, free, np.r_[:own, len(positions) - 1], terrain.length)
-    adjacency = _joined(distance, neighbours, line_edges, names)
+    adjacency = _joined(distance, neighbours, line_edges, names, barred)
     if whole:
         jobs = Jobs(tuple(points), tuple(lines))
         outward = np.where(_off_lines(jobs, len(names)), np.inf, distance)
         for job in jobs_of(jobs):
             outward[np.ix_(job.nodes, job.nodes)] = np.inf
-        adjacency |= _joined(outward, neighbours, line_edges, names)
+        adjacency |= _joined(outward, neighbours, line_edges, names, barred)
     tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
     edges = [(int(i), int(j)) for i, j in np.argwhere(np.triu(adjacency, 1))]
-    return task_graph(positions, edges, parts, tasks), names
+    return task_graph(positions, edges, parts, tasks).without_waypoints(barred), names
 
 
 def task_hours(
@@ -291,6 +294,31 @@ def jobs_of(jobs: Jobs | None) -> list[NodesOfJob]:
     return found
 
 
+def kept_off(
+    jobs: Jobs | None, obstacles: Sequence[KnownObstacle], margin: float, whole: bool = False
+) -> dict[int, str]:
+    """Return the nodes of jobs that obstacles which stand keep every vehicle off, and why.
+
+    Args:
+        jobs: that `jobs_graph` makes the graph of; None where its waypoints are drawn.
+        obstacles: known beforehand; those that move keep nothing off.
+        margin: m, that paths keep off them.
+        whole: whether lines are surveyed whole or not at all.
+    """
+    found, places = dict[int, str](), [] if jobs is None else jobs.places
+    for job in jobs_of(jobs):
+        own: dict[int, str] = {}
+        for k, node in enumerate(job.nodes, 1):
+            _, position = places[node - 1]
+            if why := keeps_off(np.asarray(position, float), obstacles, margin):
+                what = "it" if len(job.nodes) == 1 else f"its vertex {k}"
+                own[node] = f"{what} {why}: move it, or correct obstacles.file"
+        if own and whole:
+            own = dict.fromkeys(job.nodes, next(iter(own.values()))) | own
+        found |= own
+    return found
+
+
 def _shares(line: JobLine) -> NDArray[np.float64]:
     """Of each part of a line, its share of the length."""
     places = np.array([_position(place, line.name) for place in line.positions])
@@ -368,10 +396,18 @@ def _distances(
 
 
 def _joined(
-    distance: NDArray[np.float64], neighbours: int | None, kept: list[tuple[int, int]], names: list[str]
+    distance: NDArray[np.float64],
+    neighbours: int | None,
+    kept: list[tuple[int, int]],
+    names: list[str],
+    barred: Collection[int],
 ) -> NDArray[np.bool_]:
-    """[N, N]: each waypoint joined to its nearest ones, all connected, besides the edges that are kept."""
-    size = len(distance)
+    """[N, N]: each waypoint joined to its nearest ones, all connected, besides the edges that are kept.
+
+    Waypoints that are barred have none but these.
+    """
+    size, shut = len(distance), np.isin(np.arange(len(distance)), list(barred))
+    distance = np.where(shut[:, None] | shut, np.inf, distance)
     if neighbours is None:
         neighbours = size if size <= COMPLETE else NEIGHBOURS
     if neighbours < 1:
@@ -381,9 +417,12 @@ def _joined(
     adjacency[np.arange(size)[:, None], nearest] = True
     adjacency &= np.isfinite(distance)
     for i, j in kept:
-        adjacency[i, j] = True
+        adjacency[i, j] = not (shut[i] or shut[j])
     adjacency |= adjacency.T
-    if len(apart := join_parts(adjacency, distance)):
+    apart = [k for k in join_parts(adjacency, distance) if not shut[k]]
+    if apart:
         cut_off = ", ".join(repr(names[k]) for k in apart[:5])
         raise ValueError(f"no clear line and no detour leads from the start to {cut_off}")
+    for i, j in kept:
+        adjacency[i, j] = adjacency[j, i] = True
     return adjacency

@@ -61,6 +61,18 @@ class KnownObstacle:
         return np.where((level < 0.0) & (above < 0.0), np.maximum(level, above), beside)
 
 
+def keeps_off(place: NDArray[np.floating], obstacles: Sequence[KnownObstacle], margin: float) -> str:
+    """Return which obstacle that stands is nearer to a place [3] m than a margin, m; or an empty string."""
+    for one in obstacles:
+        apart = float(one.distance(place[None], np.zeros(1))[0])
+        if not one.moves and apart < margin:
+            known = f"the known obstacle {one.name!r}"
+            if apart < 0.0:
+                return f"lies within {known}"
+            return f"lies {apart:.1f} m from {known}, and safety.obstacles asks for {margin:g} m"
+    return ""
+
+
 class Spheres(NamedTuple):
     """M spheres that cover cylinders: centres [M, 3] m, radii [M] m, velocities [M, 3] m/s over ground."""
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission.jobs import Jobs
+from auvplan.mission.jobs import Jobs, jobs_of, kept_off
 from auvplan.mission.survey import LinePart
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import UniformCurrent
@@ -38,7 +38,8 @@ class SurveyPart:
 def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
     """Return the parts of all survey lines, line by line.
 
-    Known obstacles that stand still, the coast, areas that are closed all along and the sea bed count.
+    Known obstacles that stand still, the coast, areas that are closed all along and the sea bed count. A part
+    to a vertex that an obstacle keeps vehicles off is blocked from end to end.
     """
     jobs, found = area.jobs or Jobs(), []
     if not jobs.lines:
@@ -46,10 +47,13 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
     env, safety = standing(scenario, area), scenario.safety
     config = PathConfig(coast_margin=safety.coast, obstacle_margin=safety.obstacles)
     vehicle = Vehicle(speed=scenario.vehicle.speed)
-    for line in jobs.lines:
+    off = kept_off(jobs, area.obstacles, safety.obstacles, scenario.mission.lines == "whole")
+    for line, job in zip(jobs.lines, jobs_of(jobs)[len(jobs.points) :], strict=True):
         for number, (start, end) in enumerate(line.parts, 1):
             blocked = blocked_on(np.asarray(start, float), np.asarray(end, float), env, vehicle, config)
             part = LinePart(start, end, scenario.mission.line_tolerance)
+            if not off.keys().isdisjoint(job.nodes[number - 1 : number + 1]):
+                blocked = np.array([[0.0, part.length]])
             found.append(SurveyPart(line.name, number, part, blocked))
     return found
 

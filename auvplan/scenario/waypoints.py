@@ -8,8 +8,18 @@ import numpy as np
 
 from auvplan.errors import ScenarioError, error_context
 from auvplan.mission.graph import MissionGraph, random_graph
-from auvplan.mission.jobs import NEIGHBOURS, JobPoint, Jobs, Terrain, jobs_graph, task_hours
+from auvplan.mission.jobs import (
+    NEIGHBOURS,
+    JobPoint,
+    Jobs,
+    Terrain,
+    jobs_graph,
+    jobs_of,
+    kept_off,
+    task_hours,
+)
 from auvplan.mission.timetable import Timetable
+from auvplan.ocean.known import keeps_off
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder, clear_lines
@@ -142,6 +152,7 @@ def _jobs_graph(
         if fault := misplaced(np.asarray(position), scenario, area):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
+    whole = settings.lines == "whole"
     try:
         graph, names = jobs_graph(
             jobs.points,
@@ -149,10 +160,11 @@ def _jobs_graph(
             settings.start,
             settings.goal,
             neighbours=settings.neighbours,
-            whole=settings.lines == "whole",
+            whole=whole,
             terrain=Terrain(
                 lambda positions: lines_clear(positions, scenario, area), detours, detours.length
             ),
+            barred=kept_off(jobs, area.obstacles, scenario.safety.obstacles, whole),
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
@@ -221,11 +233,19 @@ def misplaced_end(position: np.ndarray, scenario: Scenario, area: OperatingArea)
     """
     if fault := misplaced(position, scenario, area):
         return fault
-    place, now = np.asarray(position, float), np.zeros(1)
-    for obstacle in area.obstacles:
-        if not obstacle.moves and float(obstacle.distance(place[None], now)[0]) < 0.0:
-            return f"lies within the known obstacle {obstacle.name!r}"
-    return ""
+    return keeps_off(np.asarray(position, float), area.obstacles, 0.0)
+
+
+def left_out_jobs(scenario: Scenario, area: OperatingArea) -> list[str]:
+    """Return a line on each job, or part of one, that known obstacles keep the vehicle off."""
+    whole = scenario.mission.lines == "whole"
+    off = kept_off(area.jobs, area.obstacles, scenario.safety.obstacles, whole)
+    return [
+        f"{scenario.mission.jobs}: job {job.name!r} is left out{part}: {why}"
+        for job in jobs_of(area.jobs)
+        for part in ["" if whole or len(job.nodes) == 1 else " in part"]
+        for why in dict.fromkeys(off[node] for node in job.nodes if node in off)
+    ]
 
 
 def shut_in(position: np.ndarray, area: OperatingArea, now: float) -> str:

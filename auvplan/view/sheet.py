@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from auvplan.energy.power import WATT_HOUR
 from auvplan.mission.graph import shortest_path, time_to_go
-from auvplan.mission.jobs import NodesOfJob, jobs_done, jobs_of
+from auvplan.mission.jobs import NodesOfJob, jobs_done, jobs_of, kept_off
 from auvplan.mission.route import MissionRoute
 from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
@@ -486,6 +486,7 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
     done = jobs_done(run.jobs, [(leg.start, leg.goal) for leg in run.earning])
     taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
     graph, found = run.graph, []
+    off = kept_off(run.jobs, run.obstacles, run.safety.obstacles)
     for job in jobs_of(run.jobs):
         if job.name in done:
             continue
@@ -494,7 +495,9 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
         else:
             left = [edge for edge in pairwise(job.nodes) if frozenset(edge) not in taken]
             priority = float(sum(np.asarray(graph.priority)[edge] for edge in left))
-        found.append(LeftOut(job.name, priority, _why_dropped(run, job) or _why(run, job.nodes)))
+        barred = next((off[node] for node in job.nodes if node in off), "")
+        why = _why_dropped(run, job) or barred or _why(run, job.nodes)
+        found.append(LeftOut(job.name, priority, why))
     return sorted(found, key=lambda job: -job.priority)
 
 

@@ -106,6 +106,27 @@ def test_no_plan_leads_through_an_obstacle_that_closes_the_channel():
     assert "obstacle" in run.reason
 
 
+@pytest.mark.parametrize("lines", ["part", "whole"])
+def test_no_leg_goes_for_jobs_within_a_known_obstacle_and_the_sheet_says_so(lines):
+    """Nor to the vertex of a line; its other part is done where lines may be done in part."""
+    jobs = Jobs(
+        (JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0), JobPoint("wreck", (505.0, 0.0, 5.0), 9.0, 60.0)),
+        (JobLine("line", ((400.0, 30.0, 8.0), (440.0, 30.0, 8.0), (490.0, 5.0, 8.0)), 2.0),),
+    )
+    settings = channel(mission=CHANNEL["mission"] | {"time_available": 3000.0, "lines": lines})
+    run = plan_scenario(settings, area=replace(tidal_area(0.4, 0.0), jobs=jobs, obstacles=(ROCK,)))
+    assert run.success
+    assert [leg.refused for leg in run.legs if leg.refused] == []
+    assert set(run.route) >= ({0, 1, 3, 4, 6} if lines == "part" else {0, 1, 6})
+    assert not {2, 5} & set(run.route)
+    left = {job.name: job for job in sheet_of(run).left_out}
+    assert left.keys() == {"wreck", "line"}
+    assert left["wreck"].priority == 9.0
+    assert left["wreck"].reason.startswith("it lies within the known obstacle 'rock': move it")
+    assert left["line"].reason.startswith("its vertex 3 lies within the known obstacle 'rock': move it")
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
 def test_no_task_is_done_where_a_known_obstacle_comes_meanwhile():
     """A ferry over the buoy in the middle of the task; an hour later it is in nobody's way."""
     buoy = JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 300.0)

@@ -43,8 +43,15 @@ def test_geojson(itinerary: Itinerary, tmp_path: Path):
     for features, expected in ((kinds["plan"], tracks), (kinds["executed"], itinerary.executed)):
         for feature, track in zip(features, expected, strict=True):
             near(itinerary, joined(feature["geometry"]), track.positions)
-            assert feature["properties"]["seconds"] == pytest.approx(track.times)
-            same_times(itinerary, feature["properties"]["times"] or [], track.times)
+            own, about = uncut(feature["geometry"]), feature["properties"]
+            seconds = [time for time, whole in zip(about["seconds"], own, strict=True) if whole]
+            assert seconds == pytest.approx(track.times)
+            days = (
+                [time for time, whole in zip(about["times"], own, strict=True) if whole]
+                if about["times"]
+                else []
+            )
+            same_times(itinerary, days, track.times)
     assert [f["properties"]["note"] for f in kinds["plan"]] == [leg.note for leg in itinerary.legs]
     places = [f["geometry"]["coordinates"] for f in kinds["waypoint"]]
     near(itinerary, [[x, y, -z] for x, y, z in places], kept(itinerary))
@@ -85,6 +92,13 @@ def joined(geometry: dict) -> list[list[float]]:
     return [[x, y, -z] for part in parts for x, y, z in part if abs(x) != 180.0]
 
 
+def uncut(geometry: dict) -> list[bool]:
+    """Whether each vertex of a line, part after part, is one of its own and none where it was cut."""
+    if geometry["type"] == "LineString":
+        return [True] * len(geometry["coordinates"])
+    return [abs(x) != 180.0 for part in geometry["coordinates"] for x, _, _ in part]
+
+
 def area(itinerary: Itinerary, geometry: dict, fence) -> None:
     """Rings are closed and counter-clockwise, lie in one world, and have the fence's area together."""
     rings = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
@@ -107,6 +121,25 @@ def test_lines_and_areas_are_cut_at_the_antimeridian(tmp_path: Path):
     types = [f["geometry"]["type"] for f in data["features"] if f["properties"]["kind"] != "waypoint"]
     assert types.count("MultiLineString") == 2
     assert types.count("MultiPolygon") == 1
+
+
+def test_lines_cut_at_the_antimeridian_have_a_time_for_each_vertex(tmp_path: Path):
+    """Where a line is cut, both ends have the time at which a vehicle of steady speed is there."""
+    data = json.loads(written(make_itinerary(), tmp_path, "geojson").read_text(encoding="utf-8"))
+    cut = [f for f in data["features"] if f["geometry"]["type"] == "MultiLineString"]
+    assert cut
+    for feature in cut:
+        places = [place for part in feature["geometry"]["coordinates"] for place in part]
+        seconds, days = feature["properties"]["seconds"], feature["properties"]["times"]
+        assert len(places) == len(seconds) == len(days)
+        east, depth = np.array(places)[:, 0] % 360.0, np.array(places)[:, 2]
+        (before,) = np.flatnonzero(np.diff(seconds) == 0.0)
+        assert set(east[[before, before + 1]]) == {180.0}
+        assert days[before] == days[before + 1]
+        for axis in (east, depth):
+            there = np.interp(seconds[before], *np.array([seconds, axis])[:, [before - 1, before + 2]])
+            assert there == pytest.approx(axis[before], abs=1e-3)
+        assert (np.diff(seconds) >= 0.0).all()
 
 
 def test_kml(itinerary: Itinerary, tmp_path: Path):

@@ -18,7 +18,7 @@ from auvplan.scenario.waypoints import slope_warnings
 from auvplan.site import Site
 from tests.io.bad_input import everywhere
 from tests.io.refusals import refusal
-from tests.io.small_site import SmallSite, square
+from tests.io.small_site import CENTRE, SmallSite, square
 
 
 def _plain(value):
@@ -252,6 +252,27 @@ def test_an_area_is_not_held_against_a_chart_that_the_scenario_does_not_name(tmp
     fields = [fault.field for fault in examine_scenario(tmp_path / "scenario.yaml").faults]
     assert "chart.source" in fields
     assert "area" not in fields
+
+
+def test_jobs_that_known_obstacles_keep_a_vehicle_off_are_warned_of(tmp_path):
+    """Points and vertices of lines, each with the obstacle; the others are not, nor are any if it moves."""
+    site, place = SmallSite(tmp_path / "site"), Site(*CENTRE).to_geographic
+    wreck, beyond = ([float(part) for part in place(*at)] for at in ((-530.0, 1000.0), (-530.0, 1400.0)))
+    site.obstacles(wreck, name="wreck", radius=60)
+    for jobs, said in (
+        ("jobs.csv", "'a' is left out: it"),
+        ("lines.geojson", "'l' is left out in part: its vertex 2"),
+    ):
+        site.features("lines.geojson", "LineString", [[*beyond, -5], [*wreck, -5]], name="l")
+        site.set(mission={"jobs": jobs})
+        found = examine_scenario(site.folder / "scenario.yaml")
+        assert not found.faults
+        (line,) = (line for line in found.warnings if "is left out" in line)
+        assert f"{jobs}: job {said} lies within the known obstacle 'wreck': move it" in line
+    assert any("400 of its 400 m are left out" in line for line in found.warnings)
+    site.obstacles(wreck, name="wreck", radius=60, course=90, speed=0.1)
+    found = examine_scenario(site.folder / "scenario.yaml")
+    assert not [line for line in found.warnings if "is left out" in line]
 
 
 def test_a_goal_within_a_known_obstacle_is_said_before_anything_is_planned(tmp_path):

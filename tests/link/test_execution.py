@@ -867,3 +867,20 @@ def test_what_a_vehicle_waits_for_its_next_leg_is_not_late(tmp_path):
         assert abs(float(event.text.split(", ")[-1].split(" s")[0])) < 15.0, event.text
     assert plan.legs[0].ends == pytest.approx(buoy.time - plan.legs[1].t_hold, abs=1.0)
     assert record.count("replan") == 0
+
+
+def test_jobs_within_known_obstacles_are_left_out_and_said():
+    """Those of the scenario's file, and those that have become known before the departure."""
+    settings, area = channel_with()
+    (north, east, _), (other, side, _) = (place for _, place in area.jobs.places[1:3])
+    plan = RollingPlan(
+        settings, 0, area=replace(area, obstacles=(KnownObstacle("rock", (north, east), 9.0),))
+    )
+    plan.add_obstacle(KnownObstacle("rig", (other, side + 12.0), 9.0))
+    vehicle = ScriptedVehicle(np.asarray([0.0, 0.0, 5.0]))
+    record = executed(plan, vehicle)
+    assert list(plan.left_out) == [2, 3]
+    assert not {2, 3} & {leg.goal for leg in plan.legs}
+    said = [event.text for event in record.events if "is left out" in event.text]
+    assert "task 2 is left out: it lies within the known obstacle 'rock'" in said[0]
+    assert "task 3 is left out: it lies 3.0 m from the known obstacle 'rig'" in said[1]

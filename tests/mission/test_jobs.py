@@ -15,7 +15,9 @@ from auvplan.mission.jobs import (
     jobs_done,
     jobs_graph,
     jobs_of,
+    kept_off,
 )
+from auvplan.ocean.known import KnownObstacle
 from tests.mission.naive import best_priority
 
 START, GOAL = (0.0, 0.0, 5.0), (1000.0, 300.0, 5.0)
@@ -124,6 +126,38 @@ def test_properties(seed, count, lines, neighbours):
             assert sum(graph.priority[edge] for edge in way) == pytest.approx(line.priority)
             assert sum(graph.duration[edge] for edge in way) == pytest.approx(line.duration)
     assert (graph.priority[~graph.adjacency] == 0.0).all()
+
+
+def test_jobs_that_standing_obstacles_keep_vehicles_off_are_named_with_the_obstacle():
+    """Within it or its margin; one that moves, or reaches not so deep, keeps nothing off."""
+    jobs = Jobs(POINTS, (LINE,))
+    wreck, buoy = KnownObstacle("wreck", (205.0, 50.0), 20.0), KnownObstacle("buoy", (600.0, 323.0), 20.0)
+    found = kept_off(jobs, (wreck, buoy), 5.0)
+    assert list(found) == [1, 4]
+    assert "it lies within the known obstacle 'wreck'" in found[1]
+    assert "its vertex 2 lies 3.0 m from the known obstacle 'buoy'" in found[4]
+    assert list(kept_off(jobs, (wreck, buoy), 5.0, whole=True)) == [1, 3, 4, 5]
+    ferry = KnownObstacle("ferry", (205.0, 50.0), 20.0, velocity=(0.1, 0.0))
+    assert not kept_off(jobs, (ferry, KnownObstacle("raft", (205.0, 50.0), 20.0, 0.0, 4.9)), 5.0)
+    assert not kept_off(None, (wreck,), 5.0)
+
+
+def test_no_edge_leads_to_what_is_barred_and_the_others_are_joined():
+    """Also where that is all which is near to a point, and within a line."""
+    near = [JobPoint(f"n{k}", (5000.0 + k, 0.0, 5.0)) for k in range(10)]
+    points = [
+        *near,
+        JobPoint("beyond", (5100.0, 0.0, 5.0)),
+        *(JobPoint(f"p{k}", (k, 9.0, 5.0)) for k in range(40)),
+    ]
+    barred = [*range(1, 11), 53]
+    graph, _ = jobs_graph(points, [LINE], START, GOAL, barred=barred)
+    assert not graph.adjacency[barred].any()
+    assert not graph.adjacency[:, barred].any()
+    others = np.delete(np.arange(graph.size), barred)
+    assert connected_components(graph.adjacency[np.ix_(others, others)], directed=False)[0] == 1
+    assert (graph.adjacency[others].sum(axis=1) >= 7).all()
+    assert graph.priority[52, 53] == pytest.approx(6.0)
 
 
 DYKE = JobLine("dyke", ((300.0, 50.0, 5.0), (350.0, 60.0, 5.0), (500.0, 70.0, 5.0)))
