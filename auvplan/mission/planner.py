@@ -11,8 +11,8 @@ import jax
 import numpy as np
 
 from auvplan.mission import decoder as decoders
-from auvplan.mission import labels
-from auvplan.mission.bound import least_difference
+from auvplan.mission import labels, local_search
+from auvplan.mission.bound import least_difference, with_return_margin
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import Missions, search_within
 from auvplan.mission.exact import certify
@@ -31,6 +31,9 @@ T = TypeVar("T")
 #: Shares of time and energy with which speeds to choose from are searched as well: levels hold few of the
 #: ways to go a route, and some of those found keep both limits at other speeds. Routes that are tried for it.
 _MORE, _TRIED = (1.02, 1.1), 60
+
+#: Waypoints of a route from which on it is rearranged: shorter ones the search orders as well.
+_LONG = 24
 
 #: Iterations up to which one program serves searches.
 _ITERATIONS = 256
@@ -328,11 +331,19 @@ def plan_missions(
     population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
     result = replace(result, state=replace(result.state, population=population))
     if options is not None:
-        return _collect(result, found, np.asarray(least), asked, _Choice(energy, levels, config.saves))
+        return _collect(
+            result,
+            found,
+            np.asarray(least),
+            asked,
+            _Choice(energy, levels, config.saves, config.local_rounds > 0),
+        )
     rows, chosen = np.arange(batch), _richest(best, differs)
     result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
+    if config.objective == "priority" and config.local_rounds:
+        nodes = _rearranged(nodes, asked)
     return _collect(result, nodes, np.asarray(least), asked)
 
 
@@ -374,11 +385,15 @@ class _Asked(NamedTuple):
 
 
 class _Choice(NamedTuple):
-    """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved."""
+    """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved.
+
+    And whether long routes are rearranged.
+    """
 
     energy: np.ndarray
     levels: list[np.ndarray]
     saves: Saved
+    rearranges: bool
 
 
 def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
@@ -419,6 +434,22 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
             route[:] = -1
             route[: len(found)] = found
     return chosen
+
+
+def _rearranged(nodes: np.ndarray, asked: _Asked) -> np.ndarray:
+    """Return routes [B, N] of which those that are long and not by the clock are rearranged."""
+    nodes = nodes.copy()
+    if asked.graphs.timetable is not None:
+        return nodes
+    for route, (graph, legs, goal, available, margin) in zip(nodes, _each(asked), strict=True):
+        old = [int(node) for node in route if node >= 0]
+        if len(old) >= _LONG and old[-1] == goal:
+            times = with_return_margin(np.asarray(legs, float), old[0], int(goal), float(margin))
+            most = float(available) * (1.0 - 4.0 * rounding_margin(len(legs)))
+            new = local_search.rearranged(old, times, np.asarray(graph.priority, float), most)
+            route[:] = -1
+            route[: len(new)] = new
+    return nodes
 
 
 def _at_fastest(graphs: MissionGraph) -> MissionGraph:
@@ -476,6 +507,11 @@ def _with_more(keys: jax.Array, missions: Missions) -> tuple[jax.Array, Missions
     )
 
 
+def _one(stacked: T, b: int) -> T:
+    """Return one row of what is stacked, as a stack of one."""
+    return jax.tree.map(lambda leaf: leaf[b : b + 1], stacked)
+
+
 def _richer(routes: np.ndarray, least: float, graph: MissionGraph) -> Iterator[np.ndarray]:
     """Yield routes [C, N] of more priority than `least`, the richest first."""
     routes = np.unique(routes, axis=0)
@@ -516,6 +552,18 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
         if best is None:
             route[1:] = -1
             best = how.levels[b][-1]
+        new = _rearranged(route[None], _one(asked, b))[0] if how.rearranges else route
+        other = None if np.array_equal(new, route) else option.for_route(new[new >= 0], *given, margin)
+        if other is not None:
+            # More priority, or as much with less of what is saved.
+            ranks = []
+            for way, speeds in ((route, best), (new, other)):
+                legs = way[way >= 0][:-1], way[way >= 0][1:]
+                lasts, fixed = option.at(speeds)[legs], option.fixed[legs]
+                joules = (option.power[speeds[legs]] * lasts + fixed).sum()
+                ranks.append((-graph.priority[legs].sum(), joules if how.saves == "energy" else lasts.sum()))
+            if ranks[1][0] < ranks[0][0] - 1e-9 or ranks[1][1] < ranks[0][1]:
+                route[:], best = new, other
         chosen[b] = best
         rows.append(graph.at_speeds(best))
     at, open_ = MissionGraph.stack(rows), np.isfinite(asked.legs)

@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
+import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -341,6 +342,18 @@ def test_given_populations_are_what_the_search_starts_from():
     np.testing.assert_array_equal(kept.nodes, good.nodes)
     rows = {tuple(row) for row in np.asarray(kept.population).tolist()}
     assert rows == {tuple(row) for row in habitats.tolist()}
+
+
+def test_long_routes_do_not_cross_themselves() -> None:
+    """With time for all tasks the route is a shortest tour; one that crosses itself is not."""
+    places = np.pad(np.random.default_rng(3).uniform(0.0, 3000.0, (40, 2)), ((0, 0), (0, 1)))
+    edges = [(i, j) for i in range(40) for j in range(i)]
+    graph = task_graph(places, edges, waypoint_tasks=[(k, 1.0, 10.0) for k in range(1, 39)])
+    route = plan_mission(graph, 0, 39, 1e5, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert len(route.nodes) == 40
+    line = shapely.LineString(places[route.nodes, :2])
+    assert line.is_simple
+    assert route.time == pytest.approx(line.length / SPEED + 380.0)
 
 
 def test_a_mission_is_replanned_from_a_waypoint_of_its_route() -> None:
