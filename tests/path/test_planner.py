@@ -1,6 +1,6 @@
 """Whole plans: safety, quality, determinism, batching, warm starts and bad input."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -537,11 +537,7 @@ def test_a_tide_beside_a_calm_line_is_met_at_its_times(monkeypatch):
 def test_travel_times_hold_where_the_current_changes_within_segments(period):
     """A tide of seconds, walked along the plan in steps far shorter than its segments."""
     rate, speed = 2.0 * np.pi / period, 2.0
-
-    def surge(x, y, z, t):
-        return 0.8 * jnp.sin(rate * t), 0.0, 0.0
-
-    env = ap.Environment(surge, lower=(-200, -200, 0), upper=(3500, 3500, 60))
+    env = ap.Environment(Surge(rate), lower=(-200, -200, 0), upper=(3500, 3500, 60))
     ends = (0.0, 0.0, 20.0), (3000.0, 1500.0, 20.0)
     plan = ap.plan_path(*ends, env, vehicle=ap.Vehicle(speed=speed), key=jax.random.key(0))
     now, steps = 0.0, 100
@@ -551,6 +547,18 @@ def test_travel_times_hold_where_the_current_changes_within_segments(period):
             half = now + 0.5 * length / steps / pace(now, way / length, rate, speed)
             now += length / steps / pace(half, way / length, rate, speed)
     assert float(plan.travel_time) == pytest.approx(now, rel=1e-4)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Surge:
+    """A tide the same everywhere; one program serves all of its rates, rad/s."""
+
+    rate: float
+
+    def __call__(self, x, y, z, t):
+        level = 0.8 * jnp.sin(self.rate * t)
+        return level, 0.0 * level, 0.0 * level
 
 
 def pace(now, heading, rate, speed):
