@@ -57,7 +57,7 @@ def cp_sat_eq15(case: Case, phi1: float, phi2: float, time_limit: float) -> tupl
     paths.model.maximize(paths.total(np.round(gain / tick)))
     status = paths.solve(time_limit)
     bound = phi1 * case.time_available - paths.solver.best_objective_bound * tick
-    return (paths.nodes().tolist() if status in ("OPTIMAL", "FEASIBLE") else []), bound
+    return (paths.path()[0].tolist() if status in ("OPTIMAL", "FEASIBLE") else []), bound
 
 
 def pyvrp(case: Case, seed: int, time_limit: float) -> list[int]:
