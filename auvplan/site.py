@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import Proj, Transformer
 
 from auvplan.errors import AuvplanError
+from auvplan.runtime.arrays import turned
 
 Array = NDArray[np.float64]
 
@@ -64,9 +65,7 @@ class Site:
             north, east: [..., n], its components in any unit.
             longitude, latitude: [n] degrees, where it is.
         """
-        bearing = self.true_north(longitude, latitude)
-        cos, sin, north, east = np.cos(bearing), np.sin(bearing), np.asarray(north), np.asarray(east)
-        return north * cos - east * sin, north * sin + east * cos
+        return turned(north, east, self.true_north(longitude, latitude))
 
     def utc(self, seconds: float) -> datetime | None:
         """Return the moment of a local time, or None where missions have no date."""

@@ -164,18 +164,15 @@ class Vehicle:
         An array of NumPy for one, of JAX for others.
         """
         xp: Any = np if isinstance(down, np.ndarray) else jnp
-        limits = {name: xp.asarray(limit) for name, limit in self.vertical_limits.items()}
-        pitch = limits.get("pitch", np.inf)
-        rates = [xp.minimum(pitch, limits.get(name, np.inf)) for name in ("dive", "climb")]
-        return xp.minimum(xp.where(xp.asarray(down) > 0.0, *rates) / xp.asarray(self.speed), 1.0)
+        limits = self.dive_rate_max, self.climb_rate_max
+        rates = (np.inf if limit is None else xp.asarray(limit) for limit in limits)
+        pitch = 1.0 if self.pitch_max is None else xp.sin(xp.asarray(self.pitch_max))
+        return xp.minimum(xp.where(xp.asarray(down) > 0.0, *rates) / xp.asarray(self.speed), pitch)
 
     def vertical_times(self, depth: float) -> tuple[float, float]:
         """Return s that it takes from a depth, m, up to the surface, and back down, as steeply as it may."""
-        pitch = 0.5 * np.pi if self.pitch_max is None else float(np.asarray(self.pitch_max))
-        steepest = float(np.asarray(self.speed)) * float(np.sin(pitch))
-        limits = self.climb_rate_max, self.dive_rate_max
-        rates = [steepest if most is None else min(steepest, float(np.asarray(most))) for most in limits]
-        return depth / rates[0], depth / rates[1]
+        up, down = depth / (float(np.asarray(self.speed)) * self.steepest(np.array([-1.0, 1.0])))
+        return float(up), float(down)
 
     def stricter(self, share: float, *names: str) -> "Vehicle":
         """Return a copy with some limits multiplied by a share; absent limits stay absent.

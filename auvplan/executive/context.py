@@ -411,6 +411,11 @@ class Mission:
         """Waypoints of the route from the one reached to the destination; empty without a route."""
         return [] if self.route is None else [int(node) for node in self.route.nodes[self.step :]]
 
+    def task(self, i: int, j: int) -> tuple[float, float]:
+        """Duration, s, and priority of the task of an edge; done under way it takes no time of its own."""
+        under_way = self.context.scenario.tasks_under_way
+        return 0.0 if under_way else float(self.graph.duration[i, j]), float(self.graph.priority[i, j])
+
     @property
     def last_route(self) -> MissionRoute:
         """The route that is followed; there is one from the first on."""

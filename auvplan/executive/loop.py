@@ -295,15 +295,12 @@ def _begin(missions: list[Mission]) -> None:
     rises = [surfacing.surface(mission) if surfacing.due(mission) else 0.0 for mission in missions]
     for mission, times, rise in zip(missions, expected, rises, strict=True):
         i, j = mission.rest[:2]
-        task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
-        if mission.context.scenario.tasks_under_way:
-            task = 0.0
         expects, hold = float(times[i, j]), 0.0
         if mission.timed.timetable is not None:
             expects, hold = _by_the_clock(mission, i, j, expects)
         revisit, speed = j in mission.visited, mission.chosen_speed((i, j))
         own = {"revisit": revisit, "t_hold": rise + hold, "t_fix": rise or None, "speed": speed}
-        records.append(LegRecord(i, j, expects, task, rho, **own))
+        records.append(LegRecord(i, j, expects, *mission.task(i, j), **own))
     for mission in missions:
         if mission.navigation is not None:  # from here on at the leg's speed
             mission.navigate(mission.navigation.fixed() if mission.at_surface else mission.known)

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field
 from auvplan.errors import RuleError
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
+from auvplan.runtime.arrays import turned
 from auvplan.scenario.fields import read_section
 from auvplan.scenario.section import Finite, Section
 from auvplan.site import Site
@@ -47,8 +48,7 @@ class _Constituent(Section):
         assert self.ellipse is not None
         major, minor, turn, lag = self.ellipse
         along, across = np.exp(-1j * np.radians(lag)) * np.array([major, -1j * minor])
-        east = along * np.cos(np.radians(turn)) - across * np.sin(np.radians(turn))
-        return np.array([along * np.sin(np.radians(turn)) + across * np.cos(np.radians(turn)), east])
+        return np.array(turned(along, across, np.radians(turn))[::-1])
 
 
 _Constituents = Mapping[Annotated[str, AfterValidator(_known)], _Constituent]

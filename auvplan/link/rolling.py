@@ -21,7 +21,6 @@ from auvplan.export.itinerary import Itinerary, PlannedLeg
 from auvplan.export.runs import itinerary_of
 from auvplan.link.limits import Allowance
 from auvplan.mission import MissionGraph
-from auvplan.mission.jobs import kept_off
 from auvplan.ocean.currents import SumCurrent, combine, partition
 from auvplan.ocean.ensemble import ErrorScale, Measured, corrected, member_weights, perturbed
 from auvplan.ocean.gridded import GriddedCurrent
@@ -31,6 +30,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime.arrays import Array
 from auvplan.runtime.compiled import PLANS, expecting
 from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.lines import jobs_kept_off
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import MemberSettings
 from auvplan.simulation.sea import Sea
@@ -176,8 +176,8 @@ class RollingPlan:
 
     def _clear_of_obstacles(self, graph: MissionGraph) -> MissionGraph:
         """Return a graph without the jobs and tasks that no vehicle does, as an obstacle stands too near."""
-        context, whole = self._context, self._context.scenario.mission.lines == "whole"
-        self.left_out = kept_off(context.area.jobs, context.area.obstacles, self.margin, whole)
+        context = self._context
+        self.left_out = jobs_kept_off(context.scenario, context.area)
         graph, near = graph.without_waypoints(self.left_out), self.margin + context.circle
         standing = [known for known in context.area.obstacles if context.circle and not known.moves]
         for node, place in enumerate(np.asarray(graph.positions, float)):
@@ -237,9 +237,8 @@ class RollingPlan:
                 return plan
             found.append(plan)
         found += self._without_leg(count, position, now)
-        worth = [(sum(leg.priority for leg in plan.legs), -plan.ends) for plan in found]
-        if good := [k for k, plan in enumerate(found) if self.in_time(plan)]:
-            best = found[max(good, key=lambda k: worth[k])]
+        if good := list(filter(self.in_time, found)):
+            best = max(good, key=lambda plan: (plan.states[-1].run.total_priority, -plan.ends))
             shut = len(found) == 1 and best.legs[count].goal == home not in (leg.start, leg.goal)
             if not (shut and 0.0 < self.patience <= self.run.t_available - best.ends):
                 return best
@@ -317,12 +316,10 @@ class RollingPlan:
         if old.start == old.goal:
             return
         graph, later = before.graph, dict.fromkeys(leg.goal for leg in self.legs[count + 1 :])
-        worth = np.where(graph.adjacency[old.start], graph.priority[old.start], 0.0)
-        for goal in [node for node in later if node != home and worth[node] > 0.0][:_NEXT]:
+        tasks = graph.adjacency[old.start] & (np.asarray(graph.priority[old.start]) > 0.0)
+        for goal in [node for node in later if node != home and tasks[node]][:_NEXT]:
             state = self._as_left(old, before.fork(now=now, cause="", route=None, step=0))
-            record = LegRecord(
-                old.start, goal, 0.0, float(graph.duration[old.start, goal]), float(worth[goal])
-            )
+            record = LegRecord(old.start, goal, 0.0, *state.task(old.start, goal))
             if not self._set_out_from(state, record, position):
                 continue
             state.run.legs.append(record)

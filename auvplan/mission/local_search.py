@@ -337,7 +337,7 @@ def rearranged(route: list[int], times: Array, priority: Array, available: float
 
 def _shorter(route: list[int], times: Array, priority: Array) -> list[int] | None:
     """Return the route with the one part reversed or moved that saves most time; None where none does."""
-    count, best, found = len(route), -_SAVES, None
+    best, found = -_SAVES, None
     saved, lost = (_moves(values[np.ix_(route, route)]) for values in (times, priority))
     for move, (change, worth) in enumerate(zip(saved, lost, strict=True)):
         change = np.where(worth >= -1e-9, change, np.inf)
@@ -350,7 +350,6 @@ def _shorter(route: list[int], times: Array, priority: Array) -> list[int] | Non
                 chain, rest = route[i : i + size + 1], [*route[:i], *route[i + size + 1 :]]
                 at = k + 1 if k < i else k - size
                 found = [*rest[:at], *(chain[::-1] if turned else chain), *rest[at:]]
-    assert found is None or len(set(found)) == count
     return found
 
 

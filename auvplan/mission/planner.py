@@ -343,7 +343,7 @@ def plan_missions(
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     if config.objective == "priority" and config.local_rounds:
-        nodes = _rearranged(nodes, asked)
+        nodes = np.stack([_rearranged(*each) for each in zip(nodes, _each(asked), strict=True)])
     return _collect(result, nodes, np.asarray(least), asked)
 
 
@@ -436,20 +436,15 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
     return chosen
 
 
-def _rearranged(nodes: np.ndarray, asked: _Asked) -> np.ndarray:
-    """Return routes [B, N] of which those that are long and not by the clock are rearranged."""
-    nodes = nodes.copy()
-    if asked.graphs.timetable is not None:
+def _rearranged(nodes: np.ndarray, one: _Asked) -> np.ndarray:
+    """Return a route [N] of one mission, rearranged where it is long and not by the clock."""
+    old, goal = nodes[nodes >= 0].tolist(), int(one.goals)
+    if one.graphs.timetable is not None or len(old) < _LONG or old[-1] != goal:
         return nodes
-    for route, (graph, legs, goal, available, margin) in zip(nodes, _each(asked), strict=True):
-        old = [int(node) for node in route if node >= 0]
-        if len(old) >= _LONG and old[-1] == goal:
-            times = with_return_margin(np.asarray(legs, float), old[0], int(goal), float(margin))
-            most = float(available) * (1.0 - 4.0 * rounding_margin(len(legs)))
-            new = local_search.rearranged(old, times, np.asarray(graph.priority, float), most)
-            route[:] = -1
-            route[: len(new)] = new
-    return nodes
+    times = with_return_margin(np.asarray(one.legs, float), old[0], goal, float(one.margins))
+    most = float(one.available) * (1.0 - 4.0 * rounding_margin(len(times)))
+    new = local_search.rearranged(old, times, np.asarray(one.graphs.priority, float), most)
+    return np.pad(np.asarray(new, nodes.dtype), (0, len(nodes) - len(new)), constant_values=-1)
 
 
 def _at_fastest(graphs: MissionGraph) -> MissionGraph:
@@ -507,11 +502,6 @@ def _with_more(keys: jax.Array, missions: Missions) -> tuple[jax.Array, Missions
     )
 
 
-def _one(stacked: T, b: int) -> T:
-    """Return one row of what is stacked, as a stack of one."""
-    return jax.tree.map(lambda leaf: leaf[b : b + 1], stacked)
-
-
 def _richer(routes: np.ndarray, least: float, graph: MissionGraph) -> Iterator[np.ndarray]:
     """Yield routes [C, N] of more priority than `least`, the richest first."""
     routes = np.unique(routes, axis=0)
@@ -535,8 +525,8 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
     nodes, rows, chosen = found[: len(asked.legs), 0].copy(), [], np.zeros(asked.legs.shape, int)
     graphs = _each(asked.graphs)
     options = [graph.options for graph in graphs if graph.options is not None]
-    for b, (route, graph, option) in enumerate(zip(nodes, graphs, options, strict=True)):
-        limits = asked.available[b], how.energy[b]
+    for b, (route, one, option) in enumerate(zip(nodes, _each(asked), options, strict=True)):
+        graph, limits = one.graphs, (asked.available[b], how.energy[b])
         given = graph.timetable, graph.duration, limits, how.saves, how.levels[b]
         known = asked.along(graph.priority[None], route[None]).sum() if route[1] >= 0 else -1.0
         others = found[b :: len(nodes)].reshape(-1, len(route))
@@ -552,17 +542,16 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
         if best is None:
             route[1:] = -1
             best = how.levels[b][-1]
-        new = _rearranged(route[None], _one(asked, b))[0] if how.rearranges else route
-        other = None if np.array_equal(new, route) else option.for_route(new[new >= 0], *given, margin)
-        if other is not None:
-            # More priority, or as much with less of what is saved.
-            ranks = []
-            for way, speeds in ((route, best), (new, other)):
-                legs = way[way >= 0][:-1], way[way >= 0][1:]
-                lasts, fixed = option.at(speeds)[legs], option.fixed[legs]
-                joules = (option.power[speeds[legs]] * lasts + fixed).sum()
-                ranks.append((-graph.priority[legs].sum(), joules if how.saves == "energy" else lasts.sum()))
-            if ranks[1][0] < ranks[0][0] - 1e-9 or ranks[1][1] < ranks[0][1]:
+        if how.rearranges and (new := _rearranged(route, one)) is not route:
+            other = option.for_route(new[new >= 0], *given, margin)
+
+            def rank(way: np.ndarray, speeds: np.ndarray, option: Any = option, one: _Asked = one) -> tuple:
+                way = way[way >= 0]
+                lasts, joules = option.along(way, speeds)
+                saved = joules if how.saves == "energy" else lasts
+                return -one.graphs.priority[way[:-1], way[1:]].sum(), saved.sum()
+
+            if other is not None and rank(new, other) < rank(route, best):
                 route[:], best = new, other
         chosen[b] = best
         rows.append(graph.at_speeds(best))

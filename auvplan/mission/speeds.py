@@ -182,6 +182,17 @@ class SpeedOptions:
             spent += np.asarray(watts) * seconds
         return spent
 
+    def along(self, nodes: IntArray, places: IntArray) -> tuple[Array, Array]:
+        """Return s under way and J of the legs [n - 1] of a route that is not by the clock.
+
+        Args:
+            nodes: [n] waypoints.
+            places: [N, N] of the speeds of edges.
+        """
+        legs = nodes[:-1], nodes[1:]
+        lasts = self.at(places)[legs]
+        return lasts, self.power[places[legs]] * lasts + self.fixed[legs]
+
     def for_route(
         self,
         nodes: IntArray,
@@ -308,7 +319,7 @@ class RouteSpeeds:
             return np.inf, np.inf
         legs = nodes[:-1], nodes[1:]
         if timetable is None:
-            spent = options.power[places[legs]] * options.at(places)[legs] + options.fixed[legs]
+            spent = options.along(nodes, places)[1]
         else:
             at = replace(timetable, travel_time=options.at(places))
             passed = stages(at, self.duration, nodes.tolist())

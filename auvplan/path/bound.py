@@ -268,15 +268,30 @@ class _Problem:
         What is D away in T was gone at no more than V + r relative to m: |D - m T| <= (V + r) T, exact in a
         uniform current. Grids in the plane leave out how much deeper the goal is, and how steeply it is gone.
         """
-        if self.config.speed_reading != "track":
+        if self.config.speed_reading != "track" or (met := self._within_reach) is None:
             return 0.0
-        way, half = np.append(self.goal[:2] - self.start[:2], self.rise), self.known * self.speed
+        mean, off = met
+        way, drift = (
+            np.append(self.goal[:2] - self.start[:2], self.rise),
+            np.append(self.turn @ mean[:2], mean[2]),
+        )
+        along = way @ drift
+        root = along**2 + ((self.speed + off) ** 2 - drift @ drift) * (way @ way)
+        ahead = along + np.sqrt(root) if root >= 0.0 else 0.0
+        straight = way @ way / ahead if ahead > 0.0 else 0.0
+        return max(float(straight), abs(self.rise) / ((1.0 + _LIMIT) * self.steepest + abs(mean[2]) + off))
+
+    @property
+    def _within_reach(self) -> tuple[Array, float] | None:
+        """Mean [3] m/s of the currents that may be met in the known time, and how far they are from it."""
+        half = self.known * self.speed
+        middle = np.array([*self.corner, self.begins, self.depart + 0.5 * self.known])
+        place = [np.full(1, axis) for axis in middle]
         for _ in range(_NEARBY):
             edges = np.array([half, half, half, 0.5 * self.known])
-            middle = np.array([*self.corner, self.begins, self.depart + 0.5 * self.known])
             corners = middle + edges * np.array(list(product((-1.0, 1.0), repeat=4)))
             met = np.stack(evaluated(self.env.current, *corners.T), axis=1)
-            mean, place = met.mean(axis=0), [np.full(1, axis) for axis in middle]
+            mean = met.mean(axis=0)
             departs = deviation(self.env.current, place, tuple(2.0 * edges))
             if departs is None:
                 between = np.concatenate(evaluated(self.env.current, *place))
@@ -284,16 +299,11 @@ class _Problem:
             off = float(np.linalg.norm(met - mean, axis=1).max() + np.max(departs))
             reach = self.known * (self.speed + np.linalg.norm(mean) + off)
             if reach <= half:
-                mean[:2] = self.turn @ mean[:2]
-                along, gained = way @ mean, (self.speed + off) ** 2 - mean @ mean
-                root = along**2 + gained * (way @ way)
-                ahead = along + np.sqrt(root) if root >= 0.0 else 0.0
-                lift = (1.0 + _LIMIT) * self.steepest + abs(mean[2]) + off
-                return max(float(way @ way / ahead) if ahead > 0.0 else 0.0, abs(self.rise) / lift)
-            half = 1.01 * reach
+                return mean, off
             if off > self.speed:
                 break
-        return 0.0
+            half = 1.01 * reach
+        return None
 
     @property
     def distance(self) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.runtime.arrays import turned
 from auvplan.vehicle import SpeedReading, along_track
 
 Array = NDArray[np.floating]
@@ -96,9 +97,8 @@ class Motion:
     def turned(self, angle: ArrayLike) -> "Motion":
         """Return it in a frame whose north lies `angle`, [n] rad, counter-clockwise from this one's north."""
         yaw, (north, east, down) = self.yaw + np.asarray(angle), np.moveaxis(self.ground_velocity, -1, 0)
-        cos, sin = np.cos(angle), np.sin(angle)
         yaw = np.where(np.abs(yaw) > np.pi, yaw - np.copysign(2.0 * np.pi, yaw), yaw)
-        velocity = np.stack([north * cos - east * sin, north * sin + east * cos, down], axis=-1)
+        velocity = np.stack([*turned(north, east, angle), down], axis=-1)
         return Motion(yaw, self.pitch, velocity)
 
     @property

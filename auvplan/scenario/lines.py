@@ -47,7 +47,7 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
     env, safety = standing(scenario, area), scenario.safety
     config = PathConfig(coast_margin=safety.coast, obstacle_margin=safety.obstacles)
     vehicle = Vehicle(speed=scenario.vehicle.speed)
-    off = kept_off(jobs, area.obstacles, safety.obstacles, scenario.mission.lines == "whole")
+    off = jobs_kept_off(scenario, area)
     for line, job in zip(jobs.lines, jobs_of(jobs)[len(jobs.points) :], strict=True):
         for number, (start, end) in enumerate(line.parts, 1):
             blocked = blocked_on(np.asarray(start, float), np.asarray(end, float), env, vehicle, config)
@@ -56,6 +56,12 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
                 blocked = np.array([[0.0, part.length]])
             found.append(SurveyPart(line.name, number, part, blocked))
     return found
+
+
+def jobs_kept_off(scenario: Scenario, area: OperatingArea) -> dict[int, str]:
+    """Return the nodes of jobs that known obstacles keep every vehicle off, and why; see `kept_off`."""
+    whole = scenario.mission.lines == "whole"
+    return kept_off(area.jobs, area.obstacles, scenario.safety.obstacles, whole)
 
 
 def standing(scenario: Scenario, area: OperatingArea) -> Environment:

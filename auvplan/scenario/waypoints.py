@@ -15,7 +15,6 @@ from auvplan.mission.jobs import (
     Terrain,
     jobs_graph,
     jobs_of,
-    kept_off,
     task_hours,
 )
 from auvplan.mission.timetable import Timetable
@@ -23,6 +22,7 @@ from auvplan.ocean.known import keeps_off
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder, clear_lines
+from auvplan.scenario.lines import jobs_kept_off
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import at_time
 
@@ -152,7 +152,6 @@ def _jobs_graph(
         if fault := misplaced(np.asarray(position), scenario, area):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
-    whole = settings.lines == "whole"
     try:
         graph, names = jobs_graph(
             jobs.points,
@@ -160,11 +159,11 @@ def _jobs_graph(
             settings.start,
             settings.goal,
             neighbours=settings.neighbours,
-            whole=whole,
+            whole=settings.lines == "whole",
             terrain=Terrain(
                 lambda positions: lines_clear(positions, scenario, area), detours, detours.length
             ),
-            barred=kept_off(jobs, area.obstacles, scenario.safety.obstacles, whole),
+            barred=jobs_kept_off(scenario, area),
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
@@ -239,7 +238,7 @@ def misplaced_end(position: np.ndarray, scenario: Scenario, area: OperatingArea)
 def left_out_jobs(scenario: Scenario, area: OperatingArea) -> list[str]:
     """Return a line on each job, or part of one, that known obstacles keep the vehicle off."""
     whole = scenario.mission.lines == "whole"
-    off = kept_off(area.jobs, area.obstacles, scenario.safety.obstacles, whole)
+    off = jobs_kept_off(scenario, area)
     return [
         f"{scenario.mission.jobs}: job {job.name!r} is left out{part}: {why}"
         for job in jobs_of(area.jobs)

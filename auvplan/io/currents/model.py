@@ -28,6 +28,7 @@ from auvplan.io.currents.series import in_order, on_middles, put_together
 from auvplan.io.currents.triangles import Geometry, Triangles, cell_means, find_triangles
 from auvplan.io.currents.units import speed_factor
 from auvplan.ocean.gridded import CurrentError
+from auvplan.runtime.arrays import turned
 
 #: Variables with the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
 _ANGLES = ("angle", "ANGLE")
@@ -263,9 +264,7 @@ class Part:
             name, dry = model.flats
             land |= ((np.nan_to_num(self.values(name), nan=float(dry)) > 0.5) == dry)[:, None]
         if model.angle is not None:
-            turn = model.angle(self)
-            cos, sin = np.cos(turn), np.sin(turn)
-            east, north = east * cos - north * sin, east * sin + north * cos
+            east, north = turned(east, north, model.angle(self))
         depths, floor = levels.at(self)
         if floor is None and source.floor_name is not None:
             floor = self.floor
