@@ -11,6 +11,8 @@ the best route known is dropped in either case.
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,8 @@ _ROUNDS, _PATIENCE = 60, 4
 #: Labels of one number of waypoints at most, in a proof and beside a search.
 _MOST, _FEW = 1_000_000, 20_000
 _TOLERANCE = 1e-9
+#: Halvings that find the last moment at which an edge may be entered.
+_HALVINGS = 40
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,7 @@ class Clocked:
     goal: int
     end: float
     return_margin: float = 0.0
+    exact: ClassVar[bool] = False
 
     @property
     def waiting(self) -> "Clocked":
@@ -64,6 +69,52 @@ class Clocked:
             fallen = begins > self.timetable.falls[i, j, k]
             worth = worth - np.where(fallen, self.timetable.drops[i, j, k], 0.0)
         return np.where(self.open[i, j], begins + self.duration[i, j], np.inf), worth
+
+    def along(self, route: list[int]) -> tuple[Array, Array]:
+        """Return s and priority [N, N] of legs, as they are from where a route leaves their waypoints.
+
+        Those off the route are left when half of it is gone, and no window is waited for.
+        """
+        now, leaves = np.zeros(1), np.full(len(self.open), np.nan)
+        for here, there in pairwise(route):
+            leaves[here] = now.item()
+            now, _ = self.done(np.asarray([here]), np.asarray([there]), now)
+        leaves = np.where(np.isfinite(leaves), leaves, 0.5 * now)[:, None]
+        node = np.arange(len(self.open))
+        done, _ = self._unbound.done(node[:, None], node, np.broadcast_to(leaves, self.open.shape))
+        return done - leaves, self.priority
+
+    def walk(self, routes: IntArray) -> tuple[Array, Array]:
+        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit."""
+        now, worth = np.zeros((2, len(routes)))
+        for here, there in pairwise(routes.T):
+            fits = np.isfinite(now)
+            done, gained = self.done(here, there, np.where(fits, now, 0.0))
+            now, worth = np.where(fits & (done <= self._due[there]), done, np.inf), worth + gained
+        return np.where(now < self.end, now, np.inf), worth
+
+    @cached_property
+    def _due(self) -> Array:
+        """[N] s, when waypoints must be left at the latest, with the margin on the way to the goal."""
+        size, ahead = len(self.open), self.waiting
+        if not self.return_margin:
+            return np.full(size, np.inf)
+        node, known = np.arange(size), np.full(size, -np.inf)
+        due = np.where(node == self.goal, self.end, known)
+        while (due > known).any():
+            known, low, high = due, np.zeros((size, size)), np.full((size, size), self.end)
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (low + high)
+                good = ahead.done(node[:, None], node, middle)[0] <= due
+                low, high = np.where(good, middle, low), np.where(good, high, middle)
+            due = np.maximum(due, np.where(low > 0.0, low, -np.inf).max(axis=1))
+        return self.end - (1.0 + self.return_margin) * (self.end - due)
+
+    @cached_property
+    def _unbound(self) -> "Clocked":
+        """The same mission without windows, and with priorities that stay."""
+        table = self.waiting.timetable
+        return replace(self, timetable=table.without_windows(np.ones_like(self.open)))
 
     @cached_property
     def _schedule(self) -> Schedule:

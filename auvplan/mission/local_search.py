@@ -9,24 +9,17 @@ changed route is then gone through, and dropped where it does not fit.
 
 Where energy is limited and speeds are free, each round keeps to the level of speeds on which a route leaves
 most of the scarcer of time and energy.
-
-A long route is rearranged at last (`rearranged`): parts of it are reversed (2-opt) and chains moved (Or-opt).
 """
 
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from auvplan.mission.problem import Problem, Used, highest
-from auvplan.runtime.arrays import Array
 
 #: Waypoints that one change may cut out.
 CUT = 2
-
-#: Waypoints of a chain that is moved, at most; s that a move saves at least; s of a closed edge.
-_CHAIN, _SAVES, _CLOSED = 3, 1e-6, 1e12
 
 
 def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) -> jax.Array:
@@ -312,84 +305,3 @@ def _change_all(nodes: jax.Array, edges: _Edges) -> jax.Array:
             whole = jnp.where(changed[:, 1:] >= 0, gains[i, j], 0.0).sum(axis=1) - lost[:, -1]
             better &= whole > gained[:, -1] + 1e-6
     return jnp.where(better[:, None], changed, nodes)
-
-
-def rearranged(route: list[int], times: Array, priority: Array, available: float) -> list[int]:
-    """Return a route of no less total priority, and of less time where that is equal.
-
-    Parts are reversed and chains moved, each time where that saves most, as long as it does; other waypoints
-    are then put in where they fit, those first that gain most for their time, and so on.
-
-    Args:
-        route: from the start to the goal.
-        times: [N, N] s, of legs with their tasks; infinite where closed.
-        priority: [N, N], of legs.
-        available: s; the route takes less.
-    """
-    open_ = np.where(np.isfinite(times), times, _CLOSED)
-    while True:
-        while (shorter := _shorter(route, open_, priority)) is not None:
-            route = shorter
-        if (longer := _longer(route, open_, priority, available)) is None:
-            return route
-        route = longer
-
-
-def _shorter(route: list[int], times: Array, priority: Array) -> list[int] | None:
-    """Return the route with the one part reversed or moved that saves most time; None where none does."""
-    best, found = -_SAVES, None
-    saved, lost = (_moves(values[np.ix_(route, route)]) for values in (times, priority))
-    for move, (change, worth) in enumerate(zip(saved, lost, strict=True)):
-        change = np.where(worth >= -1e-9, change, np.inf)
-        if change.size and change.min() < best:
-            best, (i, k) = change.min(), np.unravel_index(int(change.argmin()), change.shape)
-            if move == 0:
-                found = [*route[:i], *route[i : k + 1][::-1], *route[k + 1 :]]
-            else:
-                size, turned = divmod(move - 1, 2)
-                chain, rest = route[i : i + size + 1], [*route[:i], *route[i + size + 1 :]]
-                at = k + 1 if k < i else k - size
-                found = [*rest[:at], *(chain[::-1] if turned else chain), *rest[at:]]
-    return found
-
-
-def _moves(legs: Array) -> list[Array]:
-    """Return what moves add to the sum over a route of its values [n, n] of legs by places, [n, n] each.
-
-    First of reversing places i to k; then of moving the chain of 1, 1, 2, 2, ... places from i on between
-    places k and k + 1, as it is and reversed. Infinite where there is no such move.
-    """
-    count = len(legs)
-    place = np.arange(count)
-    onward = np.r_[0.0, np.cumsum(legs[place[:-1], place[1:]])]
-    back = np.r_[0.0, np.cumsum(legs[place[1:], place[:-1]])]
-    i, k = np.meshgrid(place, place, indexing="ij")
-    before, after = np.maximum(i - 1, 0), np.minimum(k + 1, count - 1)
-    change = legs[before, k] + legs[i, after] - legs[before, i] - legs[k, after]
-    change += (back[k] - back[i]) - (onward[k] - onward[i])
-    found = [np.where((i > 0) & (k > i) & (k < count - 1), change, np.inf)]
-    for size in range(min(_CHAIN, count - 2)):
-        last = np.minimum(i + size, count - 1)
-        beyond = np.minimum(last + 1, count - 1)
-        gone = legs[before, beyond] - legs[before, i] - legs[last, beyond] - legs[k, after]
-        allowed = (i > 0) & (i + size < count - 1) & (k < count - 1) & ((k < i - 1) | (k > i + size))
-        turned = (back[last] - back[i]) - (onward[last] - onward[i])
-        for way in (legs[k, i] + legs[last, after], legs[k, last] + legs[i, after] + turned):
-            found.append(np.where(allowed, gone + way, np.inf))
-    return found
-
-
-def _longer(route: list[int], times: Array, priority: Array, available: float) -> list[int] | None:
-    """Return the route with the one waypoint more that gains most for its time; None where none fits."""
-    others = np.setdiff1d(np.arange(len(times)), route)
-    here, there = np.asarray(route[:-1]), np.asarray(route[1:])
-    longer, more = (
-        values[here][:, others] + values[others][:, there].T - values[here, there][:, None]
-        for values in (times, priority)
-    )
-    fits = (more > 1e-9) & (times[here, there].sum() + longer < available)
-    if not fits.any():
-        return None
-    rate = np.where(fits, more / np.maximum(longer, _SAVES), -np.inf)
-    k, which = np.unravel_index(int(rate.argmax()), rate.shape)
-    return [*route[: k + 1], int(others[which]), *route[k + 1 :]]

@@ -1,7 +1,7 @@
 """The mission planner: a graph and a time budget into a route (section 3.3)."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, pairwise
@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from auvplan.mission import decoder as decoders
-from auvplan.mission import labels, local_search
+from auvplan.mission import labels, rearrange
 from auvplan.mission.bound import least_difference, with_return_margin
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import Missions, search_within
@@ -32,8 +32,8 @@ T = TypeVar("T")
 #: ways to go a route, and some of those found keep both limits at other speeds. Routes that are tried for it.
 _MORE, _TRIED = (1.02, 1.1), 60
 
-#: Waypoints of a route from which on it is rearranged: shorter ones the search orders as well.
-_LONG = 24
+#: Share of a budget that is kept for rearranging a route by the clock, from this number of waypoints on.
+_KEPT, _LONG = 0.2, 24
 
 #: Iterations up to which one program serves searches.
 _ITERATIONS = 256
@@ -278,6 +278,7 @@ def plan_missions(
     if size == 2:  # there is one route at most: what looks for better ones is not compiled
         config = config.replace(seeds=0, local_rounds=0)
     iterations, options = config.bbo.iterations, graphs.options
+    kept = _KEPT if graphs.timetable is not None and size >= _LONG else 0.0
     if options is None and energy_available is not None:
         raise ValueError(
             "energy_available needs a graph with options: what its edges take, and at which speeds"
@@ -322,7 +323,11 @@ def plan_missions(
     )
     if options is not None and options.speeds.shape[-1] > 1:
         keys, missions = _with_more(keys, missions)
-    watch = None if budget is None else Budget(budget, batch)
+    watch = None if budget is None else Budget((1.0 - kept) * budget, batch)
+
+    def on() -> bool:
+        return watch is None or budget is None or watch.left > -kept * budget
+
     program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
     result, best, least = batch_map(program, keys, missions)
     found = np.where(np.asarray(best.reached)[..., None], np.asarray(best.nodes[..., :size]), -1)
@@ -336,14 +341,14 @@ def plan_missions(
             found,
             np.asarray(least),
             asked,
-            _Choice(energy, levels, config.saves, config.local_rounds > 0),
+            _Choice(energy, levels, config.saves, on if config.local_rounds else None),
         )
     rows, chosen = np.arange(batch), _richest(best, differs)
     result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
     if config.objective == "priority" and config.local_rounds:
-        nodes = np.stack([_rearranged(*each) for each in zip(nodes, _each(asked), strict=True)])
+        nodes = np.stack([_rearranged(*each, on) for each in zip(nodes, _each(asked), strict=True)])
     return _collect(result, nodes, np.asarray(least), asked)
 
 
@@ -372,6 +377,13 @@ class _Asked(NamedTuple):
         here, there = nodes[:, :-1], nodes[:, 1:]
         return np.where(there >= 0, values[np.arange(len(nodes))[:, None], here, there], 0.0)
 
+    def clocked(self, start: int) -> Clocked:
+        """Return what one mission by the clock from a start is."""
+        graph, ends = self.graphs, (start, int(self.goals), float(self.available))
+        assert graph.timetable is not None
+        open_, margin = np.isfinite(self.legs), float(self.margins)
+        return Clocked(graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=margin)
+
     def least_differences(self, starts: np.ndarray) -> np.ndarray:
         """Return `least_difference` [B] of total priorities of routes from starts [B]."""
         parts = zip(_each(self), starts.tolist(), strict=True)
@@ -387,13 +399,13 @@ class _Asked(NamedTuple):
 class _Choice(NamedTuple):
     """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved.
 
-    And whether long routes are rearranged.
+    And whether there is time to rearrange routes; None where they are not.
     """
 
     energy: np.ndarray
     levels: list[np.ndarray]
     saves: Saved
-    rearranges: bool
+    rearranges: Callable[[], bool] | None
 
 
 def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
@@ -424,26 +436,27 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
         fits &= (routes == asked.goals[:, None]).any(axis=1)
         better = fits & (worth > most)
         chosen[better], most[better] = routes[better], worth[better]
-    for row, (route, one) in enumerate(zip(chosen, _each(asked), strict=True)):
-        graph, legs, goal, end, margin = one
-        assert graph.timetable is not None
-        ends = int(route[0]), int(goal), float(end)
-        open_, margin = np.isfinite(legs), float(margin)
-        clocked = Clocked(graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=margin)
-        if ends[0] != ends[1] and len(found := labels.better(clocked, float(most[row])).nodes):
+    for route, one, known_worth in zip(chosen, _each(asked), most, strict=True):
+        mission = one.clocked(int(route[0]))
+        if mission.start != mission.goal and len(found := labels.better(mission, float(known_worth)).nodes):
             route[:] = -1
             route[: len(found)] = found
     return chosen
 
 
-def _rearranged(nodes: np.ndarray, one: _Asked) -> np.ndarray:
-    """Return a route [N] of one mission, rearranged where it is long and not by the clock."""
-    old, goal = nodes[nodes >= 0].tolist(), int(one.goals)
-    if one.graphs.timetable is not None or len(old) < _LONG or old[-1] != goal:
+def _rearranged(nodes: np.ndarray, one: _Asked, on: Callable[[], bool]) -> np.ndarray:
+    """Return a route [N] of one mission, rearranged, as long as `on` says that there is time."""
+    old, graph = nodes[nodes >= 0].tolist(), one.graphs
+    if old[-1] != int(one.goals) or len(old) < 4:
         return nodes
-    times = with_return_margin(np.asarray(one.legs, float), old[0], goal, float(one.margins))
-    most = float(one.available) * (1.0 - 4.0 * rounding_margin(len(times)))
-    new = local_search.rearranged(old, times, np.asarray(one.graphs.priority, float), most)
+    mission: rearrange.Timed
+    if graph.timetable is None:
+        times = with_return_margin(np.asarray(one.legs, float), old[0], old[-1], float(one.margins))
+        most = float(one.available) * (1.0 - 4.0 * rounding_margin(len(times)))
+        mission = rearrange.Still(times, np.asarray(graph.priority, float), most)
+    else:
+        mission = one.clocked(old[0])
+    new = rearrange.rearranged(old, mission, on)
     return np.pad(np.asarray(new, nodes.dtype), (0, len(nodes) - len(new)), constant_values=-1)
 
 
@@ -542,7 +555,7 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
         if best is None:
             route[1:] = -1
             best = how.levels[b][-1]
-        if how.rearranges and (new := _rearranged(route, one)) is not route:
+        if how.rearranges and (new := _rearranged(route, one, how.rearranges)) is not route:
             other = option.for_route(new[new >= 0], *given, margin)
 
             def rank(way: np.ndarray, speeds: np.ndarray, option: Any = option, one: _Asked = one) -> tuple:

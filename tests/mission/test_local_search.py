@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from auvplan.mission import MissionGraph, check_route
 from auvplan.mission.decoder import decode
-from auvplan.mission.local_search import CUT, improve, rearranged
+from auvplan.mission.local_search import CUT, improve
 from tests.mission.naive import grid_graph, problem
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
@@ -82,47 +82,3 @@ def test_many_rounds_end_where_no_change_gains() -> None:
     after = np.asarray(improve_now(jnp.asarray(routes), given_, given_.priority, rounds=30))
     for nodes in after:
         assert naive_best_gain(graph, nodes[nodes >= 0].tolist(), 2500.0, 0.0) <= 0.0
-
-
-def rearrangements(route: list[int]) -> list[list[int]]:
-    """Every route with one part reversed, or a chain of up to three moved, as it is or reversed."""
-    inner, found = range(1, len(route) - 1), []
-    for i in inner:
-        found += [[*route[:i], *route[i:k][::-1], *route[k:]] for k in range(i + 2, len(route))]
-        for size in (1, 2, 3):
-            if i + size < len(route):
-                chain, rest = route[i : i + size], [*route[:i], *route[i + size :]]
-                for at in range(1, len(rest)):
-                    found += [[*rest[:at], *turn, *rest[at:]] for turn in (chain, chain[::-1])]
-    return found
-
-
-@given(st.integers(0, 10_000), st.integers(6, 14), st.floats(0.0, 0.4), st.floats(1.0, 1.5))
-@settings(max_examples=40, deadline=None)
-def test_no_part_of_a_rearranged_route_is_better_reversed_or_moved(seed, size, closed, spare) -> None:
-    rng = np.random.default_rng(seed)
-    places = rng.uniform(0.0, 1000.0, (size, 2))
-    times = np.linalg.norm(places[:, None] - places, axis=-1) + rng.uniform(0.0, 300.0, (size, size))
-    times[rng.random((size, size)) < closed] = np.inf
-    priority = rng.integers(0, 3, size)[None, :] + rng.integers(0, 2, (size, size)).astype(float)
-    route = [0, *rng.permutation(np.arange(1, size - 1))[: size - 3].tolist(), size - 1]
-    times[route[:-1], route[1:]] = 400.0  # a way that is open
-
-    def took(nodes: list[int]) -> tuple[float, float]:
-        legs = nodes[:-1], nodes[1:]
-        return float(priority[legs].sum()), float(times[legs].sum())
-
-    available = spare * took(route)[1] + 1.0
-    found = rearranged(route, times, priority, available)
-    worth, lasts = took(found)
-    assert (found[0], found[-1], len(set(found))) == (0, size - 1, len(found))
-    assert lasts < available
-    assert worth >= took(route)[0] - 1e-9
-    assert worth > took(route)[0] + 1e-9 or lasts <= took(route)[1] + 1e-6
-    for other in rearrangements(found):
-        there = took(other)
-        assert there[0] < worth - 1e-9 or there[1] >= lasts - 1e-4
-    for node in set(range(size)) - set(found):
-        for at in range(1, len(found)):
-            more = took([*found[:at], node, *found[at:]])
-            assert more[0] <= worth + 1e-9 or not more[1] < available

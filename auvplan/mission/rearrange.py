@@ -1,0 +1,193 @@
+"""Routes put in order at last: parts reversed (2-opt), chains moved (Or-opt), other waypoints inserted.
+
+The search of the mission planner looks for priority; here what it found is brought into an order that takes
+less time, and what fits then is added.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from auvplan.mission.bound import Array, IntArray
+
+#: Waypoints of a chain that is moved, at most.
+_CHAIN = 6
+
+#: s that a move saves at least; priority that does not count; s of a closed edge.
+_SAVES, _TIE, _CLOSED = 1e-6, 1e-9, 1e12
+
+#: By the clock: changed routes that are gone through together, and legs of those of one round, at most.
+_TOGETHER, _MOST = 256, 2_500_000
+
+
+class Timed(Protocol):
+    """What routes are measured by.
+
+    Attributes:
+        exact: whether changes take what `along` has for the route before them.
+    """
+
+    exact: ClassVar[bool]
+
+    def along(self, route: list[int]) -> tuple[Array, Array]:
+        """Return s and priority [N, N] of legs, as they are from where a route leaves their waypoints."""
+        ...
+
+    def walk(self, routes: IntArray) -> tuple[Array, Array]:
+        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit."""
+        ...
+
+
+@dataclass(frozen=True)
+class Still:
+    """A mission whose times do not depend on the clock.
+
+    Attributes:
+        times: [N, N] s, of legs with their tasks; infinite where closed.
+        priority: [N, N], of legs.
+        available: s; a route takes less.
+    """
+
+    times: Array
+    priority: Array
+    available: float
+    exact: ClassVar[bool] = True
+
+    def along(self, route: list[int]) -> tuple[Array, Array]:
+        """See `Timed`."""
+        return self.times, self.priority
+
+    def walk(self, routes: IntArray) -> tuple[Array, Array]:
+        """See `Timed`."""
+        legs = routes[:, :-1], routes[:, 1:]
+        ends = self.times[legs].sum(axis=1)
+        return np.where(ends < self.available, ends, np.inf), self.priority[legs].sum(axis=1)
+
+
+def rearranged(route: list[int], mission: Timed, on: Callable[[], bool] = lambda: True) -> list[int]:
+    """Return a route of no less total priority, and of less time where that is equal.
+
+    Parts are reversed and chains moved, each time where that saves most, as long as it does; other waypoints
+    are then inserted where they fit, those first that gain most for their time, and so on. By the clock,
+    changes are gone through in the order of what they would save if legs took as long as `Timed.along` has
+    it, and the best of the first that save something is made.
+
+    Args:
+        route: from the start to the goal.
+        mission: that it is a route of.
+        on: asked now and then whether there is time to go on.
+    """
+    best = _Route.of(route, mission)
+    while better := _changed(best, _moved, mission, on) or _changed(best, _longer, mission, on):
+        best = better
+    return best.nodes
+
+
+class _Route(NamedTuple):
+    nodes: list[int]
+    ends: float
+    worth: float
+
+    @classmethod
+    def of(cls, nodes: list[int], mission: Timed) -> "_Route":
+        """Measure a route."""
+        (ends,), (worth,) = mission.walk(np.asarray([nodes]))
+        return cls(nodes, float(ends), float(worth))
+
+
+def _changed(
+    route: _Route,
+    changes: Callable[[_Route, Timed], Iterator[list[int]]],
+    mission: Timed,
+    on: Callable[[], bool],
+) -> _Route | None:
+    """Return the best of the first changed routes that are better; None where none is."""
+    found, together = changes(route, mission), 1 if mission.exact else _TOGETHER
+    while on() and (some := list(islice(found, together))):
+        ends, worth = mission.walk(np.asarray(some))
+        with np.errstate(invalid="ignore"):  # of routes that do not fit
+            saved, more = route.ends - ends, worth - route.worth
+        if changes is _moved:
+            gain = np.where((more >= -_TIE) & (saved > _SAVES), saved, 0.0)
+        else:
+            gain = np.where(np.isfinite(ends) & (more > _TIE), more / np.maximum(-saved, _SAVES), 0.0)
+        if gain.max() > 0.0:
+            which = int(gain.argmax())
+            return _Route(some[which], float(ends[which]), float(worth[which]))
+        together = _TOGETHER
+    return None
+
+
+def _moved(route: _Route, mission: Timed) -> Iterator[list[int]]:
+    """Yield a route with one part reversed or moved, first what saves most."""
+    nodes, (times, priority) = route.nodes, mission.along(route.nodes)
+    at = np.ix_(nodes, nodes)
+    saved = np.asarray(_moves(np.minimum(times[at], _CLOSED)))
+    change = np.where(np.asarray(_moves(priority[at])) >= -_TIE, saved, np.inf).ravel()
+    for place in _least(change, len(nodes)):
+        if not change[place] < (-_SAVES if mission.exact else 0.5 * _CLOSED):
+            break
+        move, i, k = np.unravel_index(place, saved.shape)
+        if move == 0:
+            yield [*nodes[:i], *nodes[i : k + 1][::-1], *nodes[k + 1 :]]
+        else:
+            size, turned = divmod(move - 1, 2)
+            chain, rest = nodes[i : i + size + 1], [*nodes[:i], *nodes[i + size + 1 :]]
+            to = k + 1 if k < i else k - size
+            yield [*rest[:to], *(chain[::-1] if turned else chain), *rest[to:]]
+
+
+def _moves(legs: Array) -> list[Array]:
+    """Return what moves add to the sum over a route of its values [n, n] of legs by places, [n, n] each.
+
+    First of reversing places i to k; then of moving the chain of 1, 1, 2, 2, ... places from i on between
+    places k and k + 1, as it is and reversed. Infinite where there is no such move.
+    """
+    count = len(legs)
+    place = np.arange(count)
+    onward = np.r_[0.0, np.cumsum(legs[place[:-1], place[1:]])]
+    back = np.r_[0.0, np.cumsum(legs[place[1:], place[:-1]])]
+    i, k = np.meshgrid(place, place, indexing="ij")
+    before, after = np.maximum(i - 1, 0), np.minimum(k + 1, count - 1)
+    change = legs[before, k] + legs[i, after] - legs[before, i] - legs[k, after]
+    change += (back[k] - back[i]) - (onward[k] - onward[i])
+    found = [np.where((i > 0) & (k > i) & (k < count - 1), change, np.inf)]
+    for size in range(min(_CHAIN, count - 2)):
+        last = np.minimum(i + size, count - 1)
+        beyond = np.minimum(last + 1, count - 1)
+        gone = legs[before, beyond] - legs[before, i] - legs[last, beyond] - legs[k, after]
+        allowed = (i > 0) & (i + size < count - 1) & (k < count - 1) & ((k < i - 1) | (k > i + size))
+        turned = (back[last] - back[i]) - (onward[last] - onward[i])
+        for way in (legs[k, i] + legs[last, after], legs[k, last] + legs[i, after] + turned):
+            found.append(np.where(allowed, gone + way, np.inf))
+    return found
+
+
+def _longer(route: _Route, mission: Timed) -> Iterator[list[int]]:
+    """Yield a route with one waypoint more, first what gains most for its time."""
+    nodes, (times, priority) = route.nodes, mission.along(route.nodes)
+    others = np.setdiff1d(np.arange(len(times)), nodes)
+    here, there = np.asarray(nodes[:-1]), np.asarray(nodes[1:])
+    longer, more = (
+        values[here][:, others] + values[others][:, there].T - values[here, there][:, None]
+        for values in (np.minimum(times, _CLOSED), priority)
+    )
+    open_ = (more > _TIE) & (longer < 0.5 * _CLOSED)
+    loss = np.where(open_, -more / np.maximum(longer, _SAVES), np.inf).ravel()
+    for place in _least(loss, len(nodes)):
+        if np.isinf(loss[place]):
+            break
+        k, which = np.unravel_index(place, longer.shape)
+        yield [*nodes[: k + 1], int(others[which]), *nodes[k + 1 :]]
+
+
+def _least(values: Array, count: int) -> IntArray:
+    """Return the places of the least of values in order, of those that routes of `count` waypoints allow."""
+    most = min(_MOST // count, len(values))
+    places = np.arange(len(values))
+    if most < len(values):
+        places = np.sort(np.argpartition(values, most)[:most])
+    return places[np.argsort(values[places], kind="stable")]
