@@ -123,14 +123,10 @@ def _changed(
 
 def _moved(route: _Route, mission: Timed) -> Iterator[list[int]]:
     """Yield a route with one part reversed or moved, first what saves most."""
-    nodes, (times, priority) = route.nodes, mission.along(route.nodes)
-    at = np.ix_(nodes, nodes)
-    saved = np.asarray(_moves(np.minimum(times[at], _CLOSED)))
-    change = np.where(np.asarray(_moves(priority[at])) >= -_TIE, saved, np.inf).ravel()
-    for place in _least(change, len(nodes)):
-        if not change[place] < (-_SAVES if mission.exact else 0.5 * _CLOSED):
-            break
-        move, i, k = np.unravel_index(place, saved.shape)
+    nodes, (times, _) = route.nodes, mission.along(route.nodes)
+    change = np.asarray(_moves(np.minimum(times[np.ix_(nodes, nodes)], _CLOSED)))
+    for place in _least(change.ravel(), -_SAVES if mission.exact else 0.5 * _CLOSED, len(nodes)):
+        move, i, k = np.unravel_index(place, change.shape)
         if move == 0:
             yield [*nodes[:i], *nodes[i : k + 1][::-1], *nodes[k + 1 :]]
         else:
@@ -177,17 +173,14 @@ def _longer(route: _Route, mission: Timed) -> Iterator[list[int]]:
     )
     open_ = (more > _TIE) & (longer < 0.5 * _CLOSED)
     loss = np.where(open_, -more / np.maximum(longer, _SAVES), np.inf).ravel()
-    for place in _least(loss, len(nodes)):
-        if np.isinf(loss[place]):
-            break
+    for place in _least(loss, 0.0, len(nodes)):
         k, which = np.unravel_index(place, longer.shape)
         yield [*nodes[: k + 1], int(others[which]), *nodes[k + 1 :]]
 
 
-def _least(values: Array, count: int) -> IntArray:
-    """Return the places of the least of values in order, of those that routes of `count` waypoints allow."""
-    most = min(_MOST // count, len(values))
-    places = np.arange(len(values))
-    if most < len(values):
-        places = np.sort(np.argpartition(values, most)[:most])
+def _least(values: Array, limit: float, count: int) -> IntArray:
+    """Return the places of values below a limit, the least first: not more than are tried of `count` legs."""
+    places, most = np.flatnonzero(values < limit), _MOST // count
+    if most < len(places):
+        places = places[np.sort(np.argpartition(values[places], most)[:most])]
     return places[np.argsort(values[places], kind="stable")]
