@@ -444,6 +444,22 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
     return chosen
 
 
+def _ways(nodes: np.ndarray, one: _Asked, energy: float, on: Callable[[], bool]) -> Iterator[np.ndarray]:
+    """Yield a route [N] with speeds to choose from, rearranged by time, then by time and energy, J."""
+    yield _rearranged(nodes, one, on)
+    old, option, graph = nodes[nodes >= 0], one.graphs.options, one.graphs
+    if graph.timetable is not None or old[-1] != int(one.goals) or len(old) < 4:
+        return
+    assert option is not None
+    legs, limits = (old[:-1], old[1:]), (float(one.available), energy)
+    mixtures = option.shares(graph.duration, np.isfinite(one.legs), limits)
+    share = max(mixtures, key=lambda mixture: mixture[legs].sum())  # of the scarcest
+    share = with_return_margin(share, int(old[0]), int(old[-1]), float(one.margins))
+    for most in (1.0, share[legs].sum() + 1e-9):
+        mission = rearrange.Still(share, np.asarray(graph.priority, float), most)
+        yield _filled(nodes, rearrange.rearranged(old.tolist(), mission, on))
+
+
 def _rearranged(nodes: np.ndarray, one: _Asked, on: Callable[[], bool]) -> np.ndarray:
     """Return a route [N] of one mission, rearranged, as long as `on` says that there is time."""
     old, graph = nodes[nodes >= 0].tolist(), one.graphs
@@ -456,8 +472,12 @@ def _rearranged(nodes: np.ndarray, one: _Asked, on: Callable[[], bool]) -> np.nd
         mission = rearrange.Still(times, np.asarray(graph.priority, float), most)
     else:
         mission = one.clocked(old[0])
-    new = rearrange.rearranged(old, mission, on)
-    return np.pad(np.asarray(new, nodes.dtype), (0, len(nodes) - len(new)), constant_values=-1)
+    return _filled(nodes, rearrange.rearranged(old, mission, on))
+
+
+def _filled(nodes: np.ndarray, route: list[int]) -> np.ndarray:
+    """Return a route, padded with -1 like `nodes` [N]."""
+    return np.pad(np.asarray(route, nodes.dtype), (0, len(nodes) - len(route)), constant_values=-1)
 
 
 def _at_fastest(graphs: MissionGraph) -> MissionGraph:
@@ -555,15 +575,15 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
         if best is None:
             route[1:] = -1
             best = how.levels[b][-1]
-        if how.rearranges and (new := _rearranged(route, one, how.rearranges)) is not route:
+
+        def rank(way: np.ndarray, speeds: np.ndarray, option: Any = option, one: _Asked = one) -> tuple:
+            way = way[way >= 0]
+            lasts, joules = option.along(way, speeds)
+            saved = joules if how.saves == "energy" else lasts
+            return -one.graphs.priority[way[:-1], way[1:]].sum(), saved.sum()
+
+        for new in _ways(route.copy(), one, how.energy[b], how.rearranges) if how.rearranges else ():
             other = option.for_route(new[new >= 0], *given, margin)
-
-            def rank(way: np.ndarray, speeds: np.ndarray, option: Any = option, one: _Asked = one) -> tuple:
-                way = way[way >= 0]
-                lasts, joules = option.along(way, speeds)
-                saved = joules if how.saves == "energy" else lasts
-                return -one.graphs.priority[way[:-1], way[1:]].sum(), saved.sum()
-
             if other is not None and rank(new, other) < rank(route, best):
                 route[:], best = new, other
         chosen[b] = best

@@ -193,6 +193,23 @@ class SpeedOptions:
         lasts = self.at(places)[legs]
         return lasts, self.power[places[legs]] * lasts + self.fixed[legs]
 
+    def shares(
+        self, duration: Array, open_: NDArray[np.bool_], available: tuple[float, float]
+    ) -> list[Array]:
+        """Return least shares of mixtures of time and energy that edges take at any speed, [N, N] each.
+
+        A route that keeps both limits takes less than 1 of each, or no more.
+
+        Args:
+            duration: [N, N] s, of tasks.
+            open_: [N, N], edges that may be taken; others take an infinite share.
+            available: s and J.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            times = np.where(open_, self.least + duration, np.inf) / available[0]
+            energies = np.where(open_, self.energies, np.inf) / available[1]
+            return [((1.0 - mix) * times + mix * energies).min(axis=0) for mix in _MIXES]
+
     def for_route(
         self,
         nodes: IntArray,
@@ -327,16 +344,8 @@ class RouteSpeeds:
         return float(spent.sum()), float(spent.sum() + margin * spent[-1])
 
     def shares(self, time_available: float) -> list[Array]:
-        """[N, N] each: the least shares of mixtures of time and energy that edges take at any speed.
-
-        A route that keeps both limits takes less than 1 of each, or no more.
-
-        Args:
-            time_available: s.
-        """
-        with np.errstate(invalid="ignore", divide="ignore"):
-            time, energy = self.times_of_edges / time_available, self.energies_of_edges / self.available
-            return [((1.0 - mix) * time + mix * energy).min(axis=0) for mix in _MIXES]
+        """Return `SpeedOptions.shares` of a time, s, and the energy available."""
+        return self.options.shares(self.duration, self.open, (time_available, self.available))
 
 
 def picked(values: Array, places: IntArray) -> Array:
