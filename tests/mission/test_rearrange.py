@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import MissionGraph, Timetable, plan_mission
+from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission
 from auvplan.mission.labels import Clocked
 from auvplan.mission.rearrange import Still, rearranged
+from auvplan.mission.speeds import SpeedOptions
 from tests.mission.test_timetable import HORIZON, SIZE, Edge, clocked
 
 
@@ -163,3 +164,37 @@ def test_many_tasks_in_a_tide_are_planned_in_a_good_order() -> None:
     ends, _ = mission.walk(np.asarray(rearrangements(nodes)))
     assert route.time == pytest.approx(mission.walk(np.asarray([nodes]))[0].item())
     assert ends.min() > route.time - 1e-3
+
+
+def jobs_with_speeds(seed: int, size: int) -> MissionGraph:
+    """Tasks at waypoints that all lead to each other, at three speeds: the slowest takes least energy."""
+    rng = np.random.default_rng(seed)
+    places = np.c_[rng.uniform(0.0, 3000.0, (size, 2)), np.zeros(size)]
+    rho, task = rng.integers(1, 6, size).astype(float), rng.uniform(30.0, 300.0, size)
+    rho[[0, -1]] = task[[0, -1]] = 0.0
+    adjacency, speeds = ~np.eye(size, dtype=bool), np.array([0.8, 1.2, 1.7])
+    times = np.linalg.norm(places - places[:, None], axis=-1) / speeds[:, None, None]
+    travel = np.where(adjacency, times, np.inf)
+    square = np.broadcast_to(task, (size, size))
+    options = SpeedOptions(speeds, 40.0 + 20.0 * speeds**3, travel, 40.0 * square)
+    return MissionGraph(places, adjacency, np.where(adjacency, rho, 0.0), square.copy(), options=options)
+
+
+def test_routes_short_of_energy_are_put_in_order_for_energy_too() -> None:
+    """Ordered by the scarcer of time and energy, the route has no room for another task at any speeds."""
+    size, limits = 24, (12_000.0, 720_000.0)
+    for seed in range(3):
+        graph = jobs_with_speeds(seed, size)
+        given = {"speed": 1.0, "key": jax.random.key(0), "config": MissionConfig.quick()}
+        route = plan_mission(graph, 0, size - 1, limits[0], energy_available=limits[1], **given)
+        assert route.feasible
+        assert route.speeds.energies.sum() <= limits[1]
+        open_, options = np.asarray(graph.adjacency), graph.options
+        mixtures = options.shares(graph.duration, open_, limits)
+        nodes = route.nodes.tolist()
+        share = max(mixtures, key=lambda mixture: mixture[nodes[:-1], nodes[1:]].sum())
+        better = rearranged(nodes, Still(share, graph.priority, 1.0))
+        more = graph.priority[better[:-1], better[1:]].sum() > route.priority + 1e-6
+        levels = options.chosen(8)
+        went = options.for_route(np.asarray(better), None, graph.duration, limits, "time", levels)
+        assert not (more and went is not None)
