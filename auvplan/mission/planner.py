@@ -576,15 +576,9 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
             route[1:] = -1
             best = how.levels[b][-1]
 
-        def rank(way: np.ndarray, speeds: np.ndarray, option: Any = option, one: _Asked = one) -> tuple:
-            way = way[way >= 0]
-            lasts, joules = option.along(way, speeds)
-            saved = joules if how.saves == "energy" else lasts
-            return -one.graphs.priority[way[:-1], way[1:]].sum(), saved.sum()
-
         for new in _ways(route.copy(), one, how.energy[b], how.rearranges) if how.rearranges else ():
             other = option.for_route(new[new >= 0], *given, margin)
-            if other is not None and rank(new, other) < rank(route, best):
+            if other is not None and _rank(graph, new, other, how) < _rank(graph, route, best, how):
                 route[:], best = new, other
         chosen[b] = best
         rows.append(graph.at_speeds(best))
@@ -607,6 +601,22 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
     legs = asked.along(speeds, nodes)
     assert at.options is not None
     return nodes, asked, RouteSpeeds(at.options, chosen, legs, energies, how.energy, at.duration, open_)
+
+
+def _rank(graph: MissionGraph, nodes: np.ndarray, places: np.ndarray, how: _Choice) -> tuple[float, float]:
+    """Return a key of a route [N] at places [N, N] of speeds, less for a better one."""
+    route, option, table = nodes[nodes >= 0], graph.options, graph.timetable
+    legs, lost = (route[:-1], route[1:]), 0.0
+    assert option is not None
+    if table is None:
+        lasts, joules = option.along(route, places)
+    else:
+        passed = graph.at_speeds(places).itinerary(route, 1.0)
+        lasts = passed.ends - passed.departs
+        joules = option.spent(legs, places[legs], passed, graph.duration[legs], table)
+        lost = sum(map(table.lost, *np.asarray(legs), passed.begins))
+    saved = joules if how.saves == "energy" else lasts
+    return lost - float(graph.priority[legs].sum()), float(saved.sum())
 
 
 def _collect(
