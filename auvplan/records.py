@@ -554,7 +554,7 @@ class MissionRun(ReprMixin):
 
     @property
     def tasks(self) -> int:
-        """Tasks that were done; a survey line of several parts is one, done when all of its parts are."""
+        """Tasks that were done; a survey line is one when each of its parts earned, whatever it covers."""
         return self.count_tasks(self.earning)
 
     def count_tasks(self, legs: Iterable[LegRecord]) -> int:

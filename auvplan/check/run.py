@@ -1,8 +1,8 @@
 """Checks the whole track of a saved run again and adds up every time.
 
 Visits and tasks are counted again from the track and from what the run was planned for; land, sea bed,
-obstacles and closed areas are those that its file keeps. On request the files that its scenario names are
-looked at as well.
+obstacles and closed areas are those that its file keeps. On request polygons and sea beds in the files that
+its scenario names are looked at as well.
 """
 
 from collections.abc import Sequence

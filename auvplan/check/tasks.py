@@ -86,7 +86,7 @@ def task_faults(run: Saved) -> Iterator[str]:
 
 def _tasks_of(run: Saved, jobs: list[Job] | None, once: bool) -> "_GraphTasks | _JobTasks":
     """Return the tasks that are to be done."""
-    return _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs, run)
+    return _GraphTasks.of(run, once) if jobs is None else _JobTasks.of(jobs)
 
 
 def _route_faults(run: Saved, jobs: list[Job] | None, once: bool) -> Iterator[str]:
@@ -210,20 +210,25 @@ class _Task:
     """A task at a place, or along the straight line between two."""
 
     job: Job
+    nodes: tuple[int, ...]  # of the graph, its place or the ends of the line
     ends: tuple[Array, ...]  # [3] m
     share: float = 1.0  # of its job
 
     @property
     def is_point(self) -> bool:
-        return len(self.ends) == 1
+        return len(self.nodes) == 1
 
     def is_done_by(self, leg: Leg) -> bool:
-        """Return whether a leg ends at its place, or leads along its line, either way."""
-        first, last = leg.positions[0], leg.positions[-1]
+        """Return whether a leg ends at its place, or leads along its line, either way.
+
+        Of tasks in one place it is the one whose waypoints the leg's are.
+        """
         if self.is_point:
-            return near(last, self.ends[0])
-        a, b = self.ends
-        return (near(first, a) and near(last, b)) or (near(first, b) and near(last, a))
+            return (leg.goal,) == self.nodes and near(leg.positions[-1], self.ends[0])
+        if (way := (leg.start, leg.goal)) not in (self.nodes, self.nodes[::-1]):
+            return False
+        first, last = self.ends if way == self.nodes else self.ends[::-1]
+        return near(leg.positions[0], first) and near(leg.positions[-1], last)
 
     def worth(self, leg: Leg, share: float) -> float:
         """Return its priority at the time when a leg does it, or a share of it along a line."""
@@ -237,27 +242,20 @@ class _JobTasks:
     """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex."""
 
     left: list[_Task]  # tasks still to be done
-    start: Array  # [3] m, where a mission begins: a job there is arrived at as its own waypoint alone
 
     @classmethod
-    def of(cls, jobs: list[Job], run: Saved) -> "_JobTasks":
+    def of(cls, jobs: list[Job]) -> "_JobTasks":
         tasks: list[_Task] = []
         for job in jobs:
             lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
-            parts = zip(pairwise(job.places), lengths, strict=True)
-            tasks += [_Task(job, ends, float(length / lengths.sum())) for ends, length in parts]
-            tasks += [] if job.is_line else [_Task(job, (job.places[0],))]
-        return cls(tasks, run.places[int(run.number("start"))])
+            parts = zip(pairwise(job.nodes), pairwise(job.places), lengths, strict=True)
+            tasks += [_Task(job, nodes, ends, float(length / lengths.sum())) for nodes, ends, length in parts]
+            tasks += [] if job.is_line else [_Task(job, tuple(job.nodes), tuple(job.places))]
+        return cls(tasks)
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
-        """Return every task that lies where the leg ends, or along it.
-
-        Of tasks in one place it is the one whose waypoint the leg's last one is.
-        """
+        """Take the task at the end of a leg that arrived, or along it, off the account."""
         done = [task for task in self.left if task.is_done_by(leg)]
-        own = [task for task in done if task.is_point and leg.goal in task.job.nodes]
-        if own or near(leg.positions[-1], self.start):
-            done = [task for task in done if not task.is_point or task in own]
         if share == 0.0:  # the line was passed, and nothing of it done
             done = [task for task in done if task.is_point]
         self.left = [task for task in self.left if task not in done]

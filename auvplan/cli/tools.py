@@ -226,7 +226,7 @@ def check(
         typer.Option(
             "--sources",
             help="Look also at the files of land, closed areas and sea bed that the scenario names, with "
-            "pyogrio, rasterio and xarray.",
+            "pyogrio, rasterio and xarray; pictures, S-57 cells and files of currents are not read.",
         ),
     ] = False,
     quiet: shared.QuietOption = False,

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -153,6 +154,7 @@ class AreaFiles:
     #: The parts in the order in which they are read; of each the section of the scenario that it belongs to,
     #: and the fields of that which name its files.
     PARTS: ClassVar[dict[str, tuple[str, ...]]] = {
+        "charted": ("chart", "image", "file"),
         "land": ("chart", "image", "file"),
         "current": ("current", "files"),
         "truth": ("current", "truth"),
@@ -277,12 +279,25 @@ class AreaFiles:
         return cropped(land.chart, self.scenario.chart, self._box)
 
     @_Part
+    def charted(self) -> geo.Land:
+        """What the chart's file has, with the water level that the scenario states."""
+        return self._land_at(self.scenario.bathymetry.water_level or 0.0)
+
+    @_Part
     def land(self) -> geo.Land:
-        """What the chart's file has of the area and around it."""
+        """What the chart's file has of the area and around it, rocks and wrecks as deep as at low water."""
+        charted, low = self.charted, 0.0
+        if self.scenario.chart.source == "enc" and self.scenario.bathymetry.water_level is None:
+            low, _ = self._low_water()
+        return self._land_at(low) if low else charted
+
+    def _land_at(self, low_water: float) -> geo.Land:
+        """Read the chart's file; m above its datum."""
         settings = self.scenario.chart.model_copy(update={"no_go": None, "no_go_windows": None})
         current = self.current if settings.source == "current" else None
         key, files = (settings, self._place, self._box, current), self._chart_files
-        return self._once(lambda: read_land(*key, *files), files, "land", self.home, *key)
+        read = partial(read_land, *key, *files, low_water)
+        return self._once(read, files, "land", self.home, low_water, *key)
 
     @_Part
     def chart(self) -> Chart | None:
@@ -497,7 +512,7 @@ class AreaFiles:
         settings, box, chart = self.scenario.current, self._box, self.scenario.chart
         land = "mesh"
         if chart.source != "current":
-            own = self.readable("land")
+            own = self.readable("charted")
             land = None if own is None or own.chart is None else on_land(own.chart)
             chart = None if own is None else chart.model_copy(update={"no_go": None, "no_go_windows": None})
         if sources:
@@ -547,7 +562,7 @@ class AreaFiles:
     def _low_water(self) -> tuple[float, tuple[str, ...]]:
         """Return the surface at its lowest, m above the sea bed's datum, and what is to be noted of it.
 
-        Depths of a vehicle count from the moving surface, those of the bed from its datum.
+        Depths of a vehicle count from the moving surface, those of the bed and of rocks from their datum.
         """
         if (level := self.scenario.bathymetry.water_level) is not None:
             return level, ()

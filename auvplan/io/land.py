@@ -32,8 +32,11 @@ def read_land(
     current: "CurrentFile | None",
     file: Any,
     uncertain: Any,
+    low_water: float = 0.0,
 ) -> geo.Land:
     """Read a chart's file, or what is given in its place, as far beyond the area as it and `beyond` do.
+
+    What stands in its water is as deep as at low water, m above the chart's datum.
 
     Raises:
         ScenarioError, ChartError, CurrentError: one line that names file, field and reason.
@@ -56,7 +59,8 @@ def read_land(
             assert site is not None
             if settings.source == "enc":
                 limits = {"safety_depth": settings.safety_depth, "hazard_radius": settings.hazard_radius}
-                return geo.read_cells(file, site, extent, deepest=box[1][2], **limits)
+                limits |= {"deepest": box[1][2], "low_water": low_water}
+                return geo.read_cells(file, site, extent, **limits)
             if settings.source == "raster":
                 colours = settings.colours.given
                 chart, notes = geo.chart_and_notes(file, site, extent, crs=settings.crs, colours=colours)

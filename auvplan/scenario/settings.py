@@ -230,8 +230,8 @@ class BathymetrySettings(SourcedSection):
     )
     pixel_size: Positive | None = optional("m; half of the source's spacing if absent")
     water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = optional(
-        "m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
-        "files, where they have it and it is below the datum, else 0"
+        "m above the datum of the sea bed, and of charted rocks and wrecks ('enc'), the lowest of the "
+        "mission; if absent that of the current's files, where they have it and it is below the datum, else 0"
     )
 
 

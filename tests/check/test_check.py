@@ -420,8 +420,9 @@ def test_two_tasks_that_were_swapped_are_found():
     assert "job 'gauge' is not where the graph has it" in str(check(run))
 
 
-def test_a_survey_line_counts_when_all_of_it_is_done():
-    survey = JobLine("survey", tuple(map(tuple, WAYPOINTS[[0, 1, 3]].tolist())), 9.0, 180.0)
+def along_a_line(vertices):
+    """A run along a survey line of two parts."""
+    survey = JobLine("survey", tuple(map(tuple, WAYPOINTS[vertices].tolist())), 9.0, 180.0)
     places = np.array([[300.0, 250.0, 20.0], *survey.positions, [400.0, 1250.0, 25.0]])
     run = with_jobs(make_run((0, 1, 2, 3, 4), waypoints=places), survey)
     lengths, late = np.linalg.norm(np.diff(survey.positions, axis=0), axis=1), 0.0
@@ -435,11 +436,27 @@ def test_a_survey_line_counts_when_all_of_it_is_done():
     run.routes[0].priority = run.routes[1].priority = 9.0
     run.routes[1].made_at = float(run.legs[1].times[0])
     run.saved_bound = 9.0
+    return run
+
+
+@pytest.mark.parametrize("vertices", [[0, 1, 3], [0, 1, 0]])
+def test_a_survey_line_counts_when_all_of_it_is_done(vertices):
+    run = along_a_line(vertices)
     report = check(run)
     assert report.ok, report
     assert run.summary()["tasks"] == 1
-    run.jobs = Jobs((), (replace(survey, priority=8.0),))
+    run.jobs = Jobs((), (replace(run.jobs.lines[0], priority=8.0),))
     assert "job 'survey': its priority is 8, 9 in the graph" in str(check(run))
+
+
+def test_of_two_parts_of_a_line_in_one_place_a_leg_does_its_own():
+    run = along_a_line([0, 1, 0])
+    run.legs[1].priority, run.legs[2].priority = 9.0, 0.0
+    found = [fault for fault in check(run).faults if "counts a priority of" in fault]
+    assert found == [
+        "leg 1 (1 to 2): counts a priority of 9, its tasks are worth 4.5",
+        "leg 2 (2 to 3): counts a priority of 0, its tasks are worth 4.5",
+    ]
 
 
 def test_a_run_without_what_it_was_made_from_gets_notes():

@@ -10,6 +10,7 @@ import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
+from tests.io.currents.samples import described, regular, write
 from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.geo.test_s57 import SEA, SHALLOWS, SLOPE, bay
 
@@ -51,10 +52,25 @@ def test_the_area_has_chart_sea_bed_and_obstacles_of_the_cells(scenario):
     assert area.seabed is not None
     assert area.site is not None
     ((name, radius, top),) = [(one.name, one.radius, one.depth_min) for one in area.obstacles]
-    assert (name, radius, top) == ("Grim", 60.0, 1.5)
+    assert (name, radius, top) == ("Grim", 60.0, pytest.approx(1.5 - 0.4))
     assert not area.chart.is_water(*area.site.to_local(RANGE.centroid.x, RANGE.centroid.y))
     assert float(area.seabed.depth_at(2000.0, 0.0)) == pytest.approx(9.6)
     assert any("closed at all times: Range" in note for note in area.notes)
+
+
+@pytest.mark.parametrize("bathymetry", ["none", "chart"])
+def test_rocks_and_bed_are_as_deep_as_at_the_lowest_water_of_the_current(scenario, bathymetry):
+    data = 0.1 * regular(10.0 + 0.02 * np.arange(6), 50.0 + 0.02 * np.arange(6), about=10.0, hours=[0, 1, 2])
+    rise = np.broadcast_to(np.array([0.4, -0.9, 0.1])[:, None, None], (3, 6, 6))
+    data = data.assign(zos=(("time", "latitude", "longitude"), rise, {"units": "m"}))
+    write(described(data), scenario.parent / "tide.nc")
+    text = SCENARIO.replace("{vortices: 1, peak_speed: 0.3}", "{source: file, files: tide.nc}")
+    text = text.replace("{source: chart, water_level: -0.4}", f"{{source: {bathymetry}}}")
+    scenario.write_text(text)
+    area = ap.load_area(ap.load_scenario(scenario))
+    assert [one.depth_min for one in area.obstacles] == pytest.approx([1.5 - 0.9])
+    if area.seabed is not None:
+        assert float(area.seabed.depth_at(2000.0, 0.0)) == pytest.approx(10.0 - 0.9)
 
 
 @pytest.mark.slow
@@ -84,7 +100,7 @@ def _keeps_off(run):
     assert shapely.contains_xy(SEA - SHALLOWS - RANGE, *places).all()
     assert depth[shapely.contains_xy(SLOPE, *places)].max(initial=0.0) < 5.0 - 0.4
     away = np.linalg.norm(track[:, :2] - run.site.to_local(ROCK.x, ROCK.y), axis=1)
-    assert (away[depth > 1.5] > 60.0).all()
+    assert (away[depth > 1.5 - 0.4] > 60.0).all()
 
 
 #: What the scenario has, what it has instead, and words of the line.

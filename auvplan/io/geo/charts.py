@@ -45,7 +45,7 @@ class Land(NamedTuple):
         land: of the area, land alone; None where it is `coast`.
         depth: [nx, ny] m below the chart's datum on its pixels, the least that the depth areas around a pixel
             leave open, 0 where there are none; None where the file has no depths.
-        hazards: rocks, wrecks and obstructions that are points on the chart.
+        hazards: rocks, wrecks and obstructions that are points on the chart, with their depths at low water.
         closed: areas that entry is prohibited to, or that are to be avoided.
     """
 

@@ -91,6 +91,7 @@ class _Found:
     deepest: float
     safety_depth: float
     radius: float
+    low_water: float
     margin: float
     dry: list[Any] = field(default_factory=list)
     shut: list[Any] = field(default_factory=list)
@@ -134,7 +135,8 @@ class _Found:
                 # What is of unknown depth, or may show above water, reaches up to the surface.
                 shown = int(one.properties.get("WATLEV", 3)) in _SHOWN
                 shown |= int(one.properties.get("CATWRK", 0)) in _STANDING
-                top = 0.0 if shown else max(float(one.properties.get("VALSOU", 0.0)), 0.0)
+                charted = float(one.properties.get("VALSOU", -np.inf))
+                top = 0.0 if shown else max(charted + self.low_water, 0.0)
                 for piece in shapely.get_parts(local) if top <= self.deepest + _UNDER else ():
                     if piece.geom_type == "Point":
                         name = _name(one, _HAZARDS[one.kind])
@@ -163,9 +165,11 @@ class _Found:
         yield f"{name}: water that may be shallower than {depth} is closed"
         if hazards:
             high = sum(one.depth_min == 0.0 for one in hazards)
+            level = f", the water {self.low_water:+.2f} m off the chart's datum" if self.low_water else ""
             yield (
                 f"{name}: {counted(len(hazards), 'obstacle')} of {self.radius:g} m radius "
-                f"(chart.hazard_radius), rocks, wrecks and the like; {high} of them from the surface down"
+                "(chart.hazard_radius), rocks, wrecks and the like; "
+                f"{high} of them from the surface down{level}"
             )
         if self.closed:
             names = ", ".join(sorted({zone.name for zone in self.closed}))
@@ -188,15 +192,16 @@ def read_cells(
     deepest: float,
     safety_depth: float = SAFETY_DEPTH,
     hazard_radius: float = HAZARD_RADIUS,
+    low_water: float = 0.0,
 ) -> Land:
     """Read what S-57 cells have of a local rectangle.
 
     Closed are land (LNDARE, and docks, hulks, pontoons, quays and dams), depth and dredged areas whose least
     depth (DRVAL1) is unknown or less than the safety depth, unsurveyed areas (UNSARE), and areas of any class
     whose restriction (RESTRN) is "entry prohibited" or "area to be avoided", at all times. Rocks, wrecks and
-    obstructions are upright cylinders from their depth (VALSOU) down; from the surface where the depth is
-    unknown, or where they may show above water. Those that are areas or lines are closed where they reach up
-    to 5 m below the deepest that the vehicle goes.
+    obstructions are upright cylinders from their depth (VALSOU) at low water down; from the surface where the
+    depth is unknown, or where they may show above water. Those that are areas or lines are closed where they
+    reach up to 5 m below the deepest that the vehicle goes.
 
     Args:
         path: of a cell (`.000`) or of a folder with cells, at any depth in it.
@@ -205,6 +210,7 @@ def read_cells(
         deepest: m, greatest depth that the vehicle goes to.
         safety_depth: m below the chart's datum.
         hazard_radius: m, of what is a point or a line on the chart.
+        low_water: m above the chart's datum, the surface at its lowest.
 
     Raises:
         ChartError: one line; no cell is there, one is damaged or in other units, or the rectangle reaches
@@ -231,7 +237,7 @@ def read_cells(
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
         box = around(site, grid, margin)
         reaching = [cell for cell in cells if shapely.intersects(cell.coverage, box)]
-        found = _Found(site, grid, deepest, safety_depth, hazard_radius, margin)
+        found = _Found(site, grid, deepest, safety_depth, hazard_radius, low_water, margin)
         notes, covered = [], Polygon()
         for cell in sorted(reaching, key=lambda cell: (cell.scale, cell.path.name)):
             coverage = areas(near([cell.coverage], site, grid, margin))

@@ -115,6 +115,22 @@ def test_points_are_obstacles_from_their_depth_down(tmp_path, kind, stated, top)
     assert is_water(found, 10.07, 50.06)
 
 
+@pytest.mark.parametrize(("stated", "low", "top"), [
+    ({"VALSOU": 6.0}, -4.0, 2.0),
+    ({"VALSOU": 6.0}, 1.5, 7.5),
+    ({"VALSOU": 3.0}, -4.0, 0.0),
+    ({"VALSOU": 20.1}, -0.5, 19.6),  # at its datum it is too deep to count
+    ({}, 2.0, 0.0),
+    ({"VALSOU": 1.2, "WATLEV": 5}, 2.0, 0.0),
+])  # fmt: skip
+def test_what_stands_in_the_water_is_as_deep_as_at_low_water(tmp_path, stated, low, top):
+    foul = Object("OBSTRN", shapely.box(10.075, 50.05, 10.08, 50.055), stated)
+    path = write_cell(tmp_path / "A.000", bay(Object("UWTROC", shapely.Point(10.07, 50.06), stated), foul))
+    found = read(path, low_water=low)
+    assert [one.depth_min for one in found.hazards] == pytest.approx([top])
+    assert not is_water(found, 10.0775, 50.0525)
+
+
 def test_obstacles_on_land_or_beyond_the_area_are_left_out(tmp_path):
     places = (10.03, 50.03), (10.001, 50.001), (10.07, 50.06)
     rocks = [Object("UWTROC", shapely.Point(place), {"WATLEV": 3}) for place in places]
