@@ -1,4 +1,4 @@
-"""The mission sheet: one page for the person who hands a plan to the vehicle."""
+"""The mission sheet: what the person who hands a plan to the vehicle reads of it."""
 
 import html
 import math
