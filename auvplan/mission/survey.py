@@ -1,10 +1,14 @@
 """Survey lines as they are followed: what of a line counts as covered, and how far off it the vehicle was."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from auvplan.runtime.formatting import apart
+from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
 
@@ -23,6 +27,20 @@ class Coverage(NamedTuple):
     length: float
     mean: float
     worst: float
+
+
+#: rad by which rounding may make a slope seem steeper.
+_LEVEL = 1e-5
+
+
+def slope_limit(vehicle: Vehicle, down: bool) -> tuple[float, str]:
+    """Return the steepest slope of dives, or of climbs, in still water, rad, and the field that limits it."""
+    rate, found = "dive_rate_max" if down else "climb_rate_max", [(0.5 * math.pi, "")]
+    if vehicle.pitch_max is not None:
+        found.append((float(np.asarray(vehicle.pitch_max)), "pitch_max"))
+    if (most := getattr(vehicle, rate)) is not None:
+        found.append((math.asin(min(float(np.asarray(most / vehicle.speed)), 1.0)), rate))
+    return min(found)
 
 
 #: m of a part by which rounding of places may make it seem shorter.
@@ -48,6 +66,15 @@ class LinePart:
     def length(self) -> float:
         """M from vertex to vertex."""
         return float(np.linalg.norm(np.subtract(self.end, self.start)))
+
+    def too_steep(self, vehicle: Vehicle) -> str:
+        """Return how steep it is, and the limit, where that is too much both ways in still water; or ""."""
+        slope = math.asin(min(abs(self.end[2] - self.start[2]) / self.length, 1.0))
+        angle, field = max(slope_limit(vehicle, down) for down in (False, True))
+        if slope <= angle + _LEVEL:
+            return ""
+        own, most = apart(math.degrees(slope), math.degrees(angle), digits=0)
+        return f"{own} degrees where vehicle.{field} allows {most}"
 
     def share(self, coverage: Coverage) -> float:
         """Return the share of the part that is covered."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, JUDGED_AT, VIOLATIONS
+from auvplan.runtime.formatting import apart
 from auvplan.site import at_time
 from auvplan.vehicle import SPEED_FLOOR, VERTICAL_LIMITS, Vehicle
 
@@ -75,7 +76,7 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
         if limit == "turn_rate":
             most = float(np.degrees(most))
         name, unit = _NAMES[limit]
-        value, most = _apart((1.0 + excess) * most, most)
+        value, most = apart((1.0 + excess) * most, most)
         return f"{name} {value} {unit} over {most}"
     if limit == "seabed":
         least, scale = 0.0 if bed is None else float(bed.clearance), ALTITUDE_SCALE
@@ -87,7 +88,7 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
     if limit != "seabed" and vehicle.navigation is not None:
         asked = f"{least:g} m and the vehicle's uncertain position ask for"
         return f"{name} {excess * scale:.1f} {unit} less than {asked}"
-    value, least = _apart(least - excess * scale, least)
+    value, least = apart(least - excess * scale, least)
     return f"{name} {value} {unit} under {least}"
 
 
@@ -143,10 +144,10 @@ def _steep(plan: "PathPlan", limit: str, segment: int) -> str:
     excess = float(plan.excess[VIOLATIONS.index(limit), segment])
     most = float(np.asarray(getattr(plan.conditions.vehicle, VERTICAL_LIMITS[limit])))
     if limit != "pitch":
-        value, most = _apart((1.0 + excess) * most, most)
+        value, most = apart((1.0 + excess) * most, most)
         return f"{limit}s at {value} m/s, limit {most}"
     angle = np.degrees(np.arcsin(min((1.0 + excess) * np.sin(most), 1.0)))
-    value, most = _apart(float(angle), float(np.degrees(most)))
+    value, most = apart(float(angle), float(np.degrees(most)))
     return f"{'climbs' if plan.pitch[segment] > 0.0 else 'dives'} at {value} deg, limit {most}"
 
 
@@ -186,11 +187,3 @@ def _beaten(plan: "PathPlan", segment: int) -> str:
         return f"{found} beats {of}"
     short = f", less than {least:.{digits}f}" if left < least else ""
     return f"{found} leaves {left:.{digits}f} m/s of {of}{short}"
-
-
-def _apart(value: float, limit: float) -> tuple[str, str]:
-    """Both numbers, with as few digits as distinguish them."""
-    for digits in (1, 2, 3):
-        if f"{value:.{digits}f}" != f"{limit:.{digits}f}":
-            return f"{value:.{digits}f}", f"{limit:.{digits}f}"
-    return f"{value:.4g}", f"{limit:.4g}"

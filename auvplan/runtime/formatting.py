@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+#: What bounds add for rounding at most where there is nothing to gain.
+_NOTHING = 1e-8
+
 #: What XML 1.0 does not know as characters.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -40,15 +43,30 @@ def figure(value: float, digits: int = 3) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def apart(value: float, limit: float, digits: int = 1) -> tuple[str, str]:
+    """Return both numbers with the fewest decimal places that distinguish them, `digits` at least.
+
+    Example:
+        >>> apart(45.0, 30.0, digits=0), apart(59.8, 60.0, digits=0), apart(59.996, 60.0)
+        (('45', '30'), ('59.8', '60.0'), ('59.996', '60.000'))
+    """
+    for places in range(digits, 4):
+        if f"{value:.{places}f}" != f"{limit:.{places}f}":
+            return f"{value:.{places}f}", f"{limit:.{places}f}"
+    return f"{value:.4g}", f"{limit:.4g}"
+
+
 def rounded_up(bound: float) -> float:
     """Return an upper bound to nine digits, rounded up but for what sums in double precision are off.
 
     Example:
-        >>> rounded_up(12.000000000004), rounded_up(12.3456789123), rounded_up(0.0)
+        >>> rounded_up(12.000000000004), rounded_up(12.3456789123), rounded_up(1.3e-12)
         (12.0, 12.345679, 0.0)
     """
     if not math.isfinite(bound) or bound <= 0.0:
         return bound
+    if bound < _NOTHING:
+        return 0.0
     digits = 8 - math.floor(math.log10(bound))
     return round(math.ceil(bound * 10.0**digits - 0.01) / 10.0**digits, digits)
 

@@ -28,6 +28,7 @@ class SurveyPart:
     number: int  # of the part, from 1
     part: LinePart  # itself
     blocked: NDArray[np.floating]  # [K, 2] m from its start, where it is left and taken up again
+    steep: str  # how far it is too steep in still water, or empty
 
     @property
     def free(self) -> float:
@@ -46,7 +47,8 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
         return found
     env, safety = standing(scenario, area), scenario.safety
     config = PathConfig(coast_margin=safety.coast, obstacle_margin=safety.obstacles)
-    vehicle = Vehicle(speed=scenario.vehicle.speed)
+    vehicle, own = Vehicle(speed=scenario.vehicle.speed), scenario.vehicle
+    limits = vehicle_limits(scenario, min(own.speed_range or (own.speed,)))
     off = jobs_kept_off(scenario, area)
     for line, job in zip(jobs.lines, jobs_of(jobs)[len(jobs.points) :], strict=True):
         for number, (start, end) in enumerate(line.parts, 1):
@@ -54,8 +56,14 @@ def survey_parts(scenario: Scenario, area: OperatingArea) -> list[SurveyPart]:
             part = LinePart(start, end, scenario.mission.line_tolerance)
             if not off.keys().isdisjoint(job.nodes[number - 1 : number + 1]):
                 blocked = np.array([[0.0, part.length]])
-            found.append(SurveyPart(line.name, number, part, blocked))
+            found.append(SurveyPart(line.name, number, part, blocked, part.too_steep(limits)))
     return found
+
+
+def vehicle_limits(scenario: Scenario, speed: float) -> Vehicle:
+    """Return a vehicle of a speed, m/s, with what limits its slopes."""
+    climb, dive = scenario.vehicle.climb_rate_max, scenario.vehicle.dive_rate_max
+    return Vehicle(speed, pitch_max=scenario.pitch_max, climb_rate_max=climb, dive_rate_max=dive)
 
 
 def jobs_kept_off(scenario: Scenario, area: OperatingArea) -> dict[int, str]:
@@ -85,14 +93,21 @@ def line_warnings(scenario: Scenario, area: OperatingArea) -> list[str]:
     parts = survey_parts(scenario, area)
     env, lines = standing(scenario, area), []
     for name in dict.fromkeys(one.name for one in parts):
-        length, lost, where = 0.0, 0.0, []
+        length, lost, where, steep = 0.0, 0.0, [], False
         for one in (one for one in parts if one.name == name):
-            for begin, end in one.blocked:
-                why = ", ".join(_in_the_way(one, begin, end, env, scenario, area))
+            for begin, end in [(0.0, one.part.length)] if one.steep else one.blocked:
+                why = f"too steep: {one.steep}" if one.steep else ""
+                why = why or ", ".join(_in_the_way(one, begin, end, env, scenario, area))
                 where.append(f"{length + begin:,.0f} to {length + end:,.0f} m" + (f" ({why})" if why else ""))
                 lost += end - begin
             length += one.part.length
-        if where:
+            steep |= bool(one.steep)
+        if steep and scenario.mission.lines == "whole":
+            lines.append(
+                f"survey line {name!r} is left out: mission.lines is 'whole', and of its {length:,.0f} m "
+                f"{lost:,.0f} cannot be followed, {'; '.join(where)}"
+            )
+        elif where:
             lines.append(
                 f"survey line {name!r} cannot be followed whole: {lost:,.0f} of its {length:,.0f} m are left "
                 f"out, {'; '.join(where)}"

@@ -17,12 +17,14 @@ from auvplan.mission.jobs import (
     jobs_of,
     task_hours,
 )
+from auvplan.mission.survey import slope_limit
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.known import keeps_off
 from auvplan.ocean.seabed import Seabed
+from auvplan.runtime.formatting import apart
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.detours import DetourFinder, clear_lines
-from auvplan.scenario.lines import jobs_kept_off
+from auvplan.scenario.lines import jobs_kept_off, vehicle_limits
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import at_time
 
@@ -84,7 +86,8 @@ def slope_warnings(scenario: Scenario, graph: MissionGraph, names: Sequence[str]
 
     In still water: paths there are longer than the straight line.
     """
-    limits = {True: _steepest(scenario, "dive_rate_max"), False: _steepest(scenario, "climb_rate_max")}
+    vehicle = vehicle_limits(scenario, scenario.vehicle.speed)
+    limits = {down: slope_limit(vehicle, down) for down in (True, False)}
     lines: list[str] = []
     for node in range(graph.size):
         found = []
@@ -94,26 +97,16 @@ def slope_warnings(scenario: Scenario, graph: MissionGraph, names: Sequence[str]
             angle, field = limits[down > 0.0]
             needed = abs(down) / math.sin(angle)
             slope = math.degrees(math.asin(min(abs(down) / length, 1.0)))
+            own, most = apart(slope, math.degrees(angle), digits=0)
             line = (
                 f"{names[node]} lies {abs(down):,.0f} m {'below' if down > 0.0 else 'above'} {names[other]}, "
-                f"{length:,.0f} m away: {slope:.0f} degrees where vehicle.{field} allows "
-                f"{math.degrees(angle):.0f}, and a path must be {needed:,.0f} m long"
+                f"{length:,.0f} m away: {own} degrees where vehicle.{field} allows {most}, and a path must "
+                f"be {needed:,.0f} m long"
             )
             found.append((needed / length, line))
         if found and min(found)[0] > 1.0 + 1e-6:
             lines.append(min(found)[1])
     return lines
-
-
-def _steepest(scenario: Scenario, rate: str) -> tuple[float, str]:
-    """Return the steepest slope, rad, that the vehicle's pitch and a rate allow, and what limits it."""
-    vehicle = scenario.vehicle
-    found = [(0.5 * math.pi, "")]
-    if scenario.pitch_max is not None:
-        found.append((scenario.pitch_max, "pitch_max"))
-    if (most := getattr(vehicle, rate)) is not None:
-        found.append((math.asin(min(most / vehicle.speed, 1.0)), rate))
-    return min(found)
 
 
 def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The mission sheet: one page for the person who hands a plan to the vehicle."""
+"""The mission sheet: what the person who hands a plan to the vehicle reads of it."""
 
 import html
 import math
@@ -17,12 +17,13 @@ from auvplan.energy.power import WATT_HOUR
 from auvplan.mission.graph import shortest_path, time_to_go
 from auvplan.mission.jobs import NodesOfJob, jobs_done, jobs_of, kept_off
 from auvplan.mission.route import MissionRoute
+from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun, Promise
 from auvplan.runtime.files import write_atomically
-from auvplan.runtime.formatting import clearance, figure, hours
+from auvplan.runtime.formatting import clearance, counted, figure, hours, rounded_up
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.view import timeline
 from auvplan.view.margins import Margins
@@ -281,7 +282,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
         "at the end": timeline.END_BEHAVIOURS[run.safety.end],
-        "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
+        "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most "
+        f"{figure(rounded_up(run.bound))}",
         "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
     more = {
@@ -496,9 +498,51 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
             left = [edge for edge in pairwise(job.nodes) if frozenset(edge) not in taken]
             priority = float(sum(np.asarray(graph.priority)[edge] for edge in left))
         barred = next((off[node] for node in job.nodes if node in off), "")
-        why = _why_dropped(run, job) or barred or _why(run, job.nodes)
+        why = _why_dropped(run, job) or barred or _too_steep(run, job.nodes) or _why(run, job.nodes)
         found.append(LeftOut(job.name, priority, why))
     return sorted(found, key=lambda job: -job.priority)
+
+
+def _too_steep(run: MissionRun, nodes: Sequence[int]) -> str:
+    """Return which parts of a line are closed since they are too steep, and why the rest of it is left out.
+
+    Empty where none is.
+    """
+    open_, steep = _open_edges(run), dict[int, str]()
+    places = np.asarray(run.graph.positions, float)
+    for number, (i, j) in enumerate(pairwise(nodes), 1):
+        part = LinePart(tuple(places[i]), tuple(places[j]), 0.0)
+        if not (open_[i, j] or open_[j, i]) and (why := part.too_steep(run.vehicle)):
+            steep[number] = why
+    if not steep:
+        return ""
+    first, *others = steep
+    found = f"{f'its part {first}' if len(nodes) > 2 else 'it'} is too steep, {steep[first]}"
+    found += f", and {counted(len(others), 'other part')} as well" if others else ""
+    if len(nodes) > 2 and (run.scenario.get("mission") or {}).get("lines") == "whole":
+        return f"{found}: mission.lines 'whole' leaves out all of it"
+    taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
+    kept = [
+        number not in steep and frozenset(edge) not in taken for number, edge in enumerate(pairwise(nodes), 1)
+    ]
+    if not any(kept):
+        return found
+    begin = kept.index(True)
+    end = next((k for k in range(begin, len(kept)) if not kept[k]), len(kept))
+    return f"{found}; of its part {begin + 1}: {_why(run, nodes[begin : end + 1])}"
+
+
+def _open_edges(run: MissionRun) -> NDArray[np.bool_]:
+    """[N, N], the edges that were open to the first route at some time and speed; all without a route."""
+    first = run.first_route
+    if first is None:
+        return np.ones(np.asarray(run.graph.adjacency).shape, bool)
+    found = np.isfinite(np.asarray(first.edge_times, float))
+    if first.timetable is not None:
+        found = found | np.isfinite(np.asarray(first.timetable.travel_time)).any(axis=0)
+    if first.speeds is not None:
+        found = found | np.isfinite(np.asarray(first.speeds.times_of_edges)).any(axis=0)
+    return found
 
 
 def _why_dropped(run: MissionRun, job: NodesOfJob) -> str:
@@ -694,7 +738,10 @@ def _out_of_time(run: MissionRun, nodes: Sequence[int], with_it: _WithJob, of: s
     table, window, arrives = run.graph.timetable, _windows(run, j, i), float(with_it.done.arrives[leg])
     with_others = "with it, the others in their order,"
     if table is None or not window:
-        return f"{with_others} the way from {run.called(i)} to {run.called(j)} is closed by then"
+        closed = "is closed by then"
+        if not _open_edges(run)[i, j]:
+            closed = "is closed all the time, by the current or by an area that is"
+        return f"{with_others} the way from {run.called(i)} to {run.called(j)} {closed}"
     own = j in nodes and (len(nodes) == 1 or i in nodes)
     if not np.isfinite(arrives):  # of a line, whose parts lie in a window whole
         if own:

@@ -175,3 +175,26 @@ def test_an_obstacle_that_appears_on_a_line_is_passed_and_the_line_taken_up_agai
 def test_tolerances_are_those_of_the_scenario():
     assert settings().mission.line_tolerance == 10.0
     assert LinePart((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), 1.0).length == 5.0
+
+
+@pytest.mark.parametrize("lines", ["part", "whole"])
+def test_a_part_that_is_too_steep_is_left_out_for_that(lines):
+    places = (700.0, 400.0, 5.0), (1700.0, 400.0, 5.0), (1730.0, 400.0, 35.0), (2730.0, 400.0, 35.0)
+    small = OperatingArea(jobs=Jobs((), (JobLine("descent", places, 4.0),)))
+    stated = scenario(
+        mission={"start": [200, 200, 5], "goal": [3800, 200, 5], "time_available": 5000, "lines": lines},
+        current=SMALL["current"] | {"vortices": 0},
+    )
+    run = plan_scenario(stated, area=small)
+    sheet = sheet_of(run)
+    earned = run.total_priority
+    assert earned == pytest.approx(4.0 * 2000.0 / (2000.0 + 30.0 * 2.0**0.5) if lines == "part" else 0.0)
+    assert sheet.facts["tasks"].endswith("at most 0") == (lines == "whole")
+    (left,) = sheet.left_out
+    assert "part 2 is too steep, 45 degrees where vehicle.pitch_max allows 30" in left.reason
+    assert ("'whole'" in left.reason) == (lines == "whole")
+    (warning,) = line_warnings(stated, small)
+    assert "1,000 to 1,042 m (too steep: 45 degrees" in warning
+    assert ("is left out" in warning) == (lines == "whole")
+    reachable = replace(small, jobs=Jobs((), (JobLine("level", places[:2], 4.0),)))
+    assert line_warnings(stated, reachable) == []

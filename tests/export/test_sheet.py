@@ -10,6 +10,8 @@ import jax
 import numpy as np
 import pytest
 import shapely
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from auvplan.check.run import check_run
 from auvplan.errors import ScenarioWarning
@@ -23,14 +25,16 @@ from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_done, jobs_graph,
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Zone
+from auvplan.plot.sheet import write_pdf
 from auvplan.records import LegRecord, MissionRun, RouteRecord
 from auvplan.report.run import run_data
 from auvplan.runtime.formatting import clearance, hours
 from auvplan.scenario.file import load_scenario
+from auvplan.scenario.provenance import SourceFile
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
-from auvplan.view.sheet import sheet_of, write_html
+from auvplan.view.sheet import LeftOut, sheet_of, write_html
 from auvplan.view.timeline import spans_in_words
 from tests.io.sample_run import SPEED, at_speeds, make_run
 
@@ -344,3 +348,42 @@ def test_the_ends_of_a_mission_of_two_waypoints_are_called_the_same_on_sheet_and
     assert next(words for _, words in data["doing"]) == "leg 1: start → goal"
     more = run_data(make_run(), make_run().summary())
     assert [waypoint["name"] for waypoint in more["waypoints"]] == ["0", "1", "2", "3"]
+
+
+def overlaps(page):
+    """How deep texts on a page lie in each other or beyond its edges at most, points."""
+    page.set_dpi(72.0)
+    texts = [text for text in page.findobj(Text) if text.get_text()]
+    boxes = np.array([text.get_window_extent().extents for text in texts])
+    shared = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:]) - np.maximum(
+        boxes[:, None, :2], boxes[None, :, :2]
+    )
+    deep = shared.min(axis=-1)
+    np.fill_diagonal(deep, 0.0)
+    return max(deep.max(), -boxes[:, :2].min(), (boxes[:, 2:] - page.bbox.size).max())
+
+
+def test_a_long_sheet_prints_on_pages_on_which_no_text_lies_on_another(tmp_path, monkeypatch):
+    pages, savefig = [], Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *a, **k: (pages.append(self), savefig(self, *a, **k)))
+    sheet = sheet_of(make_run())
+    write_pdf(sheet, tmp_path / "short.pdf")
+    assert len(pages) == 1
+    assert overlaps(pages[0]) < 1.0
+    pages.clear()
+    lines = "; ".join(f"line {k}: 800 of 800 m" for k in range(300))
+    long = replace(
+        sheet,
+        facts=sheet.facts | {"survey lines": lines},
+        stops=sheet.stops * 30,
+        left_out=tuple(LeftOut(f"job {k}", 1.0, "no way leads there " * (k % 20)) for k in range(60)),
+        assumed=tuple(f"assumption {k}" for k in range(70)),
+        files=tuple(SourceFile("chart.file", f"tile {k}.nc", 1, "0" * 64) for k in range(40)),
+    )
+    write_pdf(long, tmp_path / "long.pdf")
+    assert len(pages) > 5
+    assert max(overlaps(page) for page in pages) < 1.0
+    words = " ".join(" ".join(text.get_text() for page in pages for text in page.findobj(Text)).split())
+    assert words.count("line ") == 300
+    assert words.count("(priority 1)") == 60
+    assert all(f"page {number} of {len(pages)}" in words for number in range(1, len(pages) + 1))
