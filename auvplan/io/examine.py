@@ -11,6 +11,7 @@ import numpy as np
 
 from auvplan.errors import AuvplanError, ScenarioError, warn
 from auvplan.ocean.closures import Zone
+from auvplan.runtime.formatting import apart, depth
 from auvplan.scenario.fields import Finding, finding_at, in_order
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.plausibility import implausible, unreachable
@@ -203,12 +204,13 @@ def _misplaced(files: "AreaFiles", area: "OperatingArea", document: Document) ->
         if not wrong and area.chart is not None:
             away = float(distance_to_land(area.chart, *at[:2]))  # type: ignore[arg-type]
             if away < asked:
-                wrong = f"lies {max(away, 0.0):.0f} m from the coast: safety.coast asks for {asked:g} m"
-        north, east, depth = (float(axis) for axis in position)
-        local = f"({round(north)}, {round(east)}, {round(depth)}) m"
+                own, least = apart(max(away, 0.0), asked, digits=0)
+                wrong = f"lies {own} m from the coast: safety.coast asks for {least} m"
+        north, east, down = (float(axis) for axis in position)
+        local = f"({round(north)}, {round(east)}, {depth(down)}) m"
         if wrong and scenario.site is not None:
             longitude, latitude = (float(a) for a in scenario.site.site.to_geographic(north, east))
-            local = f"longitude {longitude:.5f}, latitude {latitude:.5f}, {depth:.0f} m deep, {local},"
+            local = f"longitude {longitude:.5f}, latitude {latitude:.5f}, {depth(down)} m deep, {local},"
         return wrong and f"{local} {wrong}"
 
     for name, point in (("start", mission.start), ("goal", mission.goal)):

@@ -27,7 +27,7 @@ class PathStatus(Enum):
     )
     TURN_RATE = "the path turns too sharply: raise vehicle.turn_rate_max or move the waypoints apart"
     COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
-    OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
+    OBSTACLE = "no way clear of the obstacles was found: widen the search or raise iterations"
     CURRENT = "the current is too strong for the vehicle: wait for slack water or choose a faster vehicle"
     SEABED = "no way clear of the sea bed was found: raise the waypoints or ask for less clearance"
     PITCH = "the path is too steep: raise vehicle.pitch_max or change depth over a longer way"
@@ -60,7 +60,16 @@ def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> 
     place = float(gaps[:segment].sum() + 0.5 * gaps[segment]) / 1000.0
     when = at_time(0.5 * float(plan.times[segment] + plan.times[segment + 1]), epoch, float(plan.times[0]))
     where = f"km {place:.1f} of {plan.length / 1000.0:.1f}"
-    return f"{_fact(plan, limit, segment)} at {where}, {when}: {STATUS[limit].value}"
+    moving = limit == "obstacle" and _some_move(plan)
+    advice = f"{STATUS[limit].value}{', or wait' if moving else ''}"
+    return f"{_fact(plan, limit, segment)} at {where}, {when}: {advice}"
+
+
+def _some_move(plan: "PathPlan") -> bool:
+    """Whether an obstacle goes by itself or drifts."""
+    obstacles = plan.conditions.world().obstacles
+    moves = np.any(np.asarray(obstacles.velocity) != 0.0, axis=-1) | (np.asarray(obstacles.drift) != 0.0)
+    return bool((moves & np.asarray(obstacles.active)).any())
 
 
 def _fact(plan: "PathPlan", limit: str, segment: int) -> str:

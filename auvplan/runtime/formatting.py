@@ -82,6 +82,18 @@ def hours(seconds: float) -> str:
     return f"{'-' if seconds < 0.0 < minutes else ''}{minutes // 60} h {minutes % 60:02d} min"
 
 
+def depth(metres: float) -> str:
+    """Return a depth in whole metres, halves as the greater one; of less than 10 m with tenths that it has.
+
+    Example:
+        >>> depth(2.5), depth(5.0), depth(9.97), depth(12.5), depth(0.0)
+        ('2.5', '5', '10', '13', '0')
+    """
+    if metres < 9.95 and (text := f"{metres:.1f}")[-1] != "0":
+        return text
+    return f"{math.floor(metres + 0.5)}"
+
+
 def clearance(metres: float | None, accuracy: float = 0.0, reach: float = math.inf) -> str:
     """Return a least distance in whole metres, no finer than what it is to is known; empty for None.
 

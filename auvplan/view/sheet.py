@@ -23,7 +23,7 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun, Promise
 from auvplan.runtime.files import write_atomically
-from auvplan.runtime.formatting import clearance, counted, figure, hours, rounded_up
+from auvplan.runtime.formatting import clearance, counted, depth, figure, hours, rounded_up
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.view import timeline
 from auvplan.view.margins import Margins
@@ -199,7 +199,7 @@ class MissionSheet:
                 rows.append([
                     ("", str(number)), ("waypoint", stop.name), ("task", stop.done),
                     *(clocks or [("after", hours(stop.arrival))]), ("leave by", latest),
-                    ("depth", f"{stop.depth:.0f} m"),
+                    ("depth", f"{depth(stop.depth)} m"),
                     (hold, " + ".join(f"{_whole(part)}" for part in parts) + " s" if any(parts) else ""),
                     ("coast, m", coast), ("closed, m", clearance(stop.closed)),
                     ("bed, m", clearance(stop.bed)),
@@ -214,7 +214,7 @@ class MissionSheet:
                 ("", str(number)), ("waypoint", stop.name), ("latitude, longitude", place),
                 ("task", stop.done), ("priority", figure(stop.priority) if stop.priority else ""),
                 ("after", hours(stop.arrival)), *clocks, ("leave by", latest), ("otherwise", stop.ways),
-                ("depth, m", f"{stop.depth:.0f}"), ("transit, m", transit), ("may begin", stop.window),
+                ("depth, m", depth(stop.depth)), ("transit, m", transit), ("may begin", stop.window),
                 ("wait, s", f"{_whole(stop.wait)}" if stop.wait else ""),
                 ("hold, s", f"{_whole(stop.hold)}" if stop.hold else ""),
                 ("leg, s", f"{_whole(stop.travel):,}" if number else ""),
@@ -274,19 +274,20 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         ways = zip(names, until, [turn.takes for turn in here], strict=True)
         stops[number + 1] = replace(stops[number + 1], otherwise=tuple(ways))
     epoch = None if run.site is None else run.site.utc(0.0)
+    available = f"{hours(run.t_available)} ({run.t_available:.0f} s)"
+    taken = (
+        f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of {run.t_available:.0f} s)"
+    )
+    left = f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s"
     facts = {
         "outcome": run.reason,
         "departure": "no date" if epoch is None else timeline.moment_in_words(run, 0.0),
-        "arrival": timeline.moment_in_words(run, run.t_mission),
-        "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
-        f"{run.t_available:.0f} s)",
-        "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
-        "at the end": timeline.END_BEHAVIOURS[run.safety.end],
+        "arrival": timeline.moment_in_words(run, run.t_mission) if run.arrived else "",
+        **({"time": taken, "time left": left} if run.done else {"time available": available}),
+        "at the end": timeline.END_BEHAVIOURS[run.safety.end] if run.arrived else "",
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most "
         f"{figure(rounded_up(run.bound))}",
-        "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
-    }
-    more = {
+        "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km" if run.done else "",
         "in depth": _steepest(run),
         "speed": f"{run.speeds} through the water" if run.speeds else "",
         "paths": _bounded(run),
@@ -296,10 +297,9 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "energy": "" if (energy := run.energy) is None else energy.line.removeprefix("energy "),
         "closed areas": "; ".join(timeline.closures_in_words(run)),
     }
-    facts |= {name: words for name, words in more.items() if words}
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
-        facts,
+        {name: words for name, words in facts.items() if words},
         tuple(stops),
         tuple(_left_out(run)),
         tuple(_warnings(run, stops)),
@@ -443,9 +443,9 @@ def _stop(run: MissionRun, leg: LegRecord) -> Stop:
 
 def leg_depths(times: NDArray, places: NDArray) -> tuple[float, float, float]:
     """Return the least depth, the mean over time and the greatest on a leg, m, of [n] s and [n, 3] m."""
-    depth = np.asarray(places, float)[:, 2]
-    mean = float(np.trapezoid(depth, times) / max(times[-1] - times[0], 1e-9)) if len(depth) > 1 else 0.0
-    return float(depth.min()), float(np.clip(mean, depth.min(), depth.max())), float(depth.max())
+    down = np.asarray(places, float)[:, 2]
+    mean = float(np.trapezoid(down, times) / max(times[-1] - times[0], 1e-9)) if len(down) > 1 else 0.0
+    return float(down.min()), float(np.clip(mean, down.min(), down.max())), float(down.max())
 
 
 def _transits(stops: Sequence[Stop]) -> list[str]:
@@ -455,7 +455,7 @@ def _transits(stops: Sequence[Stop]) -> list[str]:
         least, mean, greatest = stop.transit or (0.0, 0.0, 0.0)
         if stop.transit is None:
             return ""
-        return f"{mean:.0f}" if greatest - least < 1.0 else f"{least:.0f}-{greatest:.0f} ({mean:.0f})"
+        return depth(mean) if greatest - least < 1.0 else f"{depth(least)}-{depth(greatest)} ({mean:.0f})"
 
     level = all(np.abs(np.subtract(stop.transit or stop.depth, stop.depth)).max() < 1.0 for stop in stops)
     return [""] * len(stops) if level else [words(stop) for stop in stops]

@@ -84,6 +84,17 @@ def test_a_job_too_near_to_land_beyond_the_edge_is_refused_in_degrees(bay):
     assert any("'on land' at longitude 147.40000" in line and "lies on land" in line for line in lines)
 
 
+def test_a_job_a_few_decimetres_too_near_to_the_coast_is_not_said_to_be_as_far_as_is_asked(bay):
+    write(bay, "coast.geojson", polygon((-3000, 1150), (3000, 3000)))
+    found = []
+    for east in np.arange(944.0, 948.0, 0.4):
+        write(bay, "jobs.geojson", point((0, east), name="near"))
+        for line in examine_scenario(bay / "scenario.yaml").lines:
+            found.append(re.search(r"lies (\S+) m from the coast: safety.coast asks for (\S+) m", line))
+    assert 2 < len(found) < 9
+    assert all(float(away[1]) < float(away[2]) == 200.0 for away in found)
+
+
 def test_coast_and_closed_areas_are_different_things_and_land_beyond_the_area_is_as_near_as_it_is(bay):
     assert examine_scenario(bay / "scenario.yaml").lines == []
     area = load_area(load_scenario(bay / "scenario.yaml"))
@@ -288,6 +299,22 @@ def test_what_a_failed_mission_left_out_is_compared_with_its_first_route():
         needed = float(re.search(r"(\d+) s would do", reasons[name])[1])
         assert needed == pytest.approx(seconds, rel=1e-3)
         assert name in jobs_done(run.jobs, pairwise(failed_mission(1.01 * needed).routes[0].nodes))
+
+
+def test_a_refused_plan_has_no_arrival_and_depths_are_no_shallower_than_they_are():
+    run = failed_mission(500.0)
+    facts = sheet_of(run).facts
+    assert {"arrival", "time", "time left", "at the end", "length"}.isdisjoint(facts)
+    assert facts["time available"] == "0 h 08 min (500 s)"
+    run = make_run()
+    assert {"arrival", "time", "time left", "at the end", "length"} <= set(sheet_of(run).facts)
+    deep = np.array(run.graph.positions, float)
+    deep[run.start, 2], deep[run.legs[0].goal, 2] = 2.5, 12.5
+    run.graph = replace(run.graph, positions=deep)
+    for brief in (True, False):
+        headings, rows = sheet_of(run).table(brief=brief)
+        column = headings.index("depth" if brief else "depth, m")
+        assert [row[column].removesuffix(" m") for row in rows[:2]] == ["2.5", "13"]
 
 
 def test_what_a_failed_mission_had_on_its_route_was_left_out_under_way_or_time_ran_out_before_it():

@@ -153,6 +153,16 @@ def test_current_of_one_leg_of_a_batch():
     assert plan.reason.startswith("current 3.0 m/s against the track")
 
 
+def test_waiting_is_advised_where_an_obstacle_moves():
+    still, place = sphere(0.0), [[3000.0, 0.0, 30.0]]
+    assert "wait" not in followed(LINE, obstacles=still).reason
+    for moving in (
+        ap.Obstacles.afloat(place, [400.0]),
+        ap.Obstacles.self_motivated(place, [400.0], [0.0, 0.01, 0.0]),
+    ):
+        assert followed(LINE, obstacles=moving).reason.endswith("or wait")
+
+
 def test_coast():
     water = np.ones((500, 300), bool)
     water[200:210, 53:] = False  # 30 m east of the line, from 1.5 to 1.6 km north
