@@ -44,15 +44,18 @@ def figure(value: float, digits: int = 3) -> str:
 
 
 def apart(value: float, limit: float, digits: int = 1) -> tuple[str, str]:
-    """Return both numbers with the fewest decimal places that distinguish them, `digits` at least.
+    """Return both numbers with the fewest decimal places, `digits` at least, that distinguish them.
+
+    A limit that is not zero is not shown as zero.
 
     Example:
         >>> apart(45.0, 30.0, digits=0), apart(59.8, 60.0, digits=0), apart(59.996, 60.0)
         (('45', '30'), ('59.8', '60.0'), ('59.996', '60.000'))
     """
     for places in range(digits, 4):
-        if f"{value:.{places}f}" != f"{limit:.{places}f}":
-            return f"{value:.{places}f}", f"{limit:.{places}f}"
+        own, most = f"{value:.{places}f}", f"{limit:.{places}f}"
+        if own != most and (float(most) or not limit):
+            return own, most
     return f"{value:.4g}", f"{limit:.4g}"
 
 

@@ -221,7 +221,7 @@ NOTED = {
                                     "vehicle.pitch_max", "1.1 degrees", "20 m in a kilometre"),
     "deeper than it can dive on the way": (
         sections(vehicle={"dive_rate_max": 0.001}),
-        "b lies 5 m below", "vehicle.dive_rate_max allows 0, and a path must be 12,500 m long"),
+        "b lies 5 m below", "vehicle.dive_rate_max allows 0.02, and a path must be 12,500 m long"),
     "dives faster than it is": (sections(vehicle={"dive_rate_max": 9}),
                                 "vehicle.dive_rate_max", "nothing is limited"),
     "vehicle faster than it may": (sections(vehicle={"speed": 9}), "vehicle.speed", "surge_max"),
