@@ -21,7 +21,7 @@ from auvplan.mission.bound import upper_bound
 from auvplan.mission.exact import solve_exact
 from benchmarks.harness import SHARED, available, clock, clock_all, grouped, installed, launch, screen, show
 from benchmarks.missions import peers
-from benchmarks.missions.sets import Case, generated, orienteering, task_graphs
+from benchmarks.missions.sets import Case, generated, job_lists, orienteering, task_graphs
 
 BATCH, LARGEST_BATCHED, LARGEST_MEALPY, PEER_SEEDS = 32, 100, 64, 2
 PHI1, PHI2 = 1.0, 100.0
@@ -226,7 +226,7 @@ def main(seeds: int, peers: bool, variants: bool, only: list[str]) -> dict[str, 
     shared = [*task_graphs(), *orienteering()]
     if not shared:
         screen.print(f"shared graphs and orienteering sets: left out, not found at {SHARED}")
-    families = grouped([*shared, *generated()], lambda case: [case.family])
+    families = grouped([*shared, *generated(), *job_lists()], lambda case: [case.family])
     sets = {name: cases for name, cases in families.items() if not only or name in only}
     bench, chosen = Bench(seeds), solvers(variants, peers)
     for family, cases in sets.items():

@@ -81,6 +81,29 @@ def generated() -> Iterator[Case]:
         yield Case(f"random{size}-s{seed}", f"random{size}", graph, 0, size - 1, 14_400.0, 2.5)
 
 
+def job_lists() -> Iterator[Case]:
+    """Jobs in a square of 10 km, each of which leads to every other, at 1.5 m/s: most, not all, fit the time."""
+    speed, side = 1.5, 10_000.0
+    for size, seed in product((20, 40, 80), range(5)):
+        rng = np.random.default_rng([size, seed])
+        places = np.c_[rng.uniform(0.0, side, (size, 2)), np.full(size, 5.0)]
+        prizes = rng.integers(1, 6, size).astype(float)
+        prizes[[0, -1]] = 0.0
+        # Of the length of a tour of all of them (Beardwood, Halton and Hammersley).
+        time_available = round(0.6 * 0.7124 * side * size**0.5 / speed, -1)
+        graph = _of_prizes(places, prizes)
+        name = f"jobs{size}"
+        yield Case(f"{name}-s{seed}", name, graph, 0, size - 1, time_available, speed, prizes=prizes)
+
+
+def _of_prizes(places: NDArray[np.floating], prizes: NDArray[np.floating]) -> MissionGraph:
+    """Return the complete graph whose priorities are the means of the prizes [N] at both ends."""
+    size = len(prizes)
+    priority = 0.5 * (prizes[:, None] + prizes[None, :])
+    np.fill_diagonal(priority, 0.0)
+    return MissionGraph(places, ~np.eye(size, dtype=bool), priority, np.zeros((size, size)))
+
+
 def task_graphs() -> list[Case]:
     """Graphs of the shared data with proven optima; none where they are absent."""
     if not GRAPHS.exists():
@@ -117,11 +140,8 @@ def orienteering() -> Iterator[Case]:
             rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
             points, budget = np.array(rows[1:], float), float(rows[0][0])
             number = int(re.findall(r"\d+", path.stem)[-1])
-            prizes, size = points[:, 2], len(points)
-            priority = 0.5 * (prizes[:, None] + prizes[None, :])
-            np.fill_diagonal(priority, 0.0)
-            places, others = np.c_[points[:, :2], np.zeros(size)], ~np.eye(size, dtype=bool)
-            graph = MissionGraph(places, others, priority, np.zeros((size, size)))
+            prizes = points[:, 2]
+            graph = _of_prizes(np.c_[points[:, :2], np.zeros(len(points))], prizes)
             optimum = float(optima[key][str(number)])
             name = f"{family} T={budget:g}"
             yield Case(name, family, graph, 0, 1, budget, 1.0, optimum, prizes)
