@@ -82,7 +82,7 @@ def generated() -> Iterator[Case]:
 
 
 def job_lists() -> Iterator[Case]:
-    """Jobs in a square of 10 km, each of which leads to every other, at 1.5 m/s: most, not all, fit the time."""
+    """Jobs in a square of 10 km that all lead to each other, at 1.5 m/s: most, not all, fit the time."""
     speed, side = 1.5, 10_000.0
     for size, seed in product((20, 40, 80), range(5)):
         rng = np.random.default_rng([size, seed])
