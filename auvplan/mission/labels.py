@@ -73,7 +73,8 @@ class Clocked:
     def along(self, route: list[int]) -> tuple[Array, Array]:
         """Return s and priority [N, N] of legs, as they are from where a route leaves their waypoints.
 
-        Those off the route are left when half of it is gone, and no window is waited for.
+        Those off the route are left when half of it is gone, and no window is waited for. Legs that are
+        closed then, and open at other times, last as long as they do at best.
         """
         now, leaves = np.zeros(1), np.full(len(self.open), np.nan)
         for here, there in pairwise(route):
@@ -82,7 +83,8 @@ class Clocked:
         leaves = np.where(np.isfinite(leaves), leaves, 0.5 * now)[:, None]
         node = np.arange(len(self.open))
         done, _ = self._unbound.done(node[:, None], node, np.broadcast_to(leaves, self.open.shape))
-        return done - leaves, self.priority
+        lasts = done - leaves
+        return np.where(np.isfinite(lasts), lasts, self._least), self.priority
 
     def walk(self, routes: IntArray) -> tuple[Array, Array]:
         """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit."""
@@ -109,6 +111,11 @@ class Clocked:
                 low, high = np.where(good, middle, low), np.where(good, high, middle)
             due = np.maximum(due, np.where(low > 0.0, low, -np.inf).max(axis=1))
         return self.end - (1.0 + self.return_margin) * (self.end - due)
+
+    @cached_property
+    def _least(self) -> Array:
+        """[N, N] s that legs last at least, whenever they are entered."""
+        return np.where(self.open, self.timetable.travel_time.min(axis=0) + self.duration, np.inf)
 
     @cached_property
     def _unbound(self) -> "Clocked":

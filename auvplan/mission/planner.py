@@ -21,6 +21,7 @@ from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.mission.speeds import RouteSpeeds, Saved, taken
+from auvplan.mission.timetable import more_departures
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.rows import batch_map
@@ -519,6 +520,7 @@ def _on_levels(edges: Edges, graphs: MissionGraph, levels: list[np.ndarray], mor
             timetable = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
         waiting = options.waiting
         if waiting is not None:
+            waiting = np.pad(waiting, [(0, more_departures(len(waiting))), (0, 0)], mode="edge")
             waiting = np.pad(waiting, [(0, 0), (0, more)])
         rows.append((*padded, np.pad(graph.duration, square), timetable, waiting))
     return edges.on_levels(*jax.tree.map(lambda *leaves: np.stack(leaves), *rows))

@@ -149,13 +149,25 @@ class Timetable:
         return float(np.where(missed, np.inf, np.maximum(arrives, opens)).min())
 
     def padded(self, more: int) -> Self:
-        """Return a copy with `more` additional waypoints, which no edge leads to."""
+        """Return a copy with `more` additional waypoints, which no edge leads to.
+
+        So that one program serves several numbers of departures and windows, there are more of these too:
+        departures after the last, when travel times are as they are then, and windows that are none.
+        """
         square = [(0, more), (0, more)]
-        lead = [(0, 0)] * (self.travel_time.ndim - 2)
-        windows = [*lead[1:], *square, (0, 0)]
-        parts = {name: np.pad(getattr(self, name), windows, constant_values=v) for name, v in NONE.items()}
-        travel_time = np.pad(self.travel_time, [*lead, *square], constant_values=np.inf)
-        return replace(self, travel_time=travel_time, **parts)
+        lead = [(0, 0)] * (self.travel_time.ndim - 3)
+        parts = {
+            name: np.pad(values, [*lead, *square, (0, _more(values.shape[-1]))], constant_values=NONE[name])
+            for name in NONE
+            if (values := getattr(self, name)) is not None
+        }
+        travel_time = np.pad(self.travel_time, [*lead, (0, 0), *square], constant_values=np.inf)
+        departures = np.asarray(self.departures)
+        if later := more_departures(departures.shape[-1]):
+            travel_time = np.pad(travel_time, [*lead, (0, later), (0, 0), (0, 0)], mode="edge")
+            steps = (departures[..., 1:2] - departures[..., :1]) * np.arange(1, later + 1)
+            departures = np.concatenate([departures, departures[..., -1:] + steps], axis=-1)
+        return replace(self, departures=departures, travel_time=travel_time, **parts)
 
     def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
         """Return a copy in which the tasks of pairs, a mask [..., N, N], may be done at any time."""
@@ -170,6 +182,16 @@ class Timetable:
         """Return whether a task along the edge from i to j lies in one of its windows, s."""
         enters, until = self.enters[i, j], self.until[i, j]
         return not len(enters) or bool(((leaves >= enters - _MOMENT) & (ends <= until + _MOMENT)).any())
+
+
+def more_departures(count: int) -> int:
+    """Return how many departures a padded timetable has beside `count`."""
+    return max(8, count + _more(count)) - count if count > 1 else 0
+
+
+def _more(count: int) -> int:
+    """Return what is missing to the next power of two; nothing where there is nothing."""
+    return (1 << (count - 1).bit_length()) - count if count else 0
 
 
 class Stages(NamedTuple):

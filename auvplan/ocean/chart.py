@@ -20,6 +20,7 @@ from auvplan.ocean.classify import UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.runtime.packed import sizes
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
@@ -135,8 +136,12 @@ class Chart(Raster):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Pixels north and east."""
-        return self.passability.shape[-2], self.passability.shape[-1]
+        """See `Raster.shape`."""
+        return sizes(self.passability, 2)  # type: ignore[return-value]
+
+    def grids(self) -> dict[str, tuple[int, int]]:
+        """See `Packable.grids`."""
+        return dict.fromkeys(("passability", "signed_distance"), (2, 2))
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Signed distance to the coast, m, positive in water, infinite without one; bilinear, differentiable.

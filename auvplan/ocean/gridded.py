@@ -16,6 +16,7 @@ from auvplan.ocean.currents import Velocity
 from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
 from auvplan.ocean.raster import numbers
+from auvplan.runtime.packed import Packable, is_one, sizes
 from auvplan.runtime.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
@@ -32,7 +33,7 @@ class CurrentError(AuvplanError):
 
 @register_without_init
 @dataclass(frozen=True)
-class GriddedCurrent:
+class GriddedCurrent(Packable):
     """A current on a grid of even metres north and east, rising depths and rising times.
 
     Make one with `from_arrays`. Beyond the grid's edges, first and last level, first and last time, the
@@ -131,12 +132,18 @@ class GriddedCurrent:
     @property
     def steady(self) -> bool:
         """Whether there is one time only."""
-        return self.u.shape[-4] == 1
+        return is_one(sizes(self.u, 4)[0])
 
     @property
     def barotropic(self) -> bool:
         """Whether there is one depth only."""
-        return self.u.shape[-3] == 1
+        return is_one(sizes(self.u, 4)[1])
+
+    def grids(self) -> dict[str, tuple[int, int]]:
+        """See `Packable.grids`."""
+        return {"u": (4, 4), "v": (4, 4), "water": (3, 3), "depths": (1, 1), "times": (1, 1)} | (
+            {} if self.w is None else {"w": (4, 4)}
+        )
 
     @property
     def fastest(self) -> float:
@@ -189,8 +196,9 @@ class GriddedCurrent:
         given = [jnp.asarray(axis, jnp.result_type(float)) for axis in (x, y, z, t)]
         shape = jnp.broadcast_shapes(*(axis.shape for axis in given))
         places = tuple(jnp.broadcast_to(axis, shape).reshape(-1) for axis in given)
-        fields = (self.u, self.v) if self.w is None else (self.u, self.v, self.w)
-        axes = self.origin, self.spacing, self.depths, self.times, self.step
+        grid = self.packed
+        fields = (grid.u, grid.v) if grid.w is None else (grid.u, grid.v, grid.w)
+        axes = grid.origin, grid.spacing, grid.depths, grid.times, grid.step
         found = [component.reshape(shape) for component in interpolated(fields, axes, places)]
         u, v, w = found if self.w is not None else (*found, jnp.zeros_like(found[0]))
         return u, v, w

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.packed import flat, is_one, sizes
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
 #: Uneven nodes up to which all are compared with, which beats a search; more would only make code longer.
@@ -19,7 +20,7 @@ _Places = tuple[jax.Array, ...]
 
 @jax.custom_jvp
 def _interpolated(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> tuple[jax.Array, ...]:
-    """Return each of the fields [T, Z, X, Y] at N places, linear between nodes."""
+    """Return each of the fields [T, Z, X, Y] at N places, linear between nodes; all may be packed."""
     return _apart(lambda: tuple(value for value, _ in _with_slopes(fields, axes, places)), axes)
 
 
@@ -46,10 +47,11 @@ def _with_slopes(
 
     A slope is None where it is not wanted, or the axis has one node.
     """
-    corner, shares, spans = _located(fields[0].shape, axes, places)
+    shape = sizes(fields[0], 4)
+    corner, shares, spans = _located(shape, axes, places)
     found = []
     for field in fields:
-        corners = [values.astype(places[0].dtype) for values in _corners(field, corner)]
+        corners = [values.astype(places[0].dtype) for values in _corners(field, shape, corner)]
         value, across = _blend(corners, shares)
         slopes = [
             change / span if want and span is not None else None
@@ -92,7 +94,7 @@ def _positive_in_batch(_: int, __: list, spacing: jax.Array) -> tuple[jax.Array,
 interpolated = compiled(_interpolated)
 
 
-def _located(shape: tuple[int, ...], axes: tuple, places: _Places) -> tuple[jax.Array, tuple, tuple]:
+def _located(shape: tuple[Any, ...], axes: tuple, places: _Places) -> tuple[jax.Array, tuple, tuple]:
     """Locate places in the grid.
 
     Returns:
@@ -105,19 +107,19 @@ def _located(shape: tuple[int, ...], axes: tuple, places: _Places) -> tuple[jax.
         _cell((x - origin[0]) / spacing[0], shape[2], spacing[0]),
         _cell((y - origin[1]) / spacing[1], shape[3], spacing[1]),
         _cell_between(z, depths),
-        _cell_between(t, times) if step is None else _cell((t - times[0]) / step, shape[0], step),
+        _cell_between(t, times) if step is None else _cell((t - flat(times)[0]) / step, shape[0], step),
     )
     north, east, depth, time = (cell[0] for cell in cells)
     corner = ((time * shape[1] + depth) * shape[2] + north) * shape[3] + east
     return corner, tuple(cell[1] for cell in cells), tuple(cell[2] for cell in cells)
 
 
-def _cell(place: jax.Array, size: int, span: jax.Array) -> tuple[jax.Array, Any, Any]:
+def _cell(place: jax.Array, size: Any, span: jax.Array) -> tuple[jax.Array, Any, Any]:
     """Index, share and span of the cell of a place in steps from the first of `size` even nodes.
 
     The span is infinite where the place is beyond the nodes: nothing changes there.
     """
-    if size == 1:
+    if is_one(size):
         return jnp.zeros(place.shape, jnp.int32), None, None
     within = (place > 0.0) & (place < size - 1.0)
     place = jnp.clip(place, 0.0, size - 1.0)
@@ -125,36 +127,39 @@ def _cell(place: jax.Array, size: int, span: jax.Array) -> tuple[jax.Array, Any,
     return first, place - first, jnp.where(within, span, jnp.inf)
 
 
-def _cell_between(place: jax.Array, nodes: jax.Array) -> tuple[jax.Array, Any, Any]:
-    """As `_cell`, between rising nodes."""
-    size = nodes.shape[0]
-    if size == 1:
+def _cell_between(place: jax.Array, nodes: Any) -> tuple[jax.Array, Any, Any]:
+    """As `_cell`, between rising nodes; padding is infinite."""
+    (size,), nodes = sizes(nodes, 1), flat(nodes)
+    if is_one(size):
         return jnp.zeros(place.shape, jnp.int32), None, None
-    if size > _FEW:
-        first = jnp.searchsorted(nodes[1:-1], place, side="right").astype(jnp.int32)
+    if len(nodes) > _FEW:
+        first = jnp.searchsorted(nodes[1:], place, side="right").astype(jnp.int32)
     else:
         first = jnp.zeros(place.shape, jnp.int32)
-        for node in range(1, size - 1):
+        for node in range(1, len(nodes)):
             first = first + (place >= nodes[node]).astype(jnp.int32)
-    low = nodes.at[first].get(mode="promise_in_bounds", wrap_negative_indices=False)
-    span = nodes.at[first + 1].get(mode="promise_in_bounds", wrap_negative_indices=False) - low
-    share = (place - low) / span
-    within = (place > nodes[0]) & (place < nodes[-1])
-    return first, jnp.clip(share, 0.0, 1.0), jnp.where(within, span, jnp.inf)
+    first = jnp.minimum(first, size - 2)
+    low, high, end = (
+        nodes.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        for index in (first, first + 1, size - 1)
+    )
+    share = (place - low) / (high - low)
+    within = (place > nodes[0]) & (place < end)
+    return first, jnp.clip(share, 0.0, 1.0), jnp.where(within, high - low, jnp.inf)
 
 
-def _corners(field: jax.Array, corner: jax.Array) -> list[jax.Array]:
+def _corners(field: Any, shape: tuple[Any, ...], corner: jax.Array) -> list[jax.Array]:
     """Return values at the corners of each place's cell, [N] each, time first and east last, low before high.
 
     An axis with one node has one corner.
     """
-    flat, shape = field.reshape(-1), field.shape
+    row = flat(field)
     strides = (shape[1] * shape[2] * shape[3], shape[2] * shape[3], shape[3], 1)
-    offsets = [0]
+    offsets: list[Any] = [0]
     for stride, size in zip(strides, shape, strict=True):
-        offsets = [offset + high for offset in offsets for high in ((0, stride) if size > 1 else (0,))]
+        offsets = [offset + high for offset in offsets for high in ((0,) if is_one(size) else (0, stride))]
     return [
-        flat.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        row.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
         for offset in offsets
     ]
 

@@ -12,11 +12,12 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.packed import Packable, Packed, flat, is_one, sizes
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero
 
-#: Values [nx, ny] indexed [north, east], or [layers, nx, ny]; north and east of the corner of pixel (0, 0)
-#: [2] m, and m of a pixel.
-_Plane = tuple[jax.Array, jax.Array, jax.Array]
+#: Values [nx, ny] indexed [north, east], or [layers, nx, ny], packed or not; north and east of the corner of
+#: pixel (0, 0) [2] m, and m of a pixel.
+_Plane = tuple[Any, jax.Array, jax.Array]
 
 
 @jax.custom_jvp
@@ -67,20 +68,19 @@ def _looked_up(
     plane: _Plane, x: jax.Array, y: jax.Array, layer: jax.Array | None = None
 ) -> tuple[jax.Array, ...]:
     raster, origin, pixel_size = plane
-    north, east = raster.shape[-2:]
+    (north, east), row = sizes(raster, 2), flat(raster)
     i, j = (x - origin[0]) / pixel_size - 0.5, (y - origin[1]) / pixel_size - 0.5
     within_i, within_j = (i > 0.0) & (i < north - 1.0), (j > 0.0) & (j < east - 1.0)
     i, j = jnp.clip(i, 0.0, north - 1.0), jnp.clip(j, 0.0, east - 1.0)
-    i0 = jnp.clip(i.astype(jnp.int32), 0, max(north - 2, 0))
-    j0 = jnp.clip(j.astype(jnp.int32), 0, max(east - 2, 0))
-    a, b = i - i0, j - j0
-    flat, corner = raster.reshape(-1), i0 * east + j0
+    i0 = jnp.clip(i.astype(jnp.int32), 0, 0 if is_one(north) else north - 2)
+    j0 = jnp.clip(j.astype(jnp.int32), 0, 0 if is_one(east) else east - 2)
+    a, b, corner = i - i0, j - j0, i0 * east + j0
     if layer is not None:
-        corner = corner + layer * (north * east)
-    up, right = (east if north > 1 else 0), (1 if east > 1 else 0)
+        corner = corner + layer * (raster.values.shape[-1] if isinstance(raster, Packed) else north * east)
+    up, right = (0 if is_one(north) else east), (0 if is_one(east) else 1)
 
-    def at(offset: int) -> jax.Array:
-        return flat.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    def at(offset: Any) -> jax.Array:
+        return row.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
     along_south, along_north = at(right) - at(0), at(up + right) - at(up)
     south, across = at(0) + b * along_south, at(up) - at(0) + b * (along_north - along_south)
@@ -89,7 +89,7 @@ def _looked_up(
     return south + a * across, *slopes
 
 
-class Raster:
+class Raster(Packable):
     """Planes of pixels indexed [north, east] in local metres, with one interpolation.
 
     Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Dataclasses that
@@ -101,7 +101,7 @@ class Raster:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Pixels north and east."""
+        """Pixels north and east; traced where the raster is packed."""
         raise NotImplementedError
 
     @property
@@ -114,7 +114,7 @@ class Raster:
         """[2] m, north-eastern corner; in NumPy where nothing is traced."""
         origin, size = self.origin, self.pixel_size
         if isinstance(origin, Tracer) or isinstance(size, Tracer):
-            return origin + size * jnp.asarray(self.shape, origin.dtype)
+            return origin + size * jnp.asarray(self.shape, jnp.result_type(origin))
         corner = np.asarray(origin)
         return corner + np.asarray(size) * np.asarray(self.shape, corner.dtype)  # type: ignore[return-value]
 
@@ -128,7 +128,8 @@ class Raster:
         self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: jax.Array | None = None
     ) -> jax.Array:
         """Return a plane [nx, ny] at places, or of [layers, nx, ny] the `layer` of each; see `bilinear`."""
-        chex.assert_rank(plane, 2 if layer is None else 3)
+        if not isinstance(plane, Packed):
+            chex.assert_rank(plane, 2 if layer is None else 3)
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
         return bilinear((plane, self.origin, self.pixel_size), x, y, layer)
 
@@ -149,10 +150,10 @@ class Raster:
         a, b, first = i - i0.astype(dtype), j - j0.astype(dtype), i0 * east + j0
         if layer is not None:
             first = first + layer * (north * east)
-        flat, up, right = raster.reshape(-1), (east if north > 1 else 0), (1 if east > 1 else 0)
-        south = flat[first] + b * (flat[first + right] - flat[first])
+        row, up, right = raster.reshape(-1), (east if north > 1 else 0), (1 if east > 1 else 0)
+        south = row[first] + b * (row[first + right] - row[first])
         first = first + up
-        return south + a * (flat[first] + b * (flat[first + right] - flat[first]) - south)
+        return south + a * (row[first] + b * (row[first + right] - row[first]) - south)
 
 
 def numbers(values: Any, dtype: type = float, hidden: float = np.nan) -> NDArray[np.floating]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.runtime.packed import sizes
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -128,8 +129,12 @@ class Seabed(Raster):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Pixels north and east."""
-        return self.depth.shape[-2], self.depth.shape[-1]
+        """See `Raster.shape`."""
+        return sizes(self.depth, 2)  # type: ignore[return-value]
+
+    def grids(self) -> dict[str, tuple[int, int]]:
+        """See `Packable.grids`."""
+        return {"depth": (2, 2), "shallow": (3, 2)}
 
     def depth_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Depth of the sea bed, m, positive down; bilinear, differentiable.

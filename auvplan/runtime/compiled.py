@@ -26,6 +26,7 @@ from jax.core import Tracer
 from jax.experimental import serialize_executable
 
 from auvplan.runtime import cache
+from auvplan.runtime.packed import with_packed
 
 #: Packages whose classes are what they were when a program was stored, as long as their versions are.
 _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
@@ -91,8 +92,9 @@ class _Ready(NamedTuple):
 class Program:
     """A function as `jax.jit` makes it, whose executables are stored.
 
-    Settings that the program is compiled for are given by keyword. Within another traced function it is the
-    plain jitted one.
+    Settings that the program is compiled for are given by keyword. Arrays on grids are taken packed, so that
+    other sizes need no other program (see `packed`). Within another traced function it is the plain jitted
+    one.
     """
 
     def __init__(
@@ -120,7 +122,7 @@ class Program:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the program for these arguments, loaded or compiled where it is the first such call."""
         settings = tuple(kwargs.pop(name) for name in self._static)
-        leaves, tree = jax.tree.flatten((args, kwargs))
+        leaves, tree = jax.tree.flatten(with_packed((args, kwargs)))
         kinds = tuple(map(_kind, leaves))
         if None in kinds or jax.device_count() > 1 or jax.config.jax_disable_jit:  # type: ignore[attr-defined]
             return self._jitted(*args, **kwargs, **self._named(settings))

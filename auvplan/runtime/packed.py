@@ -1,0 +1,106 @@
+"""Arrays on grids whose sizes are data to compiled programs: one program serves grids of many sizes."""
+
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, Self
+
+import jax
+import numpy as np
+from jax.core import Tracer
+
+#: Lengths that flat arrays are padded to; beyond, multiples of the last.
+_LENGTHS = (1 << 12, 1 << 14, 1 << 16, *(1 << power for power in range(17, 22)))
+#: Lengths that nodes of one axis are padded to before those.
+_AXIS = (16, 48, 256, 1024)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Packed:
+    """An array on a grid, flat, in a length that grids of many sizes share.
+
+    Attributes:
+        values: [..., P], those of each grid in order, then padding that is never looked up.
+        counts: [D] int32, nodes along each axis of the grid.
+        several: [D] whether there is more than one.
+    """
+
+    values: jax.Array
+    counts: jax.Array
+    several: tuple[bool, ...] = field(metadata={"static": True})
+
+    @classmethod
+    def of(cls, array: Any, axes: int) -> Self:
+        """Pack an array [..., *sizes] whose last `axes` axes are those of the grid, rising nodes where 1."""
+        values = np.asarray(array)
+        kept, sizes = values.shape[: values.ndim - axes], values.shape[values.ndim - axes :]
+        flat = values.reshape(*kept, -1)
+        lengths, last = (*_AXIS, *_LENGTHS) if axes == 1 else _LENGTHS, _LENGTHS[-1]
+        length = next((size for size in lengths if size >= flat.shape[-1]), -(-flat.shape[-1] // last) * last)
+        padding = [(0, 0)] * len(kept) + [(0, length - flat.shape[-1])]
+        flat = np.pad(flat, padding, constant_values=np.inf if axes == 1 else 0)
+        with jax.ensure_compile_time_eval():  # what is kept outlasts the trace that first asks for it
+            values, counts = jax.device_put((flat, np.asarray(sizes, np.int32)))
+        return cls(values, counts, tuple(size > 1 for size in sizes))
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type of the values."""
+        return self.values.dtype
+
+    def __mul__(self, factor: jax.Array) -> Self:
+        """Return a multiple."""
+        return replace(self, values=self.values * factor)
+
+
+class Packable:
+    """A dataclass of arrays on grids that compiled programs take packed."""
+
+    def grids(self) -> dict[str, tuple[int, int]]:
+        """Return the arrays to be packed by name: all axes, and how many of the last are those of a grid."""
+        raise NotImplementedError
+
+    @cached_property
+    def packed(self) -> Self:
+        """The same with its arrays packed; itself where JAX traces them, or a batch is stacked."""
+        arrays = [(name, getattr(self, name), *axes) for name, axes in self.grids().items()]
+        if any(isinstance(array, Tracer | Packed) or np.ndim(array) != all_ for _, array, all_, _ in arrays):
+            return self
+        parts = {name: Packed.of(array, axes) for name, array, _, axes in arrays}
+        return replace(self, **parts)  # type: ignore[type-var]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is packed."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+
+
+def with_packed(tree: Any) -> Any:
+    """Return a tree of arguments whose grids are packed."""
+    leaves, form = jax.tree.flatten(tree, is_leaf=_is_packable)
+    if not any(map(_is_packable, leaves)):
+        return tree
+    return form.unflatten([leaf.packed if _is_packable(leaf) else leaf for leaf in leaves])
+
+
+def _is_packable(part: Any) -> bool:
+    return isinstance(part, Packable)
+
+
+def flat(array: Any) -> jax.Array:
+    """Return the values of an array, packed or not, in one row."""
+    return (array.values if isinstance(array, Packed) else array).reshape(-1)
+
+
+def sizes(array: Any, axes: int) -> tuple[Any, ...]:
+    """Return the nodes along the last axes of an array: numbers, or traced ones where it is packed.
+
+    Where there is one, it is a number.
+    """
+    if isinstance(array, Packed):
+        return tuple(array.counts[k] if several else 1 for k, several in enumerate(array.several))
+    return array.shape[array.ndim - axes :]
+
+
+def is_one(size: Any) -> bool:
+    """Return whether a size of `sizes` is one."""
+    return isinstance(size, int) and size == 1

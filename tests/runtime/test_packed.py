@@ -1,0 +1,74 @@
+"""Grids packed: other sizes need no other program, and what is looked up has the same bits."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import auvplan as ap
+from auvplan.runtime.compiled import compilations, compiled
+from auvplan.runtime.packed import Packed
+
+#: Times, depths, and nodes of a current; pixels of chart and bed.
+ALIKE = [((3, 4, 5, 6), (30, 40)), ((12, 14, 3, 2), (2, 60)), ((5, 3, 4, 9), (40, 22))]
+
+
+def world(nodes, pixels, even=True, seed=0):
+    rng = np.random.default_rng(seed)
+    times = 60.0 * np.arange(nodes[0]) if even else np.cumsum(rng.uniform(20.0, 90.0, nodes[0]))
+    current = ap.GriddedCurrent.from_arrays(
+        *rng.normal(size=(3, *nodes)), spacing=(70.0, 90.0), origin=(-20.0, 10.0), times=times,
+        depths=np.cumsum(rng.uniform(1.0, 3.0, nodes[1])),
+    )  # fmt: skip
+    chart = ap.Chart.from_mask(rng.random(pixels) > 0.1, 10.0)
+    bed = ap.Seabed.from_depth(rng.uniform(5.0, 50.0, pixels), 10.0)
+    corner = 10.0 * (np.array(pixels) - 1.0)
+    return ap.Environment(current, chart, lower=(0, 0, 0), upper=(*corner, 50), seabed=bed)
+
+
+def looked_up(env, x, y, z, t):
+    def toward(x, y, z, t):
+        return sum(env.current(x, y, z, t)) + env.chart.distance(x, y) + env.seabed.depth_at(x, y)
+
+    slopes = jax.vmap(jax.grad(toward, argnums=(0, 1, 2, 3)))(x, y, z, t)
+    bed = env.seabed.shallowest_at(x, y, 0.1 * jnp.abs(t))
+    return env.current(x, y, z, t), env.chart.distance(x, y), bed, slopes, env.chart.upper
+
+
+def test_grids_of_other_sizes_are_looked_up_by_one_program_with_the_same_bits() -> None:
+    program = compiled(lambda env, *places: looked_up(env, *places))
+    plain = jax.jit(looked_up)
+    rng = np.random.default_rng(1)
+    places = [
+        jnp.asarray(rng.uniform(-100.0, most, 500), jnp.float32) for most in (900.0, 900.0, 60.0, 900.0)
+    ]
+    for k, sizes in enumerate(ALIKE[:2]):
+        env = world(*sizes, even=False, seed=k)
+        jax.tree.map(np.testing.assert_array_equal, program(env, *places), plain(env, *places))
+    env = world(*ALIKE[2], even=False)
+    before = compilations()
+    program(env, *places)
+    assert compilations() == before
+
+
+def test_a_path_in_an_area_of_another_size_compiles_nothing() -> None:
+    config = ap.PathConfig.quick()
+    for k, sizes in enumerate((ALIKE[0], ALIKE[2])):
+        env = world(*sizes, seed=k)
+        open_water = ap.Chart.from_mask(np.ones(sizes[1], bool), 10.0)
+        weak = replace(env.current, u=0.1 * env.current.u, v=0.1 * env.current.v, w=0.0 * env.current.w)
+        env = replace(env, chart=open_water, seabed=None, current=weak)
+        before = compilations()
+        plan = ap.plan_path((40, 40, 5), (250, 190, 5), env, key=jax.random.key(0), config=config)
+        assert plan.feasible, plan.reason
+    assert compilations() == before
+
+
+def test_what_is_traced_or_stacked_stays_as_it_is() -> None:
+    chart = world(*ALIKE[0]).chart
+    assert isinstance(chart.packed.signed_distance, Packed)
+    assert chart.packed is chart.packed
+    both = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), chart)
+    assert both.packed is both
+    assert jax.jit(lambda chart: chart.packed.signed_distance)(chart).shape == chart.shape
