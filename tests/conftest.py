@@ -40,7 +40,7 @@ from tests.executive.small import LIGHT
 KEPT = Path(__file__).parent.parent / ".pytest_cache"
 os.environ["AUVPLAN_CACHE"] = str(KEPT / "auvplan")
 jax.config.update("jax_compilation_cache_dir", str(KEPT / "jax"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 2.0)
 
 # Programs tell which line each of their operations comes from; nobody asks for it here.
 jax.config.update("jax_traceback_in_locations_limit", 0)

@@ -37,6 +37,7 @@ from auvplan.vehicle import Vehicle
 from auvplan.view.sheet import LeftOut, sheet_of, write_html
 from auvplan.view.timeline import spans_in_words
 from tests.io.sample_run import SPEED, at_speeds, make_run
+from tests.mission.naive import BARE
 
 SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))
 BAY = """\
@@ -245,7 +246,8 @@ def timed_mission(points, lines):
     still = graph.leg_times(SPEED) - graph.duration
     graph = graph.with_timetable(Timetable(np.zeros(1), still[None], **task_hours(points, lines, graph.size)))
     goal = graph.size - 1
-    first = plan_mission(graph, 0, goal, 9000.0, speed=SPEED, key=jax.random.key(0), method="exact")
+    how = {"method": "exact", "config": BARE}
+    first = plan_mission(graph, 0, goal, 9000.0, speed=SPEED, key=jax.random.key(0), **how)
     run = MissionRun({}, 0, Vehicle(speed=SPEED), graph, None, 0, goal, 9000.0, names=names)
     run.jobs, run.first_route = Jobs(tuple(points), tuple(lines)), first
     return run

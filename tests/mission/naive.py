@@ -24,6 +24,8 @@ QUICK = MissionConfig(
     local_width=5,
     local_period=5,
 )
+#: A search without what takes longest to compile.
+BARE = MissionConfig.quick().replace(seeds=0, plant=False, local_rounds=0)
 PLAIN = MissionConfig.plain().replace(bbo=QUICK.bbo)
 BLIND = PLAIN.replace(bbo=QUICK.bbo.replace(iterations=0))
 

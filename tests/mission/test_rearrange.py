@@ -8,11 +8,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import MissionConfig, MissionGraph, Timetable, plan_mission
+from auvplan.mission import MissionGraph, Timetable, plan_mission
 from auvplan.mission.labels import Clocked
 from auvplan.mission.rearrange import Still, rearranged
 from auvplan.mission.speeds import SpeedOptions
+from tests.mission.naive import BARE
 from tests.mission.test_timetable import HORIZON, SIZE, Edge, clocked
+
+#: A search that is soon compiled, and puts its routes in order.
+SMALL = BARE.replace(local_rounds=1)
 
 
 def rearrangements(route: list[int]) -> list[list[int]]:
@@ -159,7 +163,7 @@ def test_many_tasks_in_a_tide_are_planned_in_a_good_order() -> None:
     rho, task = np.full((size, size), 2.0), np.full((size, size), 60.0)
     rho[:, [0, -1]] = task[:, [0, -1]] = 0.0
     graph = MissionGraph(places, adjacency, rho, task).with_timetable(Timetable(departures, travel))
-    route = plan_mission(graph, 0, size - 1, end, speed=1.5, key=jax.random.key(0))
+    route = plan_mission(graph, 0, size - 1, end, speed=1.5, key=jax.random.key(0), config=SMALL)
     nodes, mission = route.nodes.tolist(), by_the_clock(graph, end)
     assert len(nodes) == size
     ends, _ = mission.walk(np.asarray(rearrangements(nodes)))
@@ -186,7 +190,7 @@ def test_routes_short_of_energy_are_put_in_order_for_energy_too() -> None:
     size, limits = 24, (12_000.0, 720_000.0)
     for seed in range(3):
         graph = jobs_with_speeds(seed, size)
-        given = {"speed": 1.0, "key": jax.random.key(0), "config": MissionConfig.quick()}
+        given = {"speed": 1.0, "key": jax.random.key(0), "config": SMALL}
         route = plan_mission(graph, 0, size - 1, limits[0], energy_available=limits[1], **given)
         assert route.feasible
         assert route.speeds.energies.sum() <= limits[1]

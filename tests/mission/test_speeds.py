@@ -23,11 +23,10 @@ from auvplan.mission.speeds import SpeedOptions, fastest
 from benchmarks.speeds import SPEEDS as CHOICES
 from benchmarks.speeds import exhaustive, posed, tables
 from tests.mission import naive
+from tests.mission.naive import BARE
 
 SPEEDS, POWER = CHOICES[3], 40.0 + 20.0 * CHOICES[3] ** 3
 QUICK = MissionConfig.quick()
-#: A search without what takes longest to compile.
-BARE = QUICK.replace(seeds=0, plant=False, local_rounds=0)
 
 
 def case(seed: int) -> tuple[MissionGraph, float, float]:
@@ -184,7 +183,7 @@ def test_waiting_takes_its_own_power_in_the_search_and_in_what_is_said(waits: fl
         moving = sum(POWER[k] * 300.0 / SPEEDS[k] for k in (first, second))
         ways[first, second] = held + moving + 30.0 * 100.0
     least, best = min(ways.values()), min(ways, key=lambda way: ways[way])
-    given = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK.replace(saves="energy")}
+    given = {"speed": 1.0, "key": jax.random.key(0), "config": BARE.replace(saves="energy")}
     route = plan_mission(graph, 0, 2, 4000.0, energy_available=1.01 * least, **given)
     assert route.nodes.tolist() == [0, 1, 2]
     assert route.speeds is not None

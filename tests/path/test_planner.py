@@ -539,7 +539,8 @@ def test_travel_times_hold_where_the_current_changes_within_segments(period):
     rate, speed = 2.0 * np.pi / period, 2.0
     env = ap.Environment(Surge(rate), lower=(-200, -200, 0), upper=(3500, 3500, 60))
     ends = (0.0, 0.0, 20.0), (3000.0, 1500.0, 20.0)
-    plan = ap.plan_path(*ends, env, vehicle=ap.Vehicle(speed=speed), key=jax.random.key(0))
+    how = {"key": jax.random.key(0), "config": ap.PathConfig.quick()}
+    plan = ap.plan_path(*ends, env, vehicle=ap.Vehicle(speed=speed), **how)
     now, steps = 0.0, 100
     for way in np.diff(np.asarray(plan.positions, float), axis=0):
         length = np.linalg.norm(way)
