@@ -62,11 +62,12 @@ def call(words: list[str], folder: Path) -> tuple[float, list[str], list[str]]:
 
 
 def other_counts(folder: Path) -> Path:
-    """The shipped scenario in a part of its chart, with other numbers of vortices, obstacles, waypoints, links."""
+    """The shipped scenario in a part of its chart, with other numbers of all that it counts."""
     import auvplan as ap
 
     changes = {"current.vortices": 9, "simulation.obstacles": {"static": 1, "afloat": 3}}
-    changes |= {"mission.waypoints": 23, "mission.neighbours": 5, "chart.window": [20, 10, 300, 320]}
+    changes |= {"mission.waypoints": 23, "mission.neighbours": 5, "chart.window": [20, 10, 960, 970]}
+    changes |= {"area.upper": [9600, 9700, 1000]}
     scenario = ap.load_scenario("whitsunday").with_(changes)
     file = folder / "other.yaml"
     file.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
