@@ -520,8 +520,7 @@ def _on_levels(edges: Edges, graphs: MissionGraph, levels: list[np.ndarray], mor
             timetable = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
         waiting = options.waiting
         if waiting is not None:
-            waiting = np.pad(waiting, [(0, more_departures(len(waiting))), (0, 0)], mode="edge")
-            waiting = np.pad(waiting, [(0, 0), (0, more)])
+            waiting = np.pad(waiting, [(0, more_departures(len(waiting))), (0, more)], mode="edge")
         rows.append((*padded, np.pad(graph.duration, square), timetable, waiting))
     return edges.on_levels(*jax.tree.map(lambda *leaves: np.stack(leaves), *rows))
 

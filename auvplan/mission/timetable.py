@@ -156,13 +156,13 @@ class Timetable:
         """
         square = [(0, more), (0, more)]
         lead = [(0, 0)] * (self.travel_time.ndim - 3)
-        parts = {
-            name: np.pad(values, [*lead, *square, (0, _more(values.shape[-1]))], constant_values=NONE[name])
-            for name in NONE
-            if (values := getattr(self, name)) is not None
-        }
+        parts = {}
+        for name, none in NONE.items():
+            values = getattr(self, name)
+            windows = [*lead, *square, (0, _more(values.shape[-1]))]
+            parts[name] = np.pad(values, windows, constant_values=none)
         travel_time = np.pad(self.travel_time, [*lead, (0, 0), *square], constant_values=np.inf)
-        departures = np.asarray(self.departures)
+        departures = self.departures
         if later := more_departures(departures.shape[-1]):
             travel_time = np.pad(travel_time, [*lead, (0, later), (0, 0), (0, 0)], mode="edge")
             steps = (departures[..., 1:2] - departures[..., :1]) * np.arange(1, later + 1)

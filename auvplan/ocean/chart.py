@@ -168,7 +168,7 @@ class Chart(Raster):
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""
-        return self.interpolated(self.passability, x, y)
+        return self.interpolated("passability", x, y)
 
     def is_water(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Return whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
@@ -230,7 +230,7 @@ def _distance(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
     dy = y - jnp.clip(y, low[1], high[1])
     out = dx * dx + dy * dy
     outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
-    found = chart.interpolated(chart.signed_distance, x, y)
+    found = chart.interpolated("signed_distance", x, y)
     return jnp.where(found >= 0.5 * FAR * chart.pixel_size, jnp.inf, found - outside)
 
 

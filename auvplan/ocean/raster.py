@@ -125,13 +125,15 @@ class Raster(Packable):
         return (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
 
     def interpolated(
-        self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: jax.Array | None = None
+        self, plane: str, x: ArrayLike, y: ArrayLike, layer: jax.Array | None = None
     ) -> jax.Array:
-        """Return a plane [nx, ny] at places, or of [layers, nx, ny] the `layer` of each; see `bilinear`."""
-        if not isinstance(plane, Packed):
-            chex.assert_rank(plane, 2 if layer is None else 3)
+        """Return a plane [nx, ny] at places, or of [layers, nx, ny] the `layer` of each; see `bilinear`.
+
+        The plane is given by its name.
+        """
+        raster = self.packed
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
-        return bilinear((plane, self.origin, self.pixel_size), x, y, layer)
+        return bilinear((getattr(raster, plane), raster.origin, raster.pixel_size), x, y, layer)
 
     def looked_up(
         self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: NDArray[np.int_] | None = None

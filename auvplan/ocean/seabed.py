@@ -146,7 +146,7 @@ class Seabed(Raster):
         Returns:
             Broadcast shape, m; beyond the raster that of its nearest point.
         """
-        return self.interpolated(self.depth, x, y)
+        return self.interpolated("depth", x, y)
 
     def altitude(self, positions: ArrayLike) -> NDArray[np.floating]:
         """Altitude of positions [..., 3] m above the sea bed, [...] m, negative below it, in NumPy."""
@@ -188,7 +188,7 @@ def _shallowest_at(seabed: Seabed, x: ArrayLike, y: ArrayLike, length: ArrayLike
     layer = jnp.zeros(x.shape, jnp.int32)
     for k in range(seabed.reach.shape[0] - 1):
         layer = layer + (half > seabed.reach[k]).astype(jnp.int32)
-    found = seabed.interpolated(seabed.shallow, x, y, layer)
+    found = seabed.interpolated("shallow", x, y, layer)
     return found - seabed.steepest * jnp.maximum(half - seabed.reach[-1], 0.0)
 
 

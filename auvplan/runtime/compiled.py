@@ -27,9 +27,7 @@ from jax.experimental import serialize_executable
 
 from auvplan.runtime import cache
 from auvplan.runtime.packed import with_packed
-
-#: Packages whose classes are what they were when a program was stored, as long as their versions are.
-_OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
+from auvplan.runtime.pytree import is_ours
 
 #: Programs that a process holds at most. Each takes hundreds of mappings of memory, of which Linux gives a
 #: process 65,530; without one more it crashes.
@@ -336,7 +334,7 @@ def _token(value: Any) -> str:
         parts = value
     elif isinstance(value, dict):
         parts = chain.from_iterable(value.items())
-    elif dataclasses.is_dataclass(value) and _is_ours(type(value)):
+    elif dataclasses.is_dataclass(value) and is_ours(type(value)):
         parts = (getattr(value, field.name) for field in dataclasses.fields(value))
     else:
         raise TypeError(f"{type(value).__name__} has no token")
@@ -349,17 +347,13 @@ def _tree_token(tree: Any) -> str:
     if data is None:
         return "*"
     kind, aux = data
-    if not _is_ours(kind):
+    if not is_ours(kind):
         raise TypeError(f"{kind.__name__} has no token")
     if hasattr(kind, "fingerprint"):
         own = tree.unflatten([None] * tree.num_leaves).fingerprint()  # None, a TypeError below, without one
     else:
         own = _token(aux)
     return f"{kind.__module__}.{kind.__qualname__}({','.join([own, *map(_tree_token, tree.children())])})"
-
-
-def _is_ours(kind: type) -> bool:
-    return kind.__module__.split(".")[0] in _OURS
 
 
 def compiled(

@@ -1,12 +1,14 @@
 """Arrays on grids whose sizes are data to compiled programs: one program serves grids of many sizes."""
 
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Self
 
 import jax
 import numpy as np
 from jax.core import Tracer
+
+from auvplan.runtime.pytree import is_ours
 
 #: Lengths that flat arrays are padded to; beyond, multiples of the last.
 _LENGTHS = (1 << 12, 1 << 14, 1 << 16, *(1 << power for power in range(17, 22)))
@@ -33,15 +35,14 @@ class Packed:
     def of(cls, array: Any, axes: int) -> Self:
         """Pack an array [..., *sizes] whose last `axes` axes are those of the grid, rising nodes where 1."""
         values = np.asarray(array)
-        kept, sizes = values.shape[: values.ndim - axes], values.shape[values.ndim - axes :]
-        flat = values.reshape(*kept, -1)
-        lengths, last = (*_AXIS, *_LENGTHS) if axes == 1 else _LENGTHS, _LENGTHS[-1]
-        length = next((size for size in lengths if size >= flat.shape[-1]), -(-flat.shape[-1] // last) * last)
-        padding = [(0, 0)] * len(kept) + [(0, length - flat.shape[-1])]
-        flat = np.pad(flat, padding, constant_values=np.inf if axes == 1 else 0)
+        kept, grid = np.split(values.shape, [values.ndim - axes])
+        count, lengths, last = int(grid.prod()), (_AXIS if axes == 1 else ()) + _LENGTHS, _LENGTHS[-1]
+        length = next((length for length in lengths if length >= count), -(-count // last) * last)
+        padding = [(0, 0)] * len(kept) + [(0, length - count)]
+        rows = np.pad(values.reshape(*kept, count), padding, constant_values=np.inf if axes == 1 else 0)
         with jax.ensure_compile_time_eval():  # what is kept outlasts the trace that first asks for it
-            values, counts = jax.device_put((flat, np.asarray(sizes, np.int32)))
-        return cls(values, counts, tuple(size > 1 for size in sizes))
+            values, counts = jax.device_put((rows, grid.astype(np.int32)))
+        return cls(values, counts, tuple((grid > 1).tolist()))
 
     @property
     def dtype(self) -> np.dtype:
@@ -75,15 +76,26 @@ class Packable:
 
 
 def with_packed(tree: Any) -> Any:
-    """Return a tree of arguments whose grids are packed."""
-    leaves, form = jax.tree.flatten(tree, is_leaf=_is_packable)
-    if not any(map(_is_packable, leaves)):
+    """Return a tree of arguments whose grids are packed, but for those that classes of others hold.
+
+    These may look at their arrays.
+    """
+    leaves, form = jax.tree.flatten(tree, is_leaf=lambda part: not _is_opened(type(part)))
+    packable = [_is_packable(type(leaf)) for leaf in leaves]
+    if not any(packable):
         return tree
-    return form.unflatten([leaf.packed if _is_packable(leaf) else leaf for leaf in leaves])
+    pairs = zip(leaves, packable, strict=True)
+    return form.unflatten([leaf.packed if ours else leaf for leaf, ours in pairs])
 
 
-def _is_packable(part: Any) -> bool:
-    return isinstance(part, Packable)
+@cache
+def _is_packable(kind: type) -> bool:
+    return issubclass(kind, Packable) and is_ours(kind)
+
+
+@cache
+def _is_opened(kind: type) -> bool:
+    return is_ours(kind) and not issubclass(kind, Packable)
 
 
 def flat(array: Any) -> jax.Array:

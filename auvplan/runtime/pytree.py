@@ -10,6 +10,14 @@ from jax.custom_derivatives import SymbolicZero
 
 T = TypeVar("T", bound=type)
 
+#: Packages whose classes are what this package knows them to be, as long as their versions are.
+_OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
+
+
+def is_ours(kind: type) -> bool:
+    """Return whether a class is of this package or of what it is built on."""
+    return kind.__module__.split(".")[0] in _OURS
+
 
 def register_without_init(cls: T) -> T:
     """Register a dataclass of data fields as a pytree that JAX rebuilds without its constructor.

@@ -1,14 +1,19 @@
 """Grids packed: other sizes need no other program, and what is looked up has the same bits."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import auvplan as ap
 from auvplan.runtime.compiled import compilations, compiled
 from auvplan.runtime.packed import Packed
+from tests.path.worlds import CONFIG
+
+#: Settings of next to no search, for paths that are straight.
+STRAIGHT = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=2), passages=0, refine_steps=0, finer=1)
 
 #: Times, depths, and nodes of a current; pixels of chart and bed.
 ALIKE = [((3, 4, 5, 6), (30, 40)), ((12, 14, 3, 2), (2, 60)), ((5, 3, 4, 9), (40, 22))]
@@ -52,8 +57,8 @@ def test_grids_of_other_sizes_are_looked_up_by_one_program_with_the_same_bits() 
     assert compilations() == before
 
 
-def test_a_path_in_an_area_of_another_size_compiles_nothing() -> None:
-    config = ap.PathConfig.quick()
+@pytest.mark.parametrize("config", [STRAIGHT, pytest.param(ap.PathConfig.quick(), marks=pytest.mark.slow)])
+def test_a_path_in_an_area_of_another_size_compiles_nothing(config) -> None:
     for k, sizes in enumerate((ALIKE[0], ALIKE[2])):
         env = world(*sizes, seed=k)
         open_water = ap.Chart.from_mask(np.ones(sizes[1], bool), 10.0)
@@ -63,6 +68,25 @@ def test_a_path_in_an_area_of_another_size_compiles_nothing() -> None:
         plan = ap.plan_path((40, 40, 5), (250, 190, 5), env, key=jax.random.key(0), config=config)
         assert plan.feasible, plan.reason
     assert compilations() == before
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Weaker:
+    """A current of somebody else's, who looks at the arrays of the one that it is made of."""
+
+    field: ap.GriddedCurrent
+
+    def __call__(self, x, y, z, t):
+        return replace(self.field, u=jnp.clip(self.field.u, -0.1, 0.1))(x, y, z, t)
+
+
+def test_grids_that_classes_of_others_hold_stay_as_they_are() -> None:
+    field = world(*ALIKE[0]).current
+    program = compiled(lambda current, *place: current(*place)[0])
+    assert float(program(Weaker(field), 50.0, 50.0, 2.0, 60.0)) == pytest.approx(
+        float(replace(field, u=np.clip(field.u, -0.1, 0.1))(50.0, 50.0, 2.0, 60.0)[0])
+    )
 
 
 def test_what_is_traced_or_stacked_stays_as_it_is() -> None:
