@@ -152,13 +152,16 @@ class Timetable:
         """Return a copy with `more` additional waypoints, which no edge leads to.
 
         So that one program serves several numbers of departures and windows, there are more of these too:
-        departures after the last, when travel times are as they are then, and windows that are none.
+        departures after the last, when travel times are as they are then, and windows that are none. Where
+        there are any windows or falls, there are some of every kind: open always, and without a drop.
         """
         square = [(0, more), (0, more)]
         lead = [(0, 0)] * (self.travel_time.ndim - 3)
-        parts = {}
+        parts, some = {}, any(getattr(self, name).shape[-1] for name in NONE)
         for name, none in NONE.items():
             values = getattr(self, name)
+            if some and not values.shape[-1]:
+                values = np.full((*values.shape[:-1], 1), ALWAYS[name])
             windows = [*lead, *square, (0, _more(values.shape[-1]))]
             parts[name] = np.pad(values, windows, constant_values=none)
         travel_time = np.pad(self.travel_time, [*lead, (0, 0), *square], constant_values=np.inf)
@@ -186,7 +189,7 @@ class Timetable:
 
 def more_departures(count: int) -> int:
     """Return how many departures a padded timetable has beside `count`."""
-    return max(8, count + _more(count)) - count if count > 1 else 0
+    return max(16, count + _more(count)) - count if count > 1 else 0
 
 
 def _more(count: int) -> int:
