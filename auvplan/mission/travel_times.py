@@ -198,6 +198,7 @@ class _Timing:
 
     Attributes:
         trips: the edges.
+        config: effort.
         world: that they are timed in.
         index: [E] of each edge's current among those of the world; None where there is one for all.
         seconds: [E], least time found.
@@ -206,6 +207,7 @@ class _Timing:
     """
 
     trips: Trips
+    config: TravelTimeConfig
     world: "_World"
     index: NDArray[np.int_] | None
     seconds: NDArray[np.float64]
@@ -225,8 +227,10 @@ class _Timing:
         )
         if index is not None:
             shared = jax.tree.map(np.asarray, shared)
-        world, count = _World(shared, sea, vehicle, config, deep, own=index is not None), len(trips.starts)
-        return cls(trips, world, index, np.zeros(count), np.zeros(count, bool))
+        path, count = config.path, len(trips.starts)
+        kept = path.only("start_shape", "width", "depth_width")
+        world = _World(shared, sea, vehicle, path.numbers, kept, deep, own=index is not None)
+        return cls(trips, config, world, index, np.zeros(count), np.zeros(count, bool))
 
     def run(
         self, program: Callable, edges: NDArray[np.int_], together: int, *rows: Any, **settings: int
@@ -256,8 +260,8 @@ class _Timing:
         """Set times of edges by polylines [K, 3] m clear of the coast, where these keep all limits."""
         if not edges:
             return
-        config, finer = self.world.config.path, 1 if self.world.sea.seabed is None else _FINER
-        tracks = _tracks(polylines, config.samples * finer)
+        finer = 1 if self.world.sea.seabed is None else _FINER
+        tracks = _tracks(polylines, self.config.path.samples * finer)
         rows = tracks, np.zeros(len(edges), bool) if clear is None else np.array(clear)
         found = self.run(_follow, np.array(edges), _LINES, *rows)
         for edge, polyline, lasts, good in zip(edges, polylines, *found, strict=True):
@@ -293,14 +297,14 @@ class _Timing:
 
     def fan_out(self, blocked: NDArray[np.int_]) -> None:
         """Time blocked edges by fans of detours, few for each pair of places: the best serve the others."""
-        config = self.world.config
+        effort = self.config.detours, self.config.detour_steps
         while blocked.size:
             tried, others = [], []
             for edges in self._alike(blocked):
                 few = np.unique(np.linspace(0, len(edges) - 1, _TRIED).round().astype(int))
                 tried.append(edges[few])
                 others.append(np.delete(edges, few))
-            fans = iter(self.estimate(np.concatenate(tried), _FANS, config.detours, config.detour_steps))
+            fans = iter(self.estimate(np.concatenate(tried), _FANS, *effort))
             served = [
                 (other, track)
                 for own, rest in zip(tried, others, strict=True)
@@ -361,20 +365,27 @@ class _World:
         currents: one, or one for each edge where they are their `own`.
         sea: the rest of the world, without obstacles.
         vehicle: speed and limits.
-        config: effort.
+        numbers: margins and price.
+        config: settings that programs depend on.
         deep: whether the quickest depths are looked for.
     """
 
     currents: Current
     sea: Environment
     vehicle: Vehicle
-    config: TravelTimeConfig = field(metadata={"static": True})
+    numbers: dict[str, Any]
+    config: PathConfig = field(metadata={"static": True})
     deep: bool = field(metadata={"static": True})
     own: bool = field(metadata={"static": True})
 
     def over_edges(self, one: Callable[..., T], *rows: Any) -> T:
         """Return `one` of the rows and the current of each edge."""
         return jax.vmap(one, in_axes=(*(0 for _ in rows), 0 if self.own else None))(*rows, self.currents)
+
+    @property
+    def settings(self) -> PathConfig:
+        """The settings of paths with their numbers."""
+        return self.config.replace(**self.numbers)
 
     def environment(self, current: Current, chart: Chart | None) -> Environment:
         """Return the world of one edge."""
@@ -395,7 +406,7 @@ def _unhindered(tracks: Any, departs: Any, world: _World) -> tuple[jax.Array]:
         u, v, _ = current(middle[:, :1], middle[:, 1:2], depth, when[:, None])
         north, east = step[:, :1] / gap[:, None], step[:, 1:2] / gap[:, None]
         along, across = u * north + v * east, jnp.abs(u * east - v * north)
-        ground, _ = along_track(world.config.path.speed_reading, world.vehicle.speed, along, across)
+        ground, _ = along_track(world.config.speed_reading, world.vehicle.speed, along, across)
         return (gap / ground.max(axis=1)).sum()
 
     return (world.over_edges(one, tracks, departs),)
@@ -407,7 +418,7 @@ def _follow(tracks: Any, clear: Any, departs: Any, world: _World) -> tuple[jax.A
 
     Those that are `clear` [E] keep clear of closed areas as well. Their corners are rounded by a path.
     """
-    vehicle, config = world.vehicle, world.config.path
+    vehicle, config = world.vehicle, world.settings
 
     def one(
         track: jax.Array, clear: jax.Array, depart: jax.Array, current: Current
@@ -454,7 +465,7 @@ def _estimate(
 
     With their samples [E, S, 3] m, at the straight line's depths.
     """
-    vehicle, config = world.vehicle, world.config.path
+    vehicle, config = world.vehicle, world.settings
 
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current

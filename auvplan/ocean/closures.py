@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import shapely
+from jax.core import Tracer
 from numpy.typing import NDArray
 
 from auvplan.ocean.chart import Chart
+from auvplan.runtime.packed import Packable
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Zone:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Closure:
+class Closure(Packable):
     """Areas in which no path may be at some hours.
 
     Attributes:
@@ -72,6 +75,19 @@ class Closure:
     def widened(self, seconds: float) -> "Closure":
         """Return the same, closed `seconds` earlier and longer."""
         return replace(self, begins=self.begins - seconds, ends=self.ends + seconds)
+
+    @cached_property
+    def packed(self) -> "Closure":
+        """See `Packable.packed`. One program serves areas of all names and outlines, and more hours."""
+        if isinstance(self.begins, Tracer) or np.ndim(self.begins) > 1:
+            return self
+        count = len(self.begins)
+        more = (0, (1 << (count - 1).bit_length()) - count)
+        begins, ends = (
+            np.pad(np.asarray(moments), more, constant_values=none)
+            for moments, none in ((self.begins, np.inf), (self.ends, -np.inf))
+        )
+        return Closure(self.chart.packed, begins, ends)
 
     @property
     def spans(self) -> list[tuple[float, float]]:

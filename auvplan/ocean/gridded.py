@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Self
 
 import jax
@@ -16,7 +16,7 @@ from auvplan.ocean.currents import Velocity
 from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
 from auvplan.ocean.raster import numbers
-from auvplan.runtime.packed import Packable, is_one, sizes
+from auvplan.runtime.packed import Packable, Packed, is_one, sizes
 from auvplan.runtime.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
@@ -144,6 +144,14 @@ class GriddedCurrent(Packable):
         return {"u": (4, 4), "v": (4, 4), "water": (3, 3), "depths": (1, 1), "times": (1, 1)} | (
             {} if self.w is None else {"w": (4, 4)}
         )
+
+    @cached_property
+    def packed(self) -> Self:
+        """See `Packable.packed`. Of even times there is the first alone: how many there are, `u` says."""
+        found = super().packed
+        if self.step is None or found is self:
+            return found
+        return replace(found, times=Packed.of(np.asarray(self.times)[:1], 1))
 
     @property
     def fastest(self) -> float:

@@ -201,11 +201,16 @@ class PathConfig:
 
         The others are defaults.
 
-        Programs that are compiled for it serve all settings that agree in these; margins and price are
-        numbers that they are given.
+        Programs that are compiled for it serve all settings that agree in these; `numbers` they are given.
         """
         kept: dict[str, Any] = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
         return replace(type(self)(passages=0, finer=1), **kept)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The settings that programs are given as numbers: margins and price."""
+        names = "coast_margin", "obstacle_margin", "uncertain_price"
+        return {name: getattr(self, name) for name in names}
 
     def fine(self) -> Self:
         """The settings of paths with `finer` times the control points and segments, and of their polish."""

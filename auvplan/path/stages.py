@@ -50,9 +50,6 @@ from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 #: Current (or None, where all of it is shared) and obstacles; None where the legs share both.
 World = tuple[Current | None, Obstacles] | None
 
-#: Settings that are numbers to the programs.
-_MARGINS = "coast_margin", "obstacle_margin", "uncertain_price"
-
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
@@ -140,20 +137,18 @@ class Batch:
         legs: B legs.
         env: the part of the world that is the same for all legs.
         vehicle: speed and limits.
-        coast_margin, obstacle_margin, uncertain_price: as in `PathConfig`.
+        numbers: margins and price of the settings.
     """
 
     legs: Legs
     env: Environment
     vehicle: Vehicle
-    coast_margin: Any
-    obstacle_margin: Any
-    uncertain_price: Any
+    numbers: dict[str, Any]
 
     @classmethod
     def of(cls, legs: Legs, env: Environment, vehicle: Vehicle, config: PathConfig) -> "Batch":
         """Return a batch with the margins and the price of some settings."""
-        return cls(legs, env, vehicle, *(getattr(config, name) for name in _MARGINS))
+        return cls(legs, env, vehicle, config.numbers)
 
     def of_legs(self, legs: Legs) -> "Batch":
         """Return a batch of other legs."""
@@ -205,8 +200,7 @@ class Batch:
 
     def posed(self, leg: Legs, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
         """Return one leg as the search sees it, its settings, and by what factor both are scaled."""
-        margins = {name: getattr(self, name) for name in _MARGINS}
-        return scaled(self.problem(leg), config.replace(**margins))
+        return scaled(self.problem(leg), config.replace(**self.numbers))
 
     def compared(self, leg: Legs, pace: jax.Array | None, config: PathConfig) -> tuple[Problem, PathConfig]:
         """Return one leg as `posed`, in the world that paths are compared in."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.ocean.closures import Closure
 from auvplan.runtime.compiled import compilations, compiled
 from auvplan.runtime.packed import Packed
 from tests.path.worlds import CONFIG
@@ -59,11 +60,16 @@ def test_grids_of_other_sizes_are_looked_up_by_one_program_with_the_same_bits() 
 
 @pytest.mark.parametrize("config", [STRAIGHT, pytest.param(ap.PathConfig.quick(), marks=pytest.mark.slow)])
 def test_a_path_in_an_area_of_another_size_compiles_nothing(config) -> None:
-    for k, sizes in enumerate((ALIKE[0], ALIKE[2])):
+    """Another area with a longer forecast, and a closed area of another name and outline at other hours."""
+    for k, sizes in enumerate((ALIKE[0], ((30, *ALIKE[2][0][1:]), ALIKE[2][1]))):
         env = world(*sizes, seed=k)
         open_water = ap.Chart.from_mask(np.ones(sizes[1], bool), 10.0)
         weak = replace(env.current, u=0.1 * env.current.u, v=0.1 * env.current.v, w=0.0 * env.current.w)
-        env = replace(env, chart=open_water, seabed=None, current=weak)
+        hours = np.arange(3.0 + k) * 86_400.0 + 43_200.0
+        shut = Closure(
+            ap.Chart.from_mask(np.zeros(sizes[1], bool), 10.0), hours, hours + 60.0, f"{k}", f"{k}"
+        )
+        env = replace(env, chart=open_water, seabed=None, current=weak, closures=(shut,))
         before = compilations()
         plan = ap.plan_path((40, 40, 5), (250, 190, 5), env, key=jax.random.key(0), config=config)
         assert plan.feasible, plan.reason
