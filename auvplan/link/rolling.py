@@ -443,10 +443,12 @@ class RollingPlan:
         """Plan to the end from a state that is made twice, in time if it can be; else as `_complete`.
 
         Paths take longer than routes reckon with: where that makes a plan late, it is made again with twice
-        as much less time as it was late, and so on.
+        as much less time as it was late, and so on; not once the time is over.
         """
-        found, available = self._complete(start(), count, first, late=True), self.run.t_available
-        if found is None or found.ends < available:
+        state, available = start(), self.run.t_available
+        over = state.now >= available
+        found = self._complete(state, count, first, late=True)
+        if found is None or found.ends < available or over:
             return found
         for times in _SHORTER:
             state = start()
