@@ -214,7 +214,7 @@ def test_departures_that_cannot_be():
 @pytest.fixture
 def dated(tmp_path):
     """A leg in the current of a file that lasts from 0 to 3 h, leaving at 1 h; the mapping and its folder."""
-    write(regular(), tmp_path / "sea.nc")
+    write(regular().isel(depth=[0]), tmp_path / "sea.nc")
     return {
         "name": "dated",
         "site": {"longitude": LON + 0.035, "latitude": LAT + 0.025, "departure": "2020-01-01T01:00:00Z"},

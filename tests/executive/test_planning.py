@@ -22,8 +22,7 @@ from auvplan.scenario.area import OperatingArea
 from auvplan.view.margins import Margins
 from auvplan.view.sheet import sheet_of
 from tests.executive.small import planning, scenario
-from tests.executive.tide import CHANNEL, channel, tidal_area
-from tests.io.small_site import SmallSite
+from tests.executive.tide import CHANNEL, channel, channel_with, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -342,9 +341,9 @@ def test_the_checker_holds_the_track_to_known_obstacles(obstacle, depart):
         assert hit or not faults
 
 
-def test_the_shortest_way_that_is_too_long_is_by_the_currents_of_the_time_available(tmp_path):
-    settings = ap.load_scenario(SmallSite(tmp_path / "site").folder / "scenario.yaml")
-    run = plan_scenario(settings.with_({"mission.time_available": 100.0}))
+def test_the_shortest_way_that_is_too_long_is_by_the_currents_of_the_time_available():
+    settings, area = channel_with(available=100.0, current={"source": "harmonic", "constituents": "t.yaml"})
+    run = plan_scenario(settings, area=area)
     assert re.search(r"takes [\d.]+ s, [\d.]+ s are available\), by the currents of that time$", run.reason)
     run = plan_scenario(channel(mission=CHANNEL["mission"] | {"time_available": 100.0}))
     assert re.search(r"takes [\d.]+ s, [\d.]+ s are available\)$", run.reason)
