@@ -168,8 +168,11 @@ class Timetable:
         departures = self.departures
         if later := more_departures(departures.shape[-1]):
             travel_time = np.pad(travel_time, [*lead, (0, later), (0, 0), (0, 0)], mode="edge")
-            steps = (departures[..., 1:2] - departures[..., :1]) * np.arange(1, later + 1)
-            departures = np.concatenate([departures, departures[..., -1:] + steps], axis=-1)
+            first = departures[..., :1]
+            step = departures[..., 1:2] - first if departures.shape[-1] > 1 else np.ones_like(first)
+            departures = np.concatenate(
+                [departures, departures[..., -1:] + step * np.arange(1, later + 1)], -1
+            )
         return replace(self, departures=departures, travel_time=travel_time, **parts)
 
     def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
@@ -189,7 +192,7 @@ class Timetable:
 
 def more_departures(count: int) -> int:
     """Return how many departures a padded timetable has beside `count`."""
-    return max(16, count + _more(count)) - count if count > 1 else 0
+    return max(32, count + _more(count)) - count
 
 
 def _more(count: int) -> int:
