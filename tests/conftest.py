@@ -15,6 +15,7 @@ os.environ["XLA_FLAGS"] = " ".join(
         "--xla_backend_optimization_level=0",
         "--xla_llvm_disable_expensive_passes=true",
         "--xla_cpu_parallel_codegen_split_count=1",
+        "--xla_cpu_prefer_vector_width=128",
         "--xla_cpu_use_fusion_emitters=false"
         if version("jaxlib").startswith(("0.8.", "0.9.", "0.10."))
         else "",

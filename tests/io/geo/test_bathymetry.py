@@ -361,7 +361,7 @@ def test_a_bed_as_coarse_as_its_pixels_is_no_finer_source(monkeypatch, pixel_siz
     assert (read[0].depth <= plain.depth)[known].all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.integers(0, 10**6), st.sampled_from([0.0, 0.0, 20.0, 45.0, 77.0]), st.sampled_from([1.0, 1.6, 0.7]),
     st.sampled_from([None, 33.0, 100.0]), st.sampled_from(["pixels", "grid"]),
