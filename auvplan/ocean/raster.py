@@ -129,8 +129,10 @@ class Raster(Packable):
     ) -> jax.Array:
         """Return a plane [nx, ny] at places, or of [layers, nx, ny] the `layer` of each; see `bilinear`.
 
-        The plane is given by its name.
+        The plane is given by its name. Where nothing is traced, nothing is compiled.
         """
+        if not is_traced(self, x, y, layer):
+            return jnp.asarray(self.looked_up(getattr(self, plane), *np.broadcast_arrays(x, y), layer))
         raster = self.packed
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
         return bilinear((getattr(raster, plane), raster.origin, raster.pixel_size), x, y, layer)
