@@ -27,7 +27,7 @@ import pytest
 
 from auvplan.runtime import compiled
 
-compiled._LEVEL = 0  # of programs that have one of their own
+compiled._LEVEL, compiled._WIDTH = 0, 128  # of programs that have their own
 
 from auvplan import cli
 from auvplan.executive import context, loop

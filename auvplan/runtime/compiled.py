@@ -37,6 +37,9 @@ MOST = 96
 #: less of the processor's time.
 _LEVEL = 1
 
+#: Bits of vector registers of wide programs, see `compiled`.
+_WIDTH = 512
+
 #: Threads that programs are loaded by before they are asked for.
 _THREADS = 2
 
@@ -369,7 +372,7 @@ def compiled(
         quick: leave out XLA's newer code generators for fused operations. They make programs of long loops
             faster; others are compiled in two thirds of the time without them.
     """
-    options: dict[str, Any] = {"xla_cpu_prefer_vector_width": 512} if wide else {}
+    options: dict[str, Any] = {"xla_cpu_prefer_vector_width": _WIDTH} if wide else {}
     if quick:
         options["xla_cpu_use_fusion_emitters"] = False
     if options:  # programs without any may be called within others, which options may not
