@@ -821,15 +821,19 @@ def test_a_measured_current_says_which_member_is_planned_in():
     assert there.ends > plan.followed.ends + 100.0
 
 
-def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clock():
-    """Travel times follow the tide; the rest is planned for a moment at which the time is over."""
+def test_what_is_late_beyond_the_time_available_is_planned_or_refused_by_the_clock(monkeypatch):
+    """Travel times follow the tide; the rest is planned for a moment at which the time is over, and once."""
     planning = CHANNEL["planning"] | {"departures": 3}
     settings, area = channel_with(available=3000.0, planning=planning)
     plan = RollingPlan(settings, 0, area=area)
     assert plan.plan()
     here, now = np.asarray(plan.legs[2].positions[4], float), plan.run.t_available + 100.0
     assert plan.correct_current(np.asarray([0.1, 0.0, 0.0]), here, now) is not None
+    planned, complete = [], RollingPlan._complete
+    counted = lambda *given, **how: planned.append(complete(*given, **how)) or planned[-1]  # noqa: E731
+    monkeypatch.setattr(RollingPlan, "_complete", counted)
     assert plan.from_leg(2, now) is None
+    assert len(planned) == 1
     assert plan.reason
     late = is_there(plan.from_position(2, here, now))
     assert late.ends > now

@@ -1,6 +1,7 @@
 """Grids packed: other sizes need no other program, and what is looked up has the same bits."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -74,6 +75,18 @@ def test_a_path_in_an_area_of_another_size_compiles_nothing(config) -> None:
         plan = ap.plan_path((40, 40, 5), (250, 190, 5), env, key=jax.random.key(0), config=config)
         assert plan.feasible, plan.reason
     assert compilations() == before
+
+
+def test_places_that_nothing_traces_are_looked_up_without_compiling() -> None:
+    env, rng = world(*ALIKE[0]), np.random.default_rng(2)
+    look_up = jax.jit(lambda x, y: (env.chart.distance(x, y), env.seabed.depth_at(x, y)))
+    env.chart.distance(0.0, 0.0)
+    for count in (3, 5, 17):
+        x, y = rng.uniform(-50.0, 450.0, (2, count)).astype(np.float32)
+        before = compilations()
+        found = env.chart.distance(x, y), env.seabed.depth_at(x, y)
+        assert compilations() == before
+        jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-6, atol=1e-4), found, look_up(x, y))
 
 
 @jax.tree_util.register_dataclass
