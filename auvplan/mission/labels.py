@@ -87,12 +87,16 @@ class Clocked:
         return np.where(np.isfinite(lasts), lasts, self._least), self.priority
 
     def walk(self, routes: IntArray) -> tuple[Array, Array]:
-        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit."""
+        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit.
+
+        They may be padded with their goal.
+        """
         now, worth = np.zeros((2, len(routes)))
         for here, there in pairwise(routes.T):
-            fits = np.isfinite(now)
+            fits, ended = np.isfinite(now), here == there
             done, gained = self.done(here, there, np.where(fits, now, 0.0))
-            now, worth = np.where(fits & (done <= self._due[there]), done, np.inf), worth + gained
+            then = np.where(fits & (done <= self._due[there]), done, np.inf)
+            now, worth = np.where(ended, now, then), worth + np.where(ended, 0.0, gained)
         return np.where(now < self.end, now, np.inf), worth
 
     @cached_property

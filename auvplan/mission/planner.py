@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from auvplan.mission import decoder as decoders
-from auvplan.mission import labels, rearrange
+from auvplan.mission import labels, rearrange, recreate
 from auvplan.mission.bound import least_difference, with_return_margin
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import Missions, search_within
@@ -23,7 +23,7 @@ from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.mission.speeds import RouteSpeeds, Saved, taken
 from auvplan.mission.timetable import more_departures
 from auvplan.runtime.budget import Budget
-from auvplan.runtime.prng import as_key
+from auvplan.runtime.prng import as_key, generator, single
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
@@ -33,8 +33,9 @@ T = TypeVar("T")
 #: ways to go a route, and some of those found keep both limits at other speeds. Routes that are tried for it.
 _MORE, _TRIED = (1.02, 1.1), 60
 
-#: Share of a budget that is kept for rearranging a route by the clock, from this number of waypoints on.
-_KEPT, _LONG = 0.2, 24
+#: Share of a budget that is kept for improving routes at last: where all edges are open, and by the clock
+#: from this number of waypoints on.
+_KEPT, _KEPT_LONG, _LONG = 0.4, 0.2, 24
 
 #: Iterations up to which one program serves searches.
 _ITERATIONS = 256
@@ -279,7 +280,10 @@ def plan_missions(
     if size == 2:  # there is one route at most: what looks for better ones is not compiled
         config = config.replace(seeds=0, local_rounds=0)
     iterations, options = config.bbo.iterations, graphs.options
-    kept = _KEPT if graphs.timetable is not None and size >= _LONG else 0.0
+    kept = max(
+        _KEPT * float(graphs.adjacency.mean()),
+        _KEPT_LONG if graphs.timetable is not None and size >= _LONG else 0.0,
+    )
     if options is None and energy_available is not None:
         raise ValueError(
             "energy_available needs a graph with options: what its edges take, and at which speeds"
@@ -296,7 +300,7 @@ def plan_missions(
     asked = _Asked(graphs, open_legs, goals, available, margins)
     differs = asked.least_differences(starts)
     more = next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1]) - size
-    shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
+    shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)), ruins=0)
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
     edges = Edges.of(
         np.pad(legs, square, constant_values=np.inf),
@@ -326,9 +330,11 @@ def plan_missions(
         keys, missions = _with_more(keys, missions)
     watch = None if budget is None else Budget((1.0 - kept) * budget, batch)
 
-    def on() -> bool:
-        return watch is None or budget is None or watch.left > -kept * budget
+    def on(row: int) -> bool:
+        return watch is None or budget is None or watch.left > -kept * budget * (row + 1) / batch
 
+    each_key = enumerate(single(keys)[:batch]) if config.local_rounds else ()
+    efforts = [_Effort(one, config.ruins, partial(on, row)) for row, one in each_key]
     program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
     result, best, least = batch_map(program, keys, missions)
     found = np.where(np.asarray(best.reached)[..., None], np.asarray(best.nodes[..., :size]), -1)
@@ -342,14 +348,14 @@ def plan_missions(
             found,
             np.asarray(least),
             asked,
-            _Choice(energy, levels, config.saves, on if config.local_rounds else None),
+            _Choice(energy, levels, config.saves, efforts),
         )
     rows, chosen = np.arange(batch), _richest(best, differs)
     result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
     if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
         nodes = _without_waiting(nodes, known, asked)
-    if config.objective == "priority" and config.local_rounds:
-        nodes = np.stack([_rearranged(*each, on) for each in zip(nodes, _each(asked), strict=True)])
+    if config.objective == "priority" and efforts:
+        nodes = np.stack([_improved(*each) for each in zip(nodes, found, _each(asked), efforts, strict=True)])
     return _collect(result, nodes, np.asarray(least), asked)
 
 
@@ -397,16 +403,36 @@ class _Asked(NamedTuple):
         ])  # fmt: skip
 
 
+class _Effort(NamedTuple):
+    """What is done at last to the routes of a mission: a key, rounds, and whether there is time for more."""
+
+    key: jax.Array
+    rounds: int
+    on: Callable[[], bool]
+
+    def improved(
+        self, nodes: np.ndarray, found: np.ndarray, mission: rearrange.Timed, one: _Asked
+    ) -> np.ndarray:
+        """Return a route [N], as it is measured by `mission`, improved: see `recreate.improved`."""
+        old = nodes[nodes >= 0].tolist()
+        if old[-1] != int(one.goals) or len(old) < 4:
+            return nodes
+        others = found[(found == old[-1]).any(axis=1)] if self.rounds else found[:0]
+        routes = [old, *(other[other >= 0].tolist() for other in _richer(others, -1.0, one.graphs))]
+        route = recreate.improved(routes, mission, generator(self.key), self.rounds, self.on)
+        return np.pad(np.asarray(route, nodes.dtype), (0, len(nodes) - len(route)), constant_values=-1)
+
+
 class _Choice(NamedTuple):
     """How the speeds of B missions are chosen: energies [B] J, levels [L, N, N] of each, what is saved.
 
-    And whether there is time to rearrange routes; None where they are not.
+    And what is done to routes at last; nothing if empty.
     """
 
     energy: np.ndarray
     levels: list[np.ndarray]
     saves: Saved
-    rearranges: Callable[[], bool] | None
+    efforts: list[_Effort]
 
 
 def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
@@ -445,40 +471,35 @@ def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.
     return chosen
 
 
-def _ways(nodes: np.ndarray, one: _Asked, energy: float, on: Callable[[], bool]) -> Iterator[np.ndarray]:
-    """Yield a route [N] with speeds to choose from, rearranged by time, then by time and energy, J."""
-    yield _rearranged(nodes, one, on)
+def _ways(
+    nodes: np.ndarray, found: np.ndarray, one: _Asked, energy: float, how: _Effort
+) -> Iterator[np.ndarray]:
+    """Yield a route [N] with speeds to choose from, improved by time, then by time and energy, J."""
+    yield _improved(nodes, found, one, how._replace(rounds=0))
     old, option, graph = nodes[nodes >= 0], one.graphs.options, one.graphs
-    if graph.timetable is not None or old[-1] != int(one.goals) or len(old) < 4:
+    if graph.timetable is not None or old[-1] != int(one.goals):
         return
     assert option is not None
     legs, limits = (old[:-1], old[1:]), (float(one.available), energy)
     mixtures = option.shares(graph.duration, np.isfinite(one.legs), limits)
     share = max(mixtures, key=lambda mixture: mixture[legs].sum())  # of the scarcest
     share = with_return_margin(share, int(old[0]), int(old[-1]), float(one.margins))
-    for most in (1.0, share[legs].sum() + 1e-9):
+    for most, rounds in ((1.0, how.rounds), (share[legs].sum() + 1e-9, 0)):
         mission = rearrange.Still(share, np.asarray(graph.priority, float), most)
-        yield _filled(nodes, rearrange.rearranged(old.tolist(), mission, on))
+        yield how._replace(rounds=rounds).improved(nodes, found, mission, one)
 
 
-def _rearranged(nodes: np.ndarray, one: _Asked, on: Callable[[], bool]) -> np.ndarray:
-    """Return a route [N] of one mission, rearranged, as long as `on` says that there is time."""
-    old, graph = nodes[nodes >= 0].tolist(), one.graphs
-    if old[-1] != int(one.goals) or len(old) < 4:
-        return nodes
+def _improved(nodes: np.ndarray, found: np.ndarray, one: _Asked, how: _Effort) -> np.ndarray:
+    """Return a route [N] of one mission, improved, of several [P, N] that were found."""
+    start, goal, graph = int(nodes[0]), int(one.goals), one.graphs
     mission: rearrange.Timed
     if graph.timetable is None:
-        times = with_return_margin(np.asarray(one.legs, float), old[0], old[-1], float(one.margins))
+        times = with_return_margin(np.asarray(one.legs, float), start, goal, float(one.margins))
         most = float(one.available) * (1.0 - 4.0 * rounding_margin(len(times)))
         mission = rearrange.Still(times, np.asarray(graph.priority, float), most)
     else:
-        mission = one.clocked(old[0])
-    return _filled(nodes, rearrange.rearranged(old, mission, on))
-
-
-def _filled(nodes: np.ndarray, route: list[int]) -> np.ndarray:
-    """Return a route, padded with -1 like `nodes` [N]."""
-    return np.pad(np.asarray(route, nodes.dtype), (0, len(nodes) - len(route)), constant_values=-1)
+        mission = one.clocked(start)
+    return how.improved(nodes, found, mission, one)
 
 
 def _at_fastest(graphs: MissionGraph) -> MissionGraph:
@@ -577,10 +598,11 @@ def _with_speeds(found: np.ndarray, asked: _Asked, how: _Choice) -> tuple[np.nda
             route[1:] = -1
             best = how.levels[b][-1]
 
-        for new in _ways(route.copy(), one, how.energy[b], how.rearranges) if how.rearranges else ():
-            other = option.for_route(new[new >= 0], *given, margin)
-            if other is not None and _rank(graph, new, other, how) < _rank(graph, route, best, how):
-                route[:], best = new, other
+        for effort in how.efforts[b : b + 1]:
+            for new in _ways(route.copy(), others, one, how.energy[b], effort):
+                other = option.for_route(new[new >= 0], *given, margin)
+                if other is not None and _rank(graph, new, other, how) < _rank(graph, route, best, how):
+                    route[:], best = new, other
         chosen[b] = best
         rows.append(graph.at_speeds(best))
     at, open_ = MissionGraph.stack(rows), np.isfinite(asked.legs)

@@ -17,7 +17,7 @@ from auvplan.mission.bound import Array, IntArray
 _CHAIN = 6
 
 #: s that a move saves at least; priority that does not count; s of a closed edge.
-_SAVES, _TIE, _CLOSED = 1e-6, 1e-9, 1e12
+SAVES, TIE, CLOSED = 1e-6, 1e-9, 1e12
 
 #: By the clock: changed routes that are gone through together, and legs of those of one round, at most.
 _TOGETHER, _MOST = 256, 2_500_000
@@ -32,12 +32,20 @@ class Timed(Protocol):
 
     exact: ClassVar[bool]
 
+    @property
+    def end(self) -> float:
+        """S; a route takes less."""
+        ...
+
     def along(self, route: list[int]) -> tuple[Array, Array]:
         """Return s and priority [N, N] of legs, as they are from where a route leaves their waypoints."""
         ...
 
     def walk(self, routes: IntArray) -> tuple[Array, Array]:
-        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit."""
+        """Return when routes [C, n] end, s, and their priority [C]; infinite where they do not fit.
+
+        They may be padded with their goal.
+        """
         ...
 
 
@@ -48,12 +56,12 @@ class Still:
     Attributes:
         times: [N, N] s, of legs with their tasks; infinite where closed.
         priority: [N, N], of legs.
-        available: s; a route takes less.
+        end: s; a route takes less.
     """
 
     times: Array
     priority: Array
-    available: float
+    end: float
     exact: ClassVar[bool] = True
 
     def along(self, route: list[int]) -> tuple[Array, Array]:
@@ -62,9 +70,11 @@ class Still:
 
     def walk(self, routes: IntArray) -> tuple[Array, Array]:
         """See `Timed`."""
-        legs = routes[:, :-1], routes[:, 1:]
-        ends = self.times[legs].sum(axis=1)
-        return np.where(ends < self.available, ends, np.inf), self.priority[legs].sum(axis=1)
+        legs = here, there = routes[:, :-1], routes[:, 1:]
+        ends, worth = (
+            np.where(here == there, 0.0, values[legs]).sum(axis=1) for values in (self.times, self.priority)
+        )
+        return np.where(ends < self.end, ends, np.inf), worth
 
 
 def rearranged(route: list[int], mission: Timed, on: Callable[[], bool] = lambda: True) -> list[int]:
@@ -111,9 +121,9 @@ def _changed(
         with np.errstate(invalid="ignore"):  # of routes that do not fit
             saved, more = route.ends - ends, worth - route.worth
         if changes is _moved:
-            gain = np.where((more >= -_TIE) & (saved > _SAVES), saved, 0.0)
+            gain = np.where((more >= -TIE) & (saved > SAVES), saved, 0.0)
         else:
-            gain = np.where(np.isfinite(ends) & (more > _TIE), more / np.maximum(-saved, _SAVES), 0.0)
+            gain = np.where(np.isfinite(ends) & (more > TIE), more / np.maximum(-saved, SAVES), 0.0)
         if gain.max() > 0.0:
             which = int(gain.argmax())
             return _Route(some[which], float(ends[which]), float(worth[which]))
@@ -124,42 +134,49 @@ def _changed(
 def _moved(route: _Route, mission: Timed) -> Iterator[list[int]]:
     """Yield a route with one part reversed or moved, first what saves most."""
     nodes, (times, _) = route.nodes, mission.along(route.nodes)
-    change = np.asarray(_moves(np.minimum(times[np.ix_(nodes, nodes)], _CLOSED)))
-    for place in _least(change.ravel(), -_SAVES if mission.exact else 0.5 * _CLOSED, len(nodes)):
-        move, i, k = np.unravel_index(place, change.shape)
-        if move == 0:
-            yield [*nodes[:i], *nodes[i : k + 1][::-1], *nodes[k + 1 :]]
-        else:
-            size, turned = divmod(move - 1, 2)
-            chain, rest = nodes[i : i + size + 1], [*nodes[:i], *nodes[i + size + 1 :]]
-            to = k + 1 if k < i else k - size
-            yield [*rest[:to], *(chain[::-1] if turned else chain), *rest[to:]]
+    change = moves(np.minimum(times[np.ix_(nodes, nodes)], CLOSED), _CHAIN)
+    for place in _least(change.ravel(), -SAVES if mission.exact else 0.5 * CLOSED, len(nodes)):
+        yield moved(nodes, *np.unravel_index(place, change.shape))
 
 
-def _moves(legs: Array) -> list[Array]:
-    """Return what moves add to the sum over a route of its values [n, n] of legs by places, [n, n] each.
+def moved(nodes: list[int], move: int, i: int, k: int) -> list[int]:
+    """Return a route after one of the moves of `moves`."""
+    if move == 0:
+        return [*nodes[:i], *nodes[i : k + 1][::-1], *nodes[k + 1 :]]
+    size, turned = divmod(move + 1, 2)
+    chain, rest = nodes[i : i + size], [*nodes[:i], *nodes[i + size :]]
+    to = k + 1 if k < i else k + 1 - size
+    return [*rest[:to], *(chain[::-1] if turned else chain), *rest[to:]]
 
-    First of reversing places i to k; then of moving the chain of 1, 1, 2, 2, ... places from i on between
-    places k and k + 1, as it is and reversed. Infinite where there is no such move.
+
+def moves(legs: Array, longest: int) -> Array:
+    """Return what moves add to the sum over a route of its values [..., n, n] of legs by places.
+
+    First of reversing places i to k; then of moving the chain of 1, 1, 2, 2, ..., `longest` places from i on
+    between places k and k + 1, as it is and reversed: [..., 1 + 2 longest, n, n]. Infinite where there is no
+    such move.
     """
-    count = len(legs)
-    place = np.arange(count)
-    onward = np.r_[0.0, np.cumsum(legs[place[:-1], place[1:]])]
-    back = np.r_[0.0, np.cumsum(legs[place[1:], place[:-1]])]
-    i, k = np.meshgrid(place, place, indexing="ij")
-    before, after = np.maximum(i - 1, 0), np.minimum(k + 1, count - 1)
-    change = legs[before, k] + legs[i, after] - legs[before, i] - legs[k, after]
-    change += (back[k] - back[i]) - (onward[k] - onward[i])
-    found = [np.where((i > 0) & (k > i) & (k < count - 1), change, np.inf)]
-    for size in range(min(_CHAIN, count - 2)):
-        last = np.minimum(i + size, count - 1)
-        beyond = np.minimum(last + 1, count - 1)
-        gone = legs[before, beyond] - legs[before, i] - legs[last, beyond] - legs[k, after]
-        allowed = (i > 0) & (i + size < count - 1) & (k < count - 1) & ((k < i - 1) | (k > i + size))
-        turned = (back[last] - back[i]) - (onward[last] - onward[i])
-        for way in (legs[k, i] + legs[last, after], legs[k, last] + legs[i, after] + turned):
-            found.append(np.where(allowed, gone + way, np.inf))
-    return found
+    count = legs.shape[-1]
+    onward, back = (np.diagonal(legs, offset, -2, -1) for offset in (1, -1))
+    turned = np.cumsum(np.pad(back - onward, [(0, 0)] * (legs.ndim - 2) + [(1, 0)]), axis=-1)
+    change = np.full((*legs.shape[:-2], 1 + 2 * longest, count, count), np.inf)
+    i, k = np.ogrid[1 : count - 1, 1 : count - 1]
+    before, after = turned[..., 1:-1] + onward[..., :-1], turned[..., 1:-1] - onward[..., 1:]
+    np.add(legs[..., :-2, 1:-1], legs[..., 1:-1, 2:], out=(part := change[..., 0, 1:-1, 1:-1]))
+    part += after[..., None, :] - before[..., None] + np.where(k > i, 0.0, np.inf)
+    for size in range(1, min(longest, count - 2) + 1):
+        first, last = slice(1, count - size), slice(size, count - 1)
+        i, k = np.ogrid[first, : count - 1]
+        gone = np.diagonal(legs, size + 1, -2, -1) - onward[..., : count - size - 1] - onward[..., size:]
+        rest = gone[..., None] - onward[..., None, :]
+        rest += np.where((k < i - 1) | (k > i + size - 1), 0.0, np.inf)
+        into, out = np.swapaxes(legs[..., :-1, :], -2, -1), legs[..., 1:]
+        np.add(into[..., first, :], out[..., last, :], out=(part := change[..., 2 * size - 1, first, :-1]))
+        part += rest
+        if size > 1:
+            np.add(into[..., last, :], out[..., first, :], out=(part := change[..., 2 * size, first, :-1]))
+            part += rest + (turned[..., last] - turned[..., first])[..., None]
+    return change
 
 
 def _longer(route: _Route, mission: Timed) -> Iterator[list[int]]:
@@ -169,10 +186,10 @@ def _longer(route: _Route, mission: Timed) -> Iterator[list[int]]:
     here, there = np.asarray(nodes[:-1]), np.asarray(nodes[1:])
     longer, more = (
         values[here][:, others] + values[others][:, there].T - values[here, there][:, None]
-        for values in (np.minimum(times, _CLOSED), priority)
+        for values in (np.minimum(times, CLOSED), priority)
     )
-    open_ = (more > _TIE) & (longer < 0.5 * _CLOSED)
-    loss = np.where(open_, -more / np.maximum(longer, _SAVES), np.inf).ravel()
+    open_ = (more > TIE) & (longer < 0.5 * CLOSED)
+    loss = np.where(open_, -more / np.maximum(longer, SAVES), np.inf).ravel()
     for place in _least(loss, 0.0, len(nodes)):
         k, which = np.unravel_index(place, longer.shape)
         yield [*nodes[: k + 1], int(others[which]), *nodes[k + 1 :]]
