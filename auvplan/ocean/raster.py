@@ -132,7 +132,8 @@ class Raster(Packable):
         The plane is given by its name. Where nothing is traced, nothing is compiled.
         """
         if not is_traced(self, x, y, layer):
-            return jax.device_put(self.looked_up(getattr(self, plane), *np.broadcast_arrays(x, y), layer))
+            x, y = np.broadcast_arrays(x, y)
+            return jax.device_put(self.looked_up(getattr(self, plane), x, y, layer))
         raster = self.packed
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
         return bilinear((getattr(raster, plane), raster.origin, raster.pixel_size), x, y, layer)
