@@ -17,7 +17,7 @@ from jax.core import Tracer
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
-from auvplan.runtime.captured import captured_by
+from auvplan.runtime.captured import Captured, as_hashable, captured_by
 from auvplan.runtime.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
@@ -401,8 +401,8 @@ def minimize(
         The best habitat, its cost and violation, the last population and the history.
 
     Raises:
-        ValueError: bounds or population do not fit together, the function returns other than one cost for
-            each habitat, or reads a NumPy array that has been changed in place since the last call.
+        ValueError: bounds or population do not fit together, or the function returns other than one cost for
+            each habitat.
         TypeError: the key is none, such as a seed.
 
     Example:
@@ -425,7 +425,10 @@ def minimize(
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
     target = None if stop is None else jnp.asarray(stop)
-    return _run(captured_by(fun), run_key, fun, start, low, high, config, args, stop=target)
+    fun = Captured(as_hashable(fun))
+    return _run(
+        captured_by(fun.function, start, *args), run_key, fun, start, low, high, config, args, stop=target
+    )
 
 
 @partial(jax.jit, static_argnums=(0, 2, 6))
