@@ -192,7 +192,9 @@ def test_expected_times_hold_where_the_sea_is_timed_by_the_clock(departures, lea
 POWER = {"hotel": 20, "propulsion": {"constant": 5, "factor": 10}, "battery": {"capacity": 900}}
 
 
-@pytest.mark.parametrize("vehicle", [{}, {"speed_range": [1.5, 2.5], "power": POWER}])
+@pytest.mark.parametrize(
+    "vehicle", [{}, pytest.param({"speed_range": [1.5, 2.5], "power": POWER}, marks=pytest.mark.slow)]
+)
 def test_where_the_stream_is_too_strong_for_every_leg_the_plan_fails_with_the_reason(vehicle):
     """Jobs that last: edges that the estimate closed are timed as in still water, without their tasks."""
     jobs = Jobs(
