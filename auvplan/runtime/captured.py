@@ -16,7 +16,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
-#: What functions capture as long as nobody can change it, by functions and arguments.
+#: What is made of functions as long as nobody can change what these read; see `captured_once`.
 _held: ContextVar[dict[tuple, tuple] | None] = ContextVar("captured", default=None)
 
 #: Digests of arrays of JAX, which nobody changes, by their identities.
@@ -33,15 +33,7 @@ def captured_by(function: Callable[..., Any], *given: Any) -> tuple:
         function: to be traced, however often it was before.
         given: trees of its arguments, or of their shapes and types.
     """
-    held = _held.get()
-    if held is None:
-        return _words(function, *given)
-    leaves, tree = jax.tree.flatten(given)
-    kinds = tuple((np.shape(leaf), jax.dtypes.result_type(leaf)) for leaf in leaves)
-    key = id(function), tree, kinds
-    if key not in held:
-        held[key] = function, _words(function, *given)
-    return held[key][1]
+    return _once(_words, function, given)
 
 
 def as_hashable(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -69,8 +61,7 @@ def captured_once() -> Iterator[None]:
 def traced(function: Callable[..., Any], *given: Any) -> list[Any]:
     """Return the program that JAX makes of a function and all values in it; see `captured_by`."""
     try:
-        # By a function of its own: JAX keeps what it has seen of this one.
-        seen = jax.make_jaxpr(lambda *given: function(*given))(*given)
+        seen, _ = _once(_program, function, given)
     except Exception:
         return []
     return [str(seen), *map(_word, _constants(seen))]
@@ -92,7 +83,7 @@ class Captured:
         if not any(isinstance(leaf, Tracer) for leaf in leaves):
             return self.function(*given)
         try:
-            seen, kinds = jax.make_jaxpr(lambda *given: self.function(*given), return_shape=True)(*given)
+            seen, kinds = _once(_program, self.function, given)
         except TypeError:  # it returns what is no array
             return self.function(*given)
         copies = [np.array(value) if isinstance(value, np.ndarray) else value for value in seen.consts]
@@ -100,12 +91,31 @@ class Captured:
         return jax.tree.unflatten(jax.tree.structure(kinds), found)
 
 
+def _once(make: Callable[..., Any], function: Callable[..., Any], given: tuple) -> Any:
+    """Return what is made of a function and arguments, made once within `captured_once`."""
+    held = _held.get()
+    if held is None:
+        return make(function, *given)
+    leaves, tree = jax.tree.flatten(given)
+    kinds = ((np.shape(leaf), jnp.result_type(leaf), getattr(leaf, "weak_type", False)) for leaf in leaves)
+    key = make, id(function), tree, *kinds
+    if key not in held:
+        held[key] = function, make(function, *given)
+    return held[key][1]
+
+
 def _words(function: Callable[..., Any], *given: Any) -> tuple:
-    """Return `traced` without places in memory: rules for derivatives are other objects in each trace."""
+    # Rules for derivatives are other objects in each trace, in other places in memory.
     return tuple(
         re.sub(r" at 0x[0-9a-f]+", "", word) if isinstance(word, str) and "callback" not in word else word
         for word in traced(function, *given)
     )
+
+
+def _program(function: Callable[..., Any], *given: Any) -> tuple[ClosedJaxpr, Any]:
+    """Return the program that JAX makes of a function now, and the shapes of what it returns."""
+    # Of a function of its own: JAX keeps what it has seen of this one.
+    return jax.make_jaxpr(lambda *given: function(*given), return_shape=True)(*given)
 
 
 def _word(value: Any) -> Any:
