@@ -22,8 +22,9 @@ from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.mission.speeds import RouteSpeeds, Saved, taken
 from auvplan.mission.timetable import more_departures
+from auvplan.runtime.arguments import check_choice, numbers, per_row
 from auvplan.runtime.budget import Budget
-from auvplan.runtime.prng import as_key, generator, single
+from auvplan.runtime.prng import as_key, generator, key_per, single
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
@@ -112,8 +113,9 @@ def plan_mission(
     Differences from the paper:
         Its search starts from random priority vectors alone and minimises Eq. 15: `MissionConfig.paper()`.
     """
-    if method not in ("search", "exact"):
-        raise ValueError(f'method must be "search" or "exact", got {method!r}')
+    check_choice("method", method, ("search", "exact"))
+    if not numbers("time_limit", time_limit) > 0.0:
+        raise ValueError(f"time_limit must be positive, s of wall-clock time, got {time_limit}")
     if method == "exact" and config is not None and config.objective != "priority":
         raise ValueError(f'method "exact" needs objective "priority", got {config.objective!r}')
     if np.ndim(graph.positions) != 2:
@@ -257,23 +259,26 @@ def plan_missions(
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
     """
+    if not isinstance(config, MissionConfig | None):
+        given = type(config).__name__
+        raise TypeError(f"config must be a MissionConfig, got {given}: give ap.MissionConfig(...)")
     config = config or MissionConfig()
-    graphs, key = jax.tree.map(np.asarray, graphs), as_key(key)
+    graphs = jax.tree.map(np.asarray, graphs)
     if graphs.positions.ndim != 3:
         raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
     batch, size = graphs.positions.shape[:2]
     starts, goals = _indices("start", starts, batch, size), _indices("goal", goals, batch, size)
-    available = _figures("time_available", time_available, batch)
-    rate = _figures("speed", _speed(vehicle, speed), batch)
+    available = per_row("time_available", time_available, batch)
+    rate = per_row("speed", _speed(vehicle, speed), batch)
     if not (rate > 0.0).all():
         raise ValueError(f"speed must be positive, got {rate.min():g} m/s")
-    keys = jax.random.split(key, batch) if key.ndim == 0 else key
-    if len(keys) != batch:
-        raise ValueError(f"key must be one, or [{batch}], one for each mission, got {len(keys)}")
+    keys = key_per("mission", key, batch)
     closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
     if closed.shape != (batch, size):
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
-    margins = _figures("return_margin", return_margin, batch)
+    margins = per_row("return_margin", return_margin, batch)
+    if (margins < 0.0).any():
+        raise ValueError(f"return_margin must not be negative, got {margins.min():g}")
     given, count = _given(population, batch, size, config)
     known = _known(known_routes, starts, goals, size)
 
@@ -290,7 +295,7 @@ def plan_missions(
         )
     if options is not None and (config.decoder == "paper" or config.objective == "eq15"):
         raise ValueError('speeds to choose from need decoder "rate" or "timely" and objective "priority"')
-    energy = _figures("energy_available", 1e30 if energy_available is None else energy_available, batch)
+    energy = per_row("energy_available", 1e30 if energy_available is None else energy_available, batch)
     if options is None:
         legs = graphs.leg_times(rate)
     else:
@@ -731,13 +736,6 @@ def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:
     if not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() >= size:
         raise ValueError(f"{name} must be an index in [0, {size}), got {np.unique(found)}")
     return found.astype(np.int32)
-
-
-def _figures(name: str, values: Any, batch: int) -> np.ndarray:
-    found = np.broadcast_to(np.asarray(values, float), (batch,))
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} must be finite, got {found}")
-    return found
 
 
 def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tuple[np.ndarray, int]:

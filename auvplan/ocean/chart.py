@@ -19,7 +19,8 @@ from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
-from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.ocean.raster import Raster, is_traced
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.packed import sizes
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
@@ -63,7 +64,7 @@ class Chart(Raster):
         Raises:
             ChartError: the raster is not two-dimensional, is empty, or has other values.
         """
-        raster = numbers(passability, np.float32, hidden=0.0)
+        raster = numbers("passability", passability, np.float32, hidden=0.0)
         if raster.ndim != 2 or raster.size == 0:
             raise ChartError(f"passability must be a non-empty [nx, ny] raster, got shape {raster.shape}")
         uncertain = (raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6)
@@ -87,7 +88,7 @@ class Chart(Raster):
 
         What is NaN, or hidden by a NumPy mask, is coast.
         """
-        raster = numbers(water)
+        raster = numbers("water", water)
         known = ~np.isnan(raster)
         return cls.from_passability((known & (raster != 0.0)).astype(np.float32), pixel_size, origin)
 

@@ -161,20 +161,6 @@ class Raster(Packable):
         return south + a * (row[first] + b * (row[first + right] - row[first]) - south)
 
 
-def numbers(values: Any, dtype: type = float, hidden: float = np.nan) -> NDArray[np.floating]:
-    """Return values as floats, `hidden` where a NumPy mask hides a fill value, and `timedelta64` in seconds.
-
-    Raises:
-        TypeError, ValueError: they are dates, or no numbers.
-    """
-    found = np.asarray(values)
-    if found.dtype.kind in "mM":
-        found = found / np.timedelta64(1, "s")
-    if isinstance(values, np.ma.MaskedArray):
-        found = np.where(np.ma.getmaskarray(values), hidden, found)
-    return found.astype(dtype, copy=False)
-
-
 def is_traced(*trees: Any) -> bool:
     """Return whether JAX traces any array of some trees."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))

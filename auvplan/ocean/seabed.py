@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.ocean.raster import Raster, is_traced
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.packed import sizes
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
@@ -92,7 +93,7 @@ class Seabed(Raster):
             SeabedError: the raster is not two-dimensional, is empty, infinite or wholly unknown, or a number
                 is out of its range.
         """
-        raster = numbers(depth)
+        raster = numbers("depth", depth)
         corner = np.asarray(origin, float)
         if raster.ndim != 2 or raster.size == 0:
             raise SeabedError(f"depth must be a non-empty [nx, ny] raster, got shape {raster.shape}")

@@ -1,7 +1,7 @@
 """Layers of Lamb-Oseen vortices, random fields of them, and how they change (Eqs 1-2)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Velocity
+from auvplan.runtime.arguments import check_settings, numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero, register_without_init
@@ -422,6 +423,9 @@ class CurrentUpdate:
     radius_std: float = 20.0
     strength_std: float = 0.05
     radius_floor: float = 50.0
+
+    def __post_init__(self) -> None:
+        check_settings(self, {part.name: (0, np.inf) for part in fields(self)})
 
 
 def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> LambVortices:

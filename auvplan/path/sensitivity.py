@@ -14,11 +14,13 @@ from jax.typing import ArrayLike
 from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.raster import is_traced
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given, check_moment
 from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
@@ -155,9 +157,9 @@ def travel_time(
         speed_reading: as in `PathConfig`.
 
     Raises:
-        ValueError: points are not [S, 3] with at least two rows, or the departure is too far from the epoch
-            for single precision.
-        TypeError: the environment or the vehicle is none.
+        ValueError: points are not [S, 3] with at least two rows, or the departure is not one finite number,
+            or too far from the epoch for single precision.
+        TypeError: the environment or the vehicle is none, or points or departure are no numbers.
 
     Example:
         >>> import jax, auvplan as ap
@@ -171,10 +173,12 @@ def travel_time(
     """
     check_given(env, vehicle)
     check_moment("depart", depart)
-    points = jnp.asarray(points, float)
+    points = jnp.asarray(points if is_traced(points) else numbers("points", points), float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         wanted = "[S, 3] m, north, east and depth, at least two"
         raise ValueError(f"points must be {wanted}, got shape {points.shape}")
+    if not is_traced(depart) and np.ndim(depart):
+        raise ValueError(f"depart must be one number, s since the epoch, got shape {np.shape(depart)}")
     config = timed(PathConfig(speed_reading=speed_reading), env.current)
     vehicle = (vehicle or Vehicle()).without_power()
     followed = _along(points, env, vehicle, jnp.asarray(depart, float), config)

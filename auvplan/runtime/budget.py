@@ -10,8 +10,10 @@ from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
 import jax
+import numpy as np
 
 from auvplan.runtime import cores
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compilations
 
 T = TypeVar("T")
@@ -39,8 +41,9 @@ class Budget:
 
         Raises:
             ValueError: the time is not positive.
+            TypeError: it is no number, as a `timedelta` is not.
         """
-        if not seconds > 0.0:
+        if np.ndim(seconds) or not numbers("budget", seconds) > 0.0:
             raise ValueError(f"budget must be positive, s of wall-clock time, got {seconds}")
         spare = min(max(_SPARE * seconds, _LEAST), 0.5 * seconds)
         self._ends, self._total = time.perf_counter() + seconds - spare, seconds

@@ -1,0 +1,111 @@
+"""Checks of what functions and settings are given; messages name it, what it was and what would do."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from datetime import date, timedelta
+from functools import cache
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: What a value of a field's type is, and how messages call it.
+_KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
+    int: ((int, np.integer), "a whole number"),
+    float: ((int, float, np.integer, np.floating), "a number"),
+    bool: ((bool, np.bool_), "True or False"),
+    NoneType: ((NoneType,), "None"),
+}
+
+
+def numbers(
+    name: str, values: Any, dtype: type = float, hidden: float = np.nan, durations: bool = False
+) -> NDArray[np.floating]:
+    """Return an argument's values as floats, `hidden` where a NumPy mask hides a fill value.
+
+    With `durations` it may be `numpy.timedelta64`, which is read in seconds.
+
+    Raises:
+        TypeError: they are no real numbers: text, dates, durations, None.
+        ValueError: rows are of different lengths.
+    """
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of numbers, got rows of different lengths") from None
+    if durations and found.dtype.kind == "m":
+        found = found / np.timedelta64(1, "s")
+    if found.dtype.kind not in "biufV":
+        first = found.flat[0] if found.size else found
+        timed = isinstance(first, date | timedelta | np.datetime64 | np.timedelta64)
+        got = type(first).__name__ if timed else f"{getattr(first, 'item', lambda: first)()!r:.80}"
+        raise TypeError(f"{name} must be numbers, got {got}{': give seconds as a float' if timed else ''}")
+    if isinstance(values, np.ma.MaskedArray):
+        found = np.where(np.ma.getmaskarray(values), hidden, found)
+    return found.astype(dtype, copy=False)
+
+
+def per_row(name: str, values: Any, rows: int) -> NDArray[np.floating]:
+    """Return finite numbers [rows], given as such or as one for all.
+
+    Raises:
+        TypeError, ValueError: as `numbers`; they are not as many, or not finite.
+    """
+    found = numbers(name, values)
+    if found.shape not in ((), (1,), (rows,)):
+        raise ValueError(f"{name} must be one number or [{rows}], got shape {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite, got {found[~np.isfinite(found)][0]}")
+    return np.broadcast_to(found, (rows,))
+
+
+def check_choice(name: str, given: Any, choices: tuple[Any, ...]) -> None:
+    """Refuse what is not among some words.
+
+    Raises:
+        ValueError: one line that lists them.
+    """
+    if not isinstance(given, str | None) or given not in choices:
+        raise ValueError(f"{name} must be one of {choices}, got {given!r}")
+
+
+def check_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse settings, a dataclass, that are not of their fields' types or out of range; arrays pass.
+
+    Args:
+        settings: fields are numbers, choices by `Literal`, or settings themselves.
+        ranges: of some fields, least and greatest value.
+
+    Raises:
+        ValueError: one line that names the field.
+    """
+    for name, (choices, kinds, wanted) in _types_of(type(settings)).items():
+        value = getattr(settings, name)
+        if choices:
+            check_choice(name, value, choices)
+        elif hasattr(value, "shape") and not isinstance(value, np.generic):
+            continue
+        elif not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+            raise ValueError(f"{name} must be {wanted}, got {value!r}")
+        elif value is not None and (name in ranges or (isinstance(value, float) and math.isnan(value))):
+            least, most = ranges.get(name, (-math.inf, math.inf))
+            if not least <= value <= most:
+                within = f"at least {least:g}" if math.isinf(most) else f"in [{least:g}, {most:g}]"
+                raise ValueError(f"{name} must be {within}, got {value}")
+
+
+@cache
+def _types_of(kind: type) -> dict[str, tuple[tuple[Any, ...], tuple[type, ...], str]]:
+    """Return the choices of each field, or the types that a value may be of and these in words."""
+    found, hints = {}, get_type_hints(kind)
+    for part in fields(kind):
+        hint = hints[part.name]
+        options = (hint,) if get_origin(hint) is Literal or not get_args(hint) else get_args(hint)
+        words = [get_args(option) for option in options if get_origin(option) is Literal]
+        choices = (*(None for option in options if words and option is NoneType), *(w for c in words for w in c))
+        known = [_KINDS.get(option, ((option,), f"a {option.__name__}")) for option in options if not words]
+        kinds = tuple(one for types, _ in known for one in types)
+        found[part.name] = choices, kinds, " or ".join(said for _, said in known)
+    return found
