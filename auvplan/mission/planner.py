@@ -22,7 +22,7 @@ from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.mission.speeds import RouteSpeeds, Saved, taken
 from auvplan.mission.timetable import more_departures
-from auvplan.runtime.arguments import check_choice, numbers, per_row
+from auvplan.runtime.arguments import check_choice, instance, numbers, per_row
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.prng import as_key, generator, key_per, single
 from auvplan.runtime.rows import batch_map
@@ -76,7 +76,7 @@ def plan_mission(
         graph: N waypoints.
         start: index of the waypoint where the vehicle is.
         goal: index of the destination; equal to `start` it gives the empty mission.
-        time_available: T_available, s; the mission takes strictly less.
+        time_available: T_available, s; the mission takes strictly less. None is possible in negative time.
         vehicle: its `speed` is |v| of Eq. 13, m/s; defaults to `Vehicle()`.
         key: PRNG key, consumed; the same key gives the same route.
         config: settings; defaults to `MissionConfig()`.
@@ -96,7 +96,7 @@ def plan_mission(
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
-        TypeError: the key is none, such as a seed.
+        TypeError: the key is none, such as a seed, or an argument is of another kind, such as a `timedelta`.
         ImportError: method "exact" without OR-Tools.
 
     Example:
@@ -113,6 +113,7 @@ def plan_mission(
     Differences from the paper:
         Its search starts from random priority vectors alone and minimises Eq. 15: `MissionConfig.paper()`.
     """
+    instance("graph", graph, MissionGraph)
     check_choice("method", method, ("search", "exact"))
     if not numbers("time_limit", time_limit) > 0.0:
         raise ValueError(f"time_limit must be positive, s of wall-clock time, got {time_limit}")
@@ -123,9 +124,9 @@ def plan_mission(
     started = time.perf_counter()
     routes = plan_missions(
         jax.tree.map(lambda field: np.asarray(field)[None], graph),
-        [start],
-        [goal],
-        [time_available],
+        start,
+        goal,
+        time_available,
         vehicle,
         key=as_key(key)[None],
         speed=speed,
@@ -189,6 +190,8 @@ def replan_mission(
         >>> rest.feasible, int(rest.nodes[0]) == here
         (True, True)
     """
+    instance("route", route, MissionRoute, "what ap.plan_mission returned")
+    instance("graph", graph, MissionGraph)
     nodes = [int(node) for node in route.nodes]
     if here not in nodes:
         raise ValueError(f"here must be a waypoint of the route {nodes}, got {here}")
@@ -197,7 +200,7 @@ def replan_mission(
             raise ValueError(
                 "a graph with a timetable needs `now`, s since the moment that its times count from"
             )
-        graph = replace(graph, timetable=graph.timetable.since(now))
+        graph = replace(graph, timetable=graph.timetable.since(per_row("now", now, 1)[0]))
     reached = nodes.index(here)
     passed = (*route.passed, *pairwise(nodes[: reached + 1]))
     graph = graph.without_edges(passed, both_ways=None)
@@ -257,12 +260,12 @@ def plan_missions(
         energy_available: [B] J or one for all, as for `plan_mission`.
 
     Raises:
-        ValueError: an argument is out of range or of the wrong shape.
+        ValueError: an argument is out of range or of the wrong shape, or keys are not as many as missions.
+        TypeError: as `plan_mission`.
     """
-    if not isinstance(config, MissionConfig | None):
-        given = type(config).__name__
-        raise TypeError(f"config must be a MissionConfig, got {given}: give ap.MissionConfig(...)")
     config = config or MissionConfig()
+    instance("config", config, MissionConfig)
+    instance("graphs", graphs, MissionGraph, "ap.MissionGraph.stack(...)")
     graphs = jax.tree.map(np.asarray, graphs)
     if graphs.positions.ndim != 3:
         raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
@@ -273,7 +276,7 @@ def plan_missions(
     if not (rate > 0.0).all():
         raise ValueError(f"speed must be positive, got {rate.min():g} m/s")
     keys = key_per("mission", key, batch)
-    closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
+    closed = np.zeros((batch, size), bool) if visited is None else numbers("visited", visited, bool)
     if closed.shape != (batch, size):
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
     margins = per_row("return_margin", return_margin, batch)
@@ -662,11 +665,11 @@ def _collect(
     if how is not None:
         nodes, asked, speeds = _with_speeds(nodes, asked, how)
     graphs, legs, goals, available, margins = asked
-    reached = (nodes == goals[:, None]).any(axis=1)
+    reached = (nodes == goals[:, None]).any(axis=1) & (available >= 0.0)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
     lacking = np.zeros(len(nodes), bool)
     if speeds is not None:
-        for b in np.flatnonzero(~reached):
+        for b in np.flatnonzero(~reached & ~late):
             lacking[b] = _lacks_energy(_each(speeds)[b], int(nodes[b, 0]), int(goals[b]), available[b])
     leg_times = asked.along(legs, nodes)
     waits = lost = np.zeros_like(leg_times)
@@ -732,10 +735,12 @@ def _lacks_energy(speeds: RouteSpeeds, start: int, goal: int, available: float) 
 
 
 def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:
-    found = np.broadcast_to(np.asarray(values), (batch,))
+    found = np.asarray(values)
+    if found.shape not in ((), (batch,)):
+        raise ValueError(f"{name} must be one index or [{batch}], got shape {found.shape}")
     if not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() >= size:
         raise ValueError(f"{name} must be an index in [0, {size}), got {np.unique(found)}")
-    return found.astype(np.int32)
+    return np.broadcast_to(found, (batch,)).astype(np.int32)
 
 
 def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tuple[np.ndarray, int]:

@@ -14,6 +14,7 @@ from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.raster import is_traced
 from auvplan.ocean.seabed import Seabed
+from auvplan.runtime.arguments import instance, numbers
 from auvplan.runtime.pytree import register_without_init
 
 
@@ -66,8 +67,12 @@ def as_price(price: object) -> Price | None:
     return as_pytree(price, FunctionPrice, "price", "s/s")
 
 
+#: How parts of an environment are made.
+_MADE = {"chart": "from_mask", "obstacles": "static", "seabed": "from_depth"}
+
+
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Environment:
     """The world as a planner believes it.
 
@@ -84,7 +89,8 @@ class Environment:
             place adds to the cost of a path (Eq. 12), beside the second itself; or None.
 
     Raises:
-        TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace.
+        TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace; or
+            another field is of another kind.
         ValueError: a function does not return what it should; the box is not two corners, the
             lower one first, or reaches beyond the sea bed; JAX traces the box, or where chart or sea bed lie.
     """
@@ -102,13 +108,21 @@ class Environment:
         # One that is made from another, perhaps while JAX traces, is complete.
         if isinstance(self.lower, jax.Array) and self.obstacles is not None:
             return
+        kinds = {"chart": Chart, "obstacles": Obstacles, "seabed": Seabed}
+        for name, kind in kinds.items():
+            if getattr(self, name) is not None:
+                instance(name, getattr(self, name), kind, f"ap.{kind.__name__}.{_MADE[name]}(...)")
+        if not isinstance(self.closures, tuple) or not all(isinstance(one, Closure) for one in self.closures):
+            raise TypeError(f"closures must be a tuple of Closure, got {self.closures!r:.80}")
         rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
         if is_traced(self.lower, self.upper, [(raster.origin, raster.pixel_size) for raster in rasters]):
             raise ValueError(
                 "no environment is built from a chart, sea bed or box that JAX traces: build one before, and "
                 "put the traced part into it by dataclasses.replace(env, chart=...)"
             )
-        corners = lower, upper = [np.array(corner, float) for corner in (self.lower, self.upper)]
+        corners = lower, upper = [
+            np.array(numbers(f"environment {name}", getattr(self, name))) for name in ("lower", "upper")
+        ]
         if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():
             raise ValueError("environment lower and upper must be (x, y, z) with lower <= upper")
         for corner, known, innermost in (

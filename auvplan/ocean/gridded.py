@@ -32,7 +32,7 @@ class CurrentError(AuvplanError):
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GriddedCurrent(Packable):
     """A current on a grid of even metres north and east, rising depths and rising times.
 

@@ -11,6 +11,8 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.errors import AuvplanError
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.packed import Packable, Packed, flat, is_one, sizes
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero
@@ -159,6 +161,21 @@ class Raster(Packable):
         south = row[first] + b * (row[first + right] - row[first])
         first = first + up
         return south + a * (row[first] + b * (row[first + right] - row[first]) - south)
+
+
+def placed(pixel_size: Any, origin: Any, fault: type[AuvplanError]) -> tuple[float, NDArray[np.floating]]:
+    """Return the size of a raster's pixels, m, and north and east of its corner, [2] m.
+
+    Raises:
+        AuvplanError: `fault`, where one is out of its range.
+        TypeError: they are no numbers.
+    """
+    size, corner = numbers("pixel_size", pixel_size), numbers("origin", origin)
+    if size.shape or not (np.isfinite(size) and size > 0.0):
+        raise fault(f"pixel_size must be positive, m, one number for north and east, got {pixel_size}")
+    if corner.shape != (2,) or not np.isfinite(corner).all():
+        raise fault(f"origin must be (north, east), m, got {origin}")
+    return float(size), corner
 
 
 def is_traced(*trees: Any) -> bool:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Velocity
+from auvplan.ocean.raster import is_traced
 from auvplan.runtime.arguments import check_settings, numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
@@ -28,7 +28,7 @@ _UNROLL = 4
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LambVortices:
     """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).
 
@@ -48,6 +48,9 @@ class LambVortices:
         vertical_scale: gamma, m; scales the vertical component.
         uniform: [3] m/s north, east, down, added everywhere.
 
+    Raises:
+        TypeError, ValueError: a field is no numbers, of another shape or out of range; one line names it.
+
     Differences from the paper:
         As printed, the exponential is not multiplied by (y - y0) and the field is singular at the centre; the
         covariance of w is read as l^2 I.
@@ -62,14 +65,23 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        depths = np.arange(len(self.centers)) if self.depths is None else self.depths
+        shape = jnp.shape(self.centers)
+        if len(shape) != 3 or shape[2] != 2:
+            raise ValueError(f"centers must be [L, K, 2] m, north and east, got shape {shape}")
+        depths = np.arange(shape[0]) if self.depths is None else self.depths
         given = {name: getattr(self, name) for name in ("centers", "strength", "radius", "uniform")}
+        shapes = {"strength": shape[:2], "radius": shape[:2], "uniform": (3,), "depths": shape[:1]}
         for name, value in (given | {"depths": depths}).items():
+            if not is_traced(value):
+                value = numbers(name, value)
+                if not np.isfinite(value).all() or (name == "radius" and not (value > 0.0).all()):
+                    raise ValueError(f"{name} must be finite{', and positive' * (name == 'radius')}")
+                if name == "depths" and not (np.diff(value) > 0.0).all():
+                    raise ValueError(f"depths must rise, m, got {value.tolist()}")
+            if jnp.shape(value) != shapes.get(name, shape):
+                wanted = f"{shapes[name]}, with centers [L, K, 2] = {shape}"
+                raise ValueError(f"{name} must be {wanted}, got shape {jnp.shape(value)}")
             object.__setattr__(self, name, jnp.asarray(value, float))
-        chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
-        chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
-        chex.assert_shape(self.centers, (*self.strength.shape, 2))
-        chex.assert_shape(self.depths, (self.centers.shape[0],))
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
@@ -354,9 +366,22 @@ def random_vortices(
         It gives neither the number of vortices nor their sizes and strengths; all are chosen here.
 
     Raises:
-        TypeError: the key is none, such as a seed.
+        TypeError: the key is none, such as a seed, or a value is no number.
+        ValueError: corners or the range of radii are the wrong way round, or a number is out of its range.
     """
     key = as_key(key)
+    for name, value, least in (("count", count, 0), ("layers", layers, 1)):
+        if not isinstance(value, int | np.integer) or value < least:
+            raise ValueError(f"{name} must be a whole number, at least {least}, got {value!r}")
+    if not is_traced(lower, upper, radius, peak_speed):
+        low, high = numbers("lower", lower), numbers("upper", upper)
+        if low.shape != (3,) or high.shape != (3,) or not (low <= high).all() or (low >= high)[:2].any():
+            raise ValueError(f"lower and upper must be (x, y, z) m with lower < upper, got {lower}, {upper}")
+        sizes = numbers("radius", radius)
+        if sizes.shape != (2,) or not 0.0 < sizes[0] <= sizes[1] < np.inf:
+            raise ValueError(f"radius must be least and greatest, m, positive, got {radius}")
+        if not 0.0 <= numbers("peak_speed", peak_speed) < np.inf:
+            raise ValueError(f"peak_speed must not be negative, m/s, got {peak_speed}")
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
     kind = _Kind(radius, peak_speed, layer_noise, vertical_scale)
     field = _random_vortices(key, *corners, kind, count, count=rounded_up(count), layers=layers)

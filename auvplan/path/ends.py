@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.gridded import CurrentError
+from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.raster import is_traced
 from auvplan.path.config import PathConfig
-from auvplan.runtime.arguments import numbers
+from auvplan.runtime.arguments import instance, numbers
 from auvplan.vehicle import Vehicle
 
 #: m, by which an end may fall short of the sea bed's clearance: rounding in single precision.
@@ -39,8 +40,8 @@ def check_given(env: object, vehicle: object, config: object = None) -> None:
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         made = f"ap.Vehicle(speed={vehicle})" if isinstance(vehicle, int | float) else "ap.Vehicle(...)"
         raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give {made}")
-    if config is not None and not isinstance(config, PathConfig):
-        raise TypeError(f"config must be a PathConfig, got {type(config).__name__}: give ap.PathConfig(...)")
+    if config is not None:
+        instance("config", config, PathConfig)
 
 
 def check_worlds(count: int, row: str, **parts: Any) -> None:
@@ -51,7 +52,7 @@ def check_worlds(count: int, row: str, **parts: Any) -> None:
     """
     for name, part in parts.items():
         for shape in map(np.shape, jax.tree.leaves(part)):
-            if shape[:1] != (count,):
+            if shape[:1] != (count,) or (isinstance(part, Obstacles) and len(shape) < 2):
                 raise ValueError(
                     f"{name} must be stacked along a leading axis [{count}], one for each {row}, where the "
                     f"world differs by {row}: got an array of shape {shape}"

@@ -66,7 +66,8 @@ def plan_least_energy(
         The plan, at the speed `plan.conditions.vehicle.speed`; see `energy.energy_of_plan` for what it takes.
 
     Raises:
-        ValueError: as `plan_path`; the vehicle has no power model, speeds are not positive and rising, or the price is negative.
+        ValueError: as `plan_path`; the vehicle has no power model, speeds are not positive and rising, or the
+            price is negative.
         TypeError: as `plan_path`.
 
     Example:

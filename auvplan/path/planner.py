@@ -137,8 +137,8 @@ def plan_paths(
         budget: s of wall-clock time for all legs together, as for `plan_path`.
 
     Raises:
-        ValueError: as `plan_path`, naming the leg; or shapes do not fit, or keys, departures or worlds are not
-            as many as legs.
+        ValueError: as `plan_path`, naming the leg; or shapes do not fit; or keys, departures or worlds are
+            not as many as legs.
         TypeError: as `plan_path`; or the call is differentiated.
     """
     check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
@@ -160,7 +160,8 @@ def plan_paths(
                 f"population must be [B, P, 3 n], {shape} here, got shape {np.shape(population)}"
             )
     search = partial(in_samples, search_legs)
-    return search_and_polish(search, population, (start, goal), departs, key, conditions, watch)
+    keys = key_per("leg", key, legs)
+    return search_and_polish(search, population, (start, goal), departs, keys, conditions, watch)
 
 
 def search_and_polish(
@@ -168,7 +169,7 @@ def search_and_polish(
     population: Any,
     ends: tuple[NDArray[np.floating], NDArray[np.floating]],
     depart: NDArray[np.floating],
-    key: jax.Array,
+    keys: jax.Array,
     conditions: Conditions,
     budget: Budget | None,
 ) -> PathPlans:
@@ -179,7 +180,7 @@ def search_and_polish(
         population: what it begins with, by leg.
         ends: starts and goals, [B, 3] m.
         depart: [B] s since the epoch.
-        key: one PRNG key, or B keys.
+        keys: [B] PRNG keys.
         conditions: what paths are planned for.
         budget: for all of it.
 
@@ -187,7 +188,6 @@ def search_and_polish(
         ValueError: as `plan_paths`.
     """
     env, vehicle, per_leg = conditions.env, conditions.vehicle, conditions.leg is not None
-    keys = key_per("leg", key, len(depart))
     if per_leg:
         check_worlds(len(depart), "leg", current=partition(env.current)[1], obstacles=env.obstacles)
     check_ends(*ends, env, vehicle)

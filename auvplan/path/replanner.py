@@ -21,9 +21,10 @@ from auvplan.path.planner import search_and_polish
 from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Batch, Legs, search_legs
-from auvplan.runtime.arguments import numbers, per_row
+from auvplan.runtime.arguments import instance, numbers, per_row
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.prng import key_per
 from auvplan.vehicle import Vehicle
 
 
@@ -96,6 +97,7 @@ def replan_paths(
     Raises:
         ValueError, TypeError: as `replan_path` and `plan_paths`.
     """
+    keys = key_per("leg", key, len(plans))
     check_given(env, vehicle, config)
     check_moment("now", now)
     position = numbers("positions", positions)
@@ -105,11 +107,13 @@ def replan_paths(
             f"got shape {position.shape} and {len(plans)} plans"
         )
     watch, departs = None if budget is None else Budget(budget, len(plans)), per_row("now", now, len(plans))
+    for plan in plans:
+        instance("plan", plan, PathPlan, "what ap.plan_path returned")
     goals, starts = (np.stack([plan.control_points[end] for plan in plans]) for end in (-1, 0))
     conditions = Conditions.of(env, vehicle, config, world_per_leg)
     reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]
     kept = np.stack([plan.population for plan in plans]), starts, np.asarray(reached)
-    return search_and_polish(_search_on, kept, (position, goals), departs, key, conditions, watch)
+    return search_and_polish(_search_on, kept, (position, goals), departs, keys, conditions, watch)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:

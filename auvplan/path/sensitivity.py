@@ -36,7 +36,7 @@ SETTLING_STEPS = 300, 1000
 _REACH, _REACH_ABOVE, _NEARLY = 2.0, 5.0, 0.995
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """What a path was planned for: the world, one leg's of a batch or that of all, vehicle and settings."""
 
@@ -157,8 +157,8 @@ def travel_time(
         speed_reading: as in `PathConfig`.
 
     Raises:
-        ValueError: points are not [S, 3] with at least two rows, or the departure is not one finite number,
-            or too far from the epoch for single precision.
+        ValueError: points are not finite [S, 3] with at least two rows, or the departure is not one finite
+            number, or too far from the epoch for single precision.
         TypeError: the environment or the vehicle is none, or points or departure are no numbers.
 
     Example:
@@ -173,7 +173,9 @@ def travel_time(
     """
     check_given(env, vehicle)
     check_moment("depart", depart)
-    points = jnp.asarray(points if is_traced(points) else numbers("points", points), float)
+    if not is_traced(points) and not np.isfinite(points := numbers("points", points)).all():
+        raise ValueError("points must be finite, m, got NaN or infinity")
+    points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         wanted = "[S, 3] m, north, east and depth, at least two"
         raise ValueError(f"points must be {wanted}, got shape {points.shape}")

@@ -41,7 +41,8 @@ def numbers(
         first = found.flat[0] if found.size else found
         timed = isinstance(first, date | timedelta | np.datetime64 | np.timedelta64)
         got = type(first).__name__ if timed else f"{getattr(first, 'item', lambda: first)()!r:.80}"
-        raise TypeError(f"{name} must be numbers, got {got}{': give seconds as a float' if timed else ''}")
+        instead = ": give seconds" if timed else ""
+        raise TypeError(f"{name} must be given in numbers, got {got}{instead}")
     if isinstance(values, np.ma.MaskedArray):
         found = np.where(np.ma.getmaskarray(values), hidden, found)
     return found.astype(dtype, copy=False)
@@ -59,6 +60,18 @@ def per_row(name: str, values: Any, rows: int) -> NDArray[np.floating]:
     if not np.isfinite(found).all():
         raise ValueError(f"{name} must be finite, got {found[~np.isfinite(found)][0]}")
     return np.broadcast_to(found, (rows,))
+
+
+def instance(name: str, given: Any, kind: type, make: str = "") -> None:
+    """Refuse what is not of a class, with how to `make` one.
+
+    Raises:
+        TypeError: one line that names what was given.
+    """
+    if not isinstance(given, kind):
+        wanted, got = kind.__name__, type(given).__name__
+        a = "an" if wanted[0] in "AEIOU" else "a"
+        raise TypeError(f"{name} must be {a} {wanted}, got {got}: give {make or f'ap.{wanted}(...)'}")
 
 
 def check_choice(name: str, given: Any, choices: tuple[Any, ...]) -> None:
@@ -87,13 +100,14 @@ def check_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -> 
             check_choice(name, value, choices)
         elif hasattr(value, "shape") and not isinstance(value, np.generic):
             continue
-        elif not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+        elif (
+            not isinstance(value, kinds) or value != value or (isinstance(value, bool) and bool not in kinds)
+        ):
             raise ValueError(f"{name} must be {wanted}, got {value!r}")
-        elif value is not None and (name in ranges or (isinstance(value, float) and math.isnan(value))):
-            least, most = ranges.get(name, (-math.inf, math.inf))
-            if not least <= value <= most:
-                within = f"at least {least:g}" if math.isinf(most) else f"in [{least:g}, {most:g}]"
-                raise ValueError(f"{name} must be {within}, got {value}")
+        elif value is not None and name in ranges and not ranges[name][0] <= value <= ranges[name][1]:
+            least, most = ranges[name]
+            within = f"at least {least:g}" if math.isinf(most) else f"in [{least:g}, {most:g}]"
+            raise ValueError(f"{name} must be {within}, got {value}")
 
 
 @cache
@@ -104,7 +118,10 @@ def _types_of(kind: type) -> dict[str, tuple[tuple[Any, ...], tuple[type, ...], 
         hint = hints[part.name]
         options = (hint,) if get_origin(hint) is Literal or not get_args(hint) else get_args(hint)
         words = [get_args(option) for option in options if get_origin(option) is Literal]
-        choices = (*(None for option in options if words and option is NoneType), *(w for c in words for w in c))
+        choices = (
+            *(None for option in options if words and option is NoneType),
+            *(w for c in words for w in c),
+        )
         known = [_KINDS.get(option, ((option,), f"a {option.__name__}")) for option in options if not words]
         kinds = tuple(one for types, _ in known for one in types)
         found[part.name] = choices, kinds, " or ".join(said for _, said in known)
