@@ -78,8 +78,6 @@ class Obstacles:
                 finite; `growth_max` alone may be infinite.
             TypeError: a value is no number.
         """
-        if np.size(positions) % 3:
-            raise ValueError(f"positions must be [M, 3] m, got shape {np.shape(positions)}")
         single: dict[str, Any] = {
             "drift": drift, "radii": radii, "position_std": position_std, "radius_std": radius_std,
             "growth": growth, "growth_max": growth_max, "observed_at": observed_at,
@@ -91,17 +89,19 @@ class Obstacles:
                 raise ValueError(f"{name} must be finite, got {found[bad][0]}")
             if name in _NOT_NEGATIVE and (found < 0.0).any():
                 raise ValueError(f"{name} must not be negative")
-        position = jnp.asarray(positions, float).reshape(-1, 3)
+        position, velocity = jnp.asarray(positions, float), jnp.asarray(velocity, float)
+        if position.size % 3:
+            raise ValueError(f"positions must be [M, 3] m, got shape {position.shape}")
+        position = position.reshape(-1, 3)
         count = position.shape[0]
-        if np.shape(velocity) not in ((), (3,), (1, 3), (count, 3)):
-            raise ValueError(f"velocity must be [3] or [{count}, 3] m/s, got shape {np.shape(velocity)}")
+        if velocity.shape not in ((), (3,), (1, 3), (count, 3)):
+            raise ValueError(f"velocity must be [3] or [{count}, 3] m/s, got shape {velocity.shape}")
         for name, value in single.items():
             array = jnp.asarray(value, float)
             if array.shape not in ((), (count,)):
                 raise ValueError(f"{name} must be a number or [{count}], got shape {array.shape}")
             single[name] = jnp.broadcast_to(array, (count,))
-        velocity = jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3))
-        parts = [position, velocity, *single.values(), jnp.ones(count, bool)]
+        parts = [position, jnp.broadcast_to(velocity, (count, 3)), *single.values(), jnp.ones(count, bool)]
         return cls(*parts)
 
     @classmethod

@@ -65,23 +65,33 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        shape = jnp.shape(self.centers)
-        if len(shape) != 3 or shape[2] != 2:
-            raise ValueError(f"centers must be [L, K, 2] m, north and east, got shape {shape}")
-        depths = np.arange(shape[0]) if self.depths is None else self.depths
-        given = {name: getattr(self, name) for name in ("centers", "strength", "radius", "uniform")}
-        shapes = {"strength": shape[:2], "radius": shape[:2], "uniform": (3,), "depths": shape[:1]}
-        for name, value in (given | {"depths": depths}).items():
+        shapes: dict[str, tuple[int, ...]] = {}
+        for name in ("centers", "strength", "radius", "depths", "uniform"):
+            value = getattr(self, name)
+            if value is None and name == "depths":
+                value = np.arange(shapes["depths"][0])
             if not is_traced(value):
                 value = numbers(name, value)
                 if not np.isfinite(value).all() or (name == "radius" and not (value > 0.0).all()):
                     raise ValueError(f"{name} must be finite{', and positive' * (name == 'radius')}")
                 if name == "depths" and not (np.diff(value) > 0.0).all():
                     raise ValueError(f"depths must rise, m, got {value.tolist()}")
-            if jnp.shape(value) != shapes.get(name, shape):
-                wanted = f"{shapes[name]}, with centers [L, K, 2] = {shape}"
-                raise ValueError(f"{name} must be {wanted}, got shape {jnp.shape(value)}")
-            object.__setattr__(self, name, jnp.asarray(value, float))
+            value = jnp.asarray(value, float)
+            if name == "centers" and value.ndim == 3:
+                of = value.shape
+                shapes = {
+                    "centers": (*of[:2], 2),
+                    "strength": of[:2],
+                    "radius": of[:2],
+                    "depths": of[:1],
+                    "uniform": (3,),
+                }
+            if value.shape != shapes.get(name):
+                wanted = (
+                    f"of shape {shapes[name]}, as centers is" if shapes else "[L, K, 2] m, north and east"
+                )
+                raise ValueError(f"{name} must be {wanted}, got shape {value.shape}")
+            object.__setattr__(self, name, value)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""

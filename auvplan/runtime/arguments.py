@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from datetime import date, timedelta
 from functools import cache
 from types import NoneType
@@ -100,9 +99,7 @@ def check_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -> 
             check_choice(name, value, choices)
         elif hasattr(value, "shape") and not isinstance(value, np.generic):
             continue
-        elif (
-            not isinstance(value, kinds) or value != value or (isinstance(value, bool) and bool not in kinds)
-        ):
+        elif not isinstance(value, kinds) or value != value:
             raise ValueError(f"{name} must be {wanted}, got {value!r}")
         elif value is not None and name in ranges and not ranges[name][0] <= value <= ranges[name][1]:
             least, most = ranges[name]
@@ -113,16 +110,12 @@ def check_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -> 
 @cache
 def _types_of(kind: type) -> dict[str, tuple[tuple[Any, ...], tuple[type, ...], str]]:
     """Return the choices of each field, or the types that a value may be of and these in words."""
-    found, hints = {}, get_type_hints(kind)
-    for part in fields(kind):
-        hint = hints[part.name]
+    found = {}
+    for name, hint in get_type_hints(kind).items():
         options = (hint,) if get_origin(hint) is Literal or not get_args(hint) else get_args(hint)
-        words = [get_args(option) for option in options if get_origin(option) is Literal]
-        choices = (
-            *(None for option in options if words and option is NoneType),
-            *(w for c in words for w in c),
-        )
+        words = tuple(word for option in options for word in get_args(option))
+        choices = (*words, None) if words and NoneType in options else words
         known = [_KINDS.get(option, ((option,), f"a {option.__name__}")) for option in options if not words]
         kinds = tuple(one for types, _ in known for one in types)
-        found[part.name] = choices, kinds, " or ".join(said for _, said in known)
+        found[name] = choices, kinds, " or ".join(said for _, said in known)
     return found
