@@ -44,20 +44,15 @@ class Site:
     origin: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        place = numbers("site longitude and latitude", (self.longitude, self.latitude))
-        corner = numbers("site origin", self.origin)
-        if place.shape != (2,) or not is_place(*place):
-            raise ValueError(
-                "site longitude must be degrees east from -180 to 360 and latitude north from -90 to 90, "
-                f"got {self.longitude} and {self.latitude}"
-            )
-        if corner.shape != (2,) or not np.isfinite(corner).all():
-            raise ValueError(
-                f"site origin must be two finite numbers, north and east in m, got {self.origin}"
-            )
+        longitude, latitude = numbers("site longitude and latitude", (self.longitude, self.latitude)).tolist()
+        if not is_place(longitude, latitude):
+            wanted = "site longitude must be in [-180, 360] and latitude in [-90, 90] degrees"
+            raise ValueError(f"{wanted}, got {self.longitude} and {self.latitude}")
+        origin = tuple(numbers("site origin", self.origin).tolist())
+        if len(origin) != 2 or not np.isfinite(origin).all():
+            raise ValueError(f"site origin must be two finite numbers, m north and east, got {self.origin}")
         if not isinstance(self.epoch, datetime | None):
             raise TypeError(f"site epoch must be a datetime or None, got {self.epoch!r:.80}")
-        (longitude, latitude), origin = place.tolist(), tuple(corner.tolist())
         for name, value in (("longitude", longitude), ("latitude", latitude), ("origin", origin)):
             object.__setattr__(self, name, value)
 

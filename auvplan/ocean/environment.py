@@ -67,10 +67,6 @@ def as_price(price: object) -> Price | None:
     return as_pytree(price, FunctionPrice, "price", "s/s")
 
 
-#: How parts of an environment are made.
-_MADE = {"chart": "from_mask", "obstacles": "static", "seabed": "from_depth"}
-
-
 @register_without_init
 @dataclass(frozen=True, eq=False)
 class Environment:
@@ -108,10 +104,14 @@ class Environment:
         # One that is made from another, perhaps while JAX traces, is complete.
         if isinstance(self.lower, jax.Array) and self.obstacles is not None:
             return
-        kinds = {"chart": Chart, "obstacles": Obstacles, "seabed": Seabed}
-        for name, kind in kinds.items():
-            if getattr(self, name) is not None:
-                instance(name, getattr(self, name), kind, f"ap.{kind.__name__}.{_MADE[name]}(...)")
+        kinds = {
+            "chart": (Chart, "from_mask"),
+            "obstacles": (Obstacles, "static"),
+            "seabed": (Seabed, "from_depth"),
+        }
+        for name, (kind, make) in kinds.items():
+            if (part := getattr(self, name)) is not None:
+                instance(name, part, kind, f"ap.{kind.__name__}.{make}(...)")
         if not isinstance(self.closures, tuple) or not all(isinstance(one, Closure) for one in self.closures):
             raise TypeError(f"closures must be a tuple of Closure, got {self.closures!r:.80}")
         rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
@@ -120,9 +120,8 @@ class Environment:
                 "no environment is built from a chart, sea bed or box that JAX traces: build one before, and "
                 "put the traced part into it by dataclasses.replace(env, chart=...)"
             )
-        corners = lower, upper = [
-            np.array(numbers(f"environment {name}", getattr(self, name))) for name in ("lower", "upper")
-        ]
+        given = (("lower", self.lower), ("upper", self.upper))
+        corners = lower, upper = [np.array(numbers(f"environment {name}", value)) for name, value in given]
         if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():
             raise ValueError("environment lower and upper must be (x, y, z) with lower <= upper")
         for corner, known, innermost in (

@@ -65,33 +65,22 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        shapes: dict[str, tuple[int, ...]] = {}
+        if self.depths is None:
+            object.__setattr__(self, "depths", np.arange((*np.shape(self.strength), 0)[0]))
         for name in ("centers", "strength", "radius", "depths", "uniform"):
             value = getattr(self, name)
-            if value is None and name == "depths":
-                value = np.arange(shapes["depths"][0])
-            if not is_traced(value):
-                value = numbers(name, value)
-                if not np.isfinite(value).all() or (name == "radius" and not (value > 0.0).all()):
-                    raise ValueError(f"{name} must be finite{', and positive' * (name == 'radius')}")
-                if name == "depths" and not (np.diff(value) > 0.0).all():
-                    raise ValueError(f"depths must rise, m, got {value.tolist()}")
-            value = jnp.asarray(value, float)
-            if name == "centers" and value.ndim == 3:
-                of = value.shape
-                shapes = {
-                    "centers": (*of[:2], 2),
-                    "strength": of[:2],
-                    "radius": of[:2],
-                    "depths": of[:1],
-                    "uniform": (3,),
-                }
-            if value.shape != shapes.get(name):
-                wanted = (
-                    f"of shape {shapes[name]}, as centers is" if shapes else "[L, K, 2] m, north and east"
-                )
-                raise ValueError(f"{name} must be {wanted}, got shape {value.shape}")
-            object.__setattr__(self, name, value)
+            if not is_traced(value) and not np.isfinite(numbers(name, value)).all():
+                raise ValueError(f"{name} must be finite")
+            object.__setattr__(self, name, jnp.asarray(value, float))
+        of = (*self.centers.shape, 0, 0)[:2]
+        wanted = {"centers": (*of, 2), "strength": of, "radius": of, "depths": of[:1], "uniform": (3,)}
+        for name, shape in wanted.items():
+            if (found := getattr(self, name).shape) != shape:
+                raise ValueError(f"{name} must be of shape {shape}, with centers [L, K, 2], got {found}")
+        if not is_traced(self.radius) and not (np.asarray(self.radius) > 0.0).all():
+            raise ValueError("radius must be positive, m")
+        if not is_traced(self.depths) and not (np.diff(self.depths) > 0.0).all():
+            raise ValueError("depths must rise, m")
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
@@ -380,18 +369,14 @@ def random_vortices(
         ValueError: corners or the range of radii are the wrong way round, or a number is out of its range.
     """
     key = as_key(key)
-    for name, value, least in (("count", count, 0), ("layers", layers, 1)):
-        if not isinstance(value, int | np.integer) or value < least:
-            raise ValueError(f"{name} must be a whole number, at least {least}, got {value!r}")
+    if count < 0 or layers < 1:
+        raise ValueError(f"count must be at least 0 and layers at least 1, got {count} and {layers}")
     if not is_traced(lower, upper, radius, peak_speed):
         low, high = numbers("lower", lower), numbers("upper", upper)
         if low.shape != (3,) or high.shape != (3,) or not (low <= high).all() or (low >= high)[:2].any():
             raise ValueError(f"lower and upper must be (x, y, z) m with lower < upper, got {lower}, {upper}")
-        sizes = numbers("radius", radius)
-        if sizes.shape != (2,) or not 0.0 < sizes[0] <= sizes[1] < np.inf:
-            raise ValueError(f"radius must be least and greatest, m, positive, got {radius}")
-        if not 0.0 <= numbers("peak_speed", peak_speed) < np.inf:
-            raise ValueError(f"peak_speed must not be negative, m/s, got {peak_speed}")
+        if not 0.0 < radius[0] <= radius[1] < np.inf or not 0.0 <= peak_speed < np.inf:
+            raise ValueError(f"radius and peak_speed must be positive and rise, got {radius}, {peak_speed}")
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
     kind = _Kind(radius, peak_speed, layer_noise, vertical_scale)
     field = _random_vortices(key, *corners, kind, count, count=rounded_up(count), layers=layers)

@@ -53,10 +53,8 @@ def check_worlds(count: int, row: str, **parts: Any) -> None:
     for name, part in parts.items():
         for shape in map(np.shape, jax.tree.leaves(part)):
             if shape[:1] != (count,) or (isinstance(part, Obstacles) and len(shape) < 2):
-                raise ValueError(
-                    f"{name} must be stacked along a leading axis [{count}], one for each {row}, where the "
-                    f"world differs by {row}: got an array of shape {shape}"
-                )
+                wanted = f"stacked along a leading axis [{count}], one for each {row}"
+                raise ValueError(f"{name} must be {wanted}, got an array of shape {shape}")
 
 
 def check_concrete(name: str, given: object) -> None:

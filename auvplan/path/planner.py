@@ -12,18 +12,9 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.ocean.currents import partition
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import (
-    as_point,
-    check_concrete,
-    check_ends,
-    check_given,
-    check_moment,
-    check_water,
-    check_worlds,
-)
+from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_moment, check_water
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples, samples_of
@@ -188,10 +179,8 @@ def search_and_polish(
         ValueError: as `plan_paths`.
     """
     env, vehicle, per_leg = conditions.env, conditions.vehicle, conditions.leg is not None
-    if per_leg:
-        check_worlds(len(depart), "leg", current=partition(env.current)[1], obstacles=env.obstacles)
+    own, shared = split(env, len(depart) if per_leg else None)
     check_ends(*ends, env, vehicle)
-    own, shared = split(env, per_leg)
     since, known = None, vehicle.navigation
     if known is not None:
         since = np.broadcast_to(known.way, len(depart)), np.broadcast_to(known.unlocked, len(depart))
@@ -230,7 +219,7 @@ def sketch_paths(
         Paths [B, 2, S, 3] m, with `config.samples` samples S. Where the current changes with depth the first
         takes depths of its own, the second about those of the straight line.
     """
-    world, shared = split(env, world_per_leg)
+    world, shared = split(env, len(starts) if world_per_leg else None)
     batch = Batch.of(Legs(starts, goals, departs, world), shared, vehicle, config)
 
     def sketch(legs: Legs) -> NDArray[np.floating]:

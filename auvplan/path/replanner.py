@@ -102,10 +102,8 @@ def replan_paths(
     check_moment("now", now)
     position = numbers("positions", positions)
     if not len(plans) or position.shape != (len(plans), 3):
-        raise ValueError(
-            "positions must be [B, 3] m, one for each of B plans, at least one, "
-            f"got shape {position.shape} and {len(plans)} plans"
-        )
+        got = f"got shape {position.shape} and {len(plans)} plans"
+        raise ValueError(f"positions must be [B, 3] m, one for each of at least one plan, {got}")
     watch, departs = None if budget is None else Budget(budget, len(plans)), per_row("now", now, len(plans))
     for plan in plans:
         instance("plan", plan, PathPlan, "what ap.plan_path returned")

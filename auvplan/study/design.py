@@ -69,7 +69,7 @@ class Design:
         sweeps: settings that vary, the last one fastest.
 
     Raises:
-        StudyError: missions or seeds are no whole numbers or out of range, or a sweep has no values.
+        StudyError: count or seed are out of range or not whole, or a sweep has no values.
         TypeError: the scenario is none.
     """
 
@@ -80,14 +80,11 @@ class Design:
 
     def __post_init__(self) -> None:
         instance("scenario", self.scenario, Scenario, "ap.load_scenario(...)")
-        for name, value in (("count", self.count), ("seed", self.seed)):
-            if not isinstance(value, int):
-                raise StudyError(f"{name} of a study must be a whole number, got {value!r}")
+        if not isinstance(self.count, int) or not isinstance(self.seed, int):
+            raise StudyError(f"count and seed must be whole numbers, got {self.count!r} and {self.seed!r}")
         for sweep in self.sweeps:
-            if isinstance(sweep.values, str) or not len(sweep.values):
-                raise StudyError(
-                    f"sweep of {sweep.field}: give at least one value, (...), got {sweep.values!r}"
-                )
+            if isinstance(sweep.values, str) or not sweep.values:
+                raise StudyError(f"sweep of {sweep.field}: give at least one value, got {sweep.values!r}")
         if self.count < 1:
             raise StudyError(f"a study needs at least one mission, got {self.count}")
         if self.seeds[0] < 0 or self.seeds[-1] > MAX_SEED:
