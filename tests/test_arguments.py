@@ -190,7 +190,7 @@ MASK = np.ones((5, 5), bool)
         (lambda: mission(config=ap.PathConfig()), TypeError, "config must be a MissionConfig, got Path"),
         (lambda: mission(method="exat"), ValueError, "method must be one of ('search', 'exact'), got 'exat'"),
         (lambda: mission(method="exact", time_limit=-1.0), ValueError, "time_limit must be positive"),
-        (lambda: mission(start=[0, 1]), ValueError, "start must be one index or [1], got shape (2,)"),
+        (lambda: mission(start=[0, 1]), ValueError, "start must be one index or [1], got shape (1, 2)"),
         (lambda: mission(visited=["a"] * 4), TypeError, "visited must be given in numbers"),
         (lambda: missions(key=jax.random.split(KEY, 3)), ValueError, "one for each mission, got shape (3,)"),
         (lambda: missions(starts=[0, 0, 0]), ValueError, "start must be one index or [2], got shape (3,)"),
@@ -272,7 +272,7 @@ MASK = np.ones((5, 5), bool)
         (lambda: vortices(centers=np.zeros((2, 2))), ValueError, "centers must be of shape (2, 2, 2)"),
         (lambda: vortices(radius=np.zeros((2, 1))), ValueError, "radius must be positive"),
         (lambda: vortices(depths=[5.0, 0.0]), ValueError, "depths must rise, m"),
-        (lambda: vortices(strength=np.full((2, 1), NAN)), ValueError, "strength must be finite"),
+        (lambda: vortices(strength=[["1"], ["1"]]), TypeError, "strength must be given in numbers, got '1'"),
         (lambda: vortices(uniform=(1.0, 0.0)), ValueError, "uniform must be of shape (3,)"),
         (lambda: ap.random_vortices(KEY, A, B, layers=0), ValueError, "layers at least 1, got 12 and 0"),
         (

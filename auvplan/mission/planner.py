@@ -124,8 +124,8 @@ def plan_mission(
     started = time.perf_counter()
     routes = plan_missions(
         jax.tree.map(lambda field: np.asarray(field)[None], graph),
-        start,
-        goal,
+        [start],
+        [goal],
         time_available,
         vehicle,
         key=as_key(key)[None],

@@ -65,12 +65,12 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        if self.depths is None:
-            object.__setattr__(self, "depths", np.arange((*np.shape(self.strength), 0)[0]))
         for name in ("centers", "strength", "radius", "depths", "uniform"):
             value = getattr(self, name)
-            if not is_traced(value) and not np.isfinite(numbers(name, value)).all():
-                raise ValueError(f"{name} must be finite")
+            if name == "depths" and value is None:
+                value = np.arange(len(self.strength))
+            if not is_traced(value):
+                numbers(name, value)
             object.__setattr__(self, name, jnp.asarray(value, float))
         of = (*self.centers.shape, 0, 0)[:2]
         wanted = {"centers": (*of, 2), "strength": of, "radius": of, "depths": of[:1], "uniform": (3,)}
@@ -79,7 +79,7 @@ class LambVortices:
                 raise ValueError(f"{name} must be of shape {shape}, with centers [L, K, 2], got {found}")
         if not is_traced(self.radius) and not (np.asarray(self.radius) > 0.0).all():
             raise ValueError("radius must be positive, m")
-        if not is_traced(self.depths) and not (np.diff(self.depths) > 0.0).all():
+        if not is_traced(self.depths) and not (np.diff(np.asarray(self.depths)) > 0.0).all():
             raise ValueError("depths must rise, m")
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:

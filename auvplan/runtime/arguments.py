@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 #: What a value of a field's type is, and how messages call it.
 _KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
-    int: ((int, np.integer), "a whole number"),
-    float: ((int, float, np.integer, np.floating), "a number"),
-    bool: ((bool, np.bool_), "True or False"),
+    int: ((int,), "a whole number"),
+    float: ((int, float), "a number"),
+    bool: ((bool,), "True or False"),
     NoneType: ((NoneType,), "None"),
 }
 
@@ -94,15 +94,16 @@ def check_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -> 
         ValueError: one line that names the field.
     """
     for name, (choices, kinds, wanted) in _types_of(type(settings)).items():
-        value = getattr(settings, name)
+        value: Any = getattr(settings, name)
+        value = value.item() if isinstance(value, np.generic) else value
+        least, most = ranges.get(name, (-math.inf, math.inf))
         if choices:
             check_choice(name, value, choices)
-        elif hasattr(value, "shape") and not isinstance(value, np.generic):
+        elif hasattr(value, "shape"):
             continue
         elif not isinstance(value, kinds) or value != value:
             raise ValueError(f"{name} must be {wanted}, got {value!r}")
-        elif value is not None and name in ranges and not ranges[name][0] <= value <= ranges[name][1]:
-            least, most = ranges[name]
+        elif name in ranges and value is not None and (value < least or value > most):
             within = f"at least {least:g}" if math.isinf(most) else f"in [{least:g}, {most:g}]"
             raise ValueError(f"{name} must be {within}, got {value}")
 
