@@ -17,8 +17,8 @@ from jax.core import Tracer
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
-from auvplan.runtime.arguments import instance, per_row
-from auvplan.runtime.captured import captured_by
+from auvplan.runtime.arguments import instance, numbers
+from auvplan.runtime.captured import Captured, as_hashable, captured_by
 from auvplan.runtime.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
@@ -403,8 +403,8 @@ def minimize(
         The best habitat, its cost and violation, the last population and the history.
 
     Raises:
-        ValueError: bounds or population do not fit together, the function returns other than one cost for
-            each habitat, or reads a NumPy array that has been changed in place since the last call.
+        ValueError: bounds or population do not fit together, or the function returns other than one cost for
+            each habitat.
         TypeError: the key is none, such as a seed, `config` no `BBOConfig`, or `args` no tuple.
 
     Example:
@@ -420,8 +420,8 @@ def minimize(
     instance("config", config, BBOConfig, "ap.bbo.BBOConfig(...)")
     if not isinstance(args, tuple | list):
         raise TypeError(f"args must be a tuple, got {type(args).__name__}: give (args,)")
-    if stop is not None and not isinstance(stop, Tracer):
-        per_row("stop", stop, 1)
+    if not (stop is None or isinstance(stop, Tracer)) and (np.ndim(stop) or np.isnan(numbers("stop", stop))):
+        raise ValueError(f"stop must be one number or None, got {stop}")
     start_key, run_key = jax.random.split(key)
     start = uniform_population(start_key, config.population, low, high)
     if population is not None:
@@ -432,7 +432,10 @@ def minimize(
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
     target = None if stop is None else jnp.asarray(stop)
-    return _run(captured_by(fun), run_key, fun, start, low, high, config, args, stop=target)
+    fun = Captured(as_hashable(fun))
+    return _run(
+        captured_by(fun.function, start, *args), run_key, fun, start, low, high, config, args, stop=target
+    )
 
 
 @partial(jax.jit, static_argnums=(0, 2, 6))

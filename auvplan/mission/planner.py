@@ -360,8 +360,10 @@ def plan_missions(
         )
     rows, chosen = np.arange(batch), _richest(best, differs)
     result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
-    if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
-        nodes = _without_waiting(nodes, known, asked)
+    if graphs.timetable is not None and config.objective == "priority":
+        nodes = np.stack([_in_time(*each) for each in zip(found, known, nodes, _each(asked), strict=True)])
+        if not graphs.timetable.waiting:
+            nodes = _without_waiting(nodes, asked)
     if config.objective == "priority" and efforts:
         nodes = np.stack([_improved(*each) for each in zip(nodes, found, _each(asked), efforts, strict=True)])
     return _collect(result, nodes, np.asarray(least), asked)
@@ -454,29 +456,39 @@ def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
     return np.where(tied, routes.time, np.inf).argmin(axis=1)
 
 
-def _without_waiting(nodes: np.ndarray, known: np.ndarray, asked: _Asked) -> np.ndarray:
-    """Return the best of routes found, known ones and those that few labels reach, each [B, N].
+def _in_time(found: np.ndarray, known: np.ndarray, otherwise: np.ndarray, one: _Asked) -> np.ndarray:
+    """Return the best by the clock of the routes found [P, N], the known one and another, each padded [N].
+
+    By double precision: single precision makes tasks that begin just as their windows close a little early
+    or late.
+    """
+    goal = int(one.goals)
+    routes = np.concatenate([otherwise[None], known[None], found])
+    routes = routes[(routes[:, 0] >= 0) & (routes == goal).any(axis=1)]
+    if not len(routes) or routes[0, 0] == goal:
+        return otherwise
+    ends, worth = one.clocked(int(otherwise[0])).walk(np.where(routes >= 0, routes, goal))
+    worth = np.where(np.isfinite(ends), worth, -np.inf)
+    best = np.lexsort((ends, -worth))[0]
+    return routes[best] if np.isfinite(ends[best]) else otherwise
+
+
+def _without_waiting(nodes: np.ndarray, asked: _Asked) -> np.ndarray:
+    """Return routes [B, N], or better ones that few labels reach.
 
     The search takes an earlier arrival for the better one. Without waiting it need not be.
     """
-    chosen, most = np.full_like(nodes, -1), np.full(len(nodes), -np.inf)
-    chosen[:, 0] = nodes[:, 0]
-    for routes in (nodes, known):
-        leg_times, _, lost = _by_the_clock(asked.graphs, routes)
-        worth = (asked.along(asked.graphs.priority, routes) - np.where(routes[:, 1:] >= 0, lost, 0.0)).sum(
-            axis=1
-        )
-        fits = leg_times.sum(axis=1) < asked.available
-        fits &= np.isfinite(asked.along(asked.legs, routes)).all(axis=1)
-        fits &= (routes == asked.goals[:, None]).any(axis=1)
-        better = fits & (worth > most)
-        chosen[better], most[better] = routes[better], worth[better]
-    for route, one, known_worth in zip(chosen, _each(asked), most, strict=True):
+    nodes = nodes.copy()
+    for route, one in zip(nodes, _each(asked), strict=True):
         mission = one.clocked(int(route[0]))
-        if mission.start != mission.goal and len(found := labels.better(mission, float(known_worth)).nodes):
-            route[:] = -1
-            route[: len(found)] = found
-    return chosen
+        if mission.start != mission.goal:
+            padded = np.where(route >= 0, route, mission.goal)[None]
+            (end,), (worth,) = mission.walk(padded)
+            fits = (route == mission.goal).any() and np.isfinite(end)
+            if len(better := labels.better(mission, float(worth) if fits else -np.inf).nodes):
+                route[:] = -1
+                route[: len(better)] = better
+    return nodes
 
 
 def _ways(

@@ -27,6 +27,9 @@ Array = NDArray[np.floating]
 #: Halvings that find the last moment at which an edge may be entered, to single precision.
 _HALVINGS = 26
 
+#: Share of a time that sums in single precision may be off by.
+_ROUNDING = 8 * float(np.finfo(np.float32).eps)
+
 #: s; no vehicle is so punctual.
 _MOMENT = 1e-3
 
@@ -332,13 +335,13 @@ class Schedule:
         whole = cls.whole(timetable, duration)
         if waits:
             whole = replace(whole, later_travel=np.moveaxis(timetable.later_travel, -3, -1))
-        # What rounding may add up to on the way must not let a task begin too late.
+        # What rounding may add up to on the way must not keep a task from being begun just in time.
         slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
 
         def gathered(name: str) -> Array:
             values, filling = getattr(whole, name), NONE.get(name, 0.0 if name == "duration" else np.inf)
             if name in ("closes", "until", "falls"):
-                values = np.where(np.isfinite(values), (1.0 - slack) * values, values)
+                values = np.where(np.isfinite(values), (1.0 + slack) * values, values)
             more = (...,) + (None,) * (values.ndim - neighbours.ndim)
             rows = np.take_along_axis(values, neighbours[more], axis=neighbours.ndim - 1)
             return np.where(used[more], rows, filling).astype(np.float32)
@@ -414,6 +417,10 @@ class Schedule:
         """Return the last departures before times, and the share of a step since."""
         final, xp = self.travel_time.shape[-1] - 1, self._library
         place = xp.maximum((time - self.origin) / self.step, 0.0)
+        if place.dtype == np.float32:
+            # A departure is one, whatever rounding adds up to: an edge may be open then and closed after it.
+            near = xp.round(place)
+            place = xp.where(xp.abs(place - near) <= _ROUNDING * xp.maximum(near, 1.0), near, place)
         cell = xp.clip(xp.floor(place), 0, final).astype(xp.int32)
         return cell, xp.clip(place - cell, 0.0, 1.0)
 
@@ -488,6 +495,9 @@ def latest_entries(
 
         none = jnp.zeros((size, width), schedule.duration.dtype)
         low, _ = jax.lax.fori_loop(0, _HALVINGS, halve, (none, none + deadline))
+        # Halving comes to just before a departure after which an edge is closed.
+        near = schedule.origin + schedule.step * jnp.round((low - schedule.origin) / schedule.step)
+        low = jnp.where((jnp.abs(near - low) <= _ROUNDING * deadline) & in_time(near), near, low)
         # An edge that can be entered at once and closes then is entered before a moment after.
         return jnp.where(in_time(none), jnp.maximum(low, _MOMENT), -jnp.inf)
 
@@ -503,4 +513,6 @@ def latest_entries(
     at_goal = jnp.where(index == goal, deadline, -jnp.inf).astype(schedule.duration.dtype)
     due, following, _ = jax.lax.while_loop(lambda state: state[2], relax, (at_goal, index, jnp.array(True)))
     spare = deadline - (1.0 + margin) * (deadline - due)
-    return last(jnp.where(jnp.isfinite(due), spare, -jnp.inf)), due, following
+    latest = last(jnp.where(jnp.isfinite(due), spare, -jnp.inf))
+    latest = jnp.where(jnp.isfinite(latest), latest + _ROUNDING * jnp.abs(latest), latest)
+    return latest, due, following

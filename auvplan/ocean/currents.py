@@ -7,7 +7,7 @@ after the other. ``barotropic`` says that z does not matter, which spares them t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache, partial, reduce
 from typing import Any, Protocol, runtime_checkable
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
 from auvplan.runtime.arguments import numbers
+from auvplan.runtime.captured import Captured
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import elementwise
 
@@ -45,12 +46,15 @@ class Current(Protocol):
 class FunctionCurrent(PlainFunction):
     """A plain Python function as a current."""
 
-    steady: bool = False
+    @property
+    def steady(self) -> bool:
+        """Whether its values do not depend on time."""
+        return not axes_used(self, vertical=True)[3]
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
-        dtype, found = jnp.result_type(x), self.function(x, y, z, t)
+        dtype, found = jnp.result_type(x), Captured(self.function)(x, y, z, t)
         try:
             u, v, w = found
         except (TypeError, ValueError):
@@ -174,10 +178,7 @@ def as_current(current: object) -> Current:
     """
     if current is None:
         return UniformCurrent()
-    found = as_pytree(current, FunctionCurrent, "current", "(u, v, w)")
-    if found is current:
-        return found
-    return replace(found, steady=not axes_used(found, vertical=True)[3])
+    return as_pytree(current, FunctionCurrent, "current", "(u, v, w)")
 
 
 def is_steady(current: Current) -> bool:

@@ -15,6 +15,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.raster import is_traced
 from auvplan.ocean.seabed import Seabed
 from auvplan.runtime.arguments import instance, numbers
+from auvplan.runtime.captured import Captured
 from auvplan.runtime.pytree import register_without_init
 
 
@@ -38,7 +39,7 @@ class FunctionPrice(PlainFunction):
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> jax.Array:
         """Return the price [s/s] at places [m] and times [s], elementwise."""
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
-        found = self.function(x, y, z, t)
+        found = Captured(self.function)(x, y, z, t)
         if isinstance(found, tuple | list):
             raise ValueError(f"a price returns one number for each place; the function returned {len(found)}")
         return jnp.broadcast_to(jnp.asarray(found, jnp.result_type(x)), shape)

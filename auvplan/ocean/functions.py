@@ -1,19 +1,18 @@
 """Plain Python functions of place and time as pytrees."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from inspect import signature
+from itertools import chain
 from types import CodeType
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.extend.core import Literal
 
-from auvplan.runtime.captured import captured_by
+from auvplan.runtime.captured import as_hashable, captured_by, traced
 
 _Kind = TypeVar("_Kind", bound=type)
 
@@ -22,8 +21,9 @@ _Kind = TypeVar("_Kind", bound=type)
 class PlainFunction:
     """A function (x, y, z, t) of places [m] and times [s]; compiled code is reused for the same object.
 
-    It is compiled again once a value that it reads from around it has changed, such as a global variable: see
-    `captured_by`. Stored programs are found again by its `fingerprint`.
+    It is compiled again once a value that it reads from around it has changed, such as a global variable, an
+    array or an attribute of anything: see `captured_by`. Stored programs are found again by its
+    `fingerprint`.
     """
 
     function: Callable[..., Any]
@@ -39,21 +39,17 @@ class PlainFunction:
         code = getattr(self.function, "__code__", None)
         if not isinstance(code, CodeType):
             return None
-        words = [
-            _code_words(code),
-            repr({name: value for name, value in vars(self).items() if name != "function"}),
-        ]
-        for shape in ((), (3,)):
-            places = [jax.ShapeDtypeStruct(shape, jnp.result_type(float))] * 4
-            try:
-                # By a function of its own: JAX keeps what it has seen of this one.
-                seen = jax.make_jaxpr(lambda *where: self.function(*where))(*places)
-            except Exception:  # the planner's own call will say what is wrong with it
-                return None
-            words.append(str(seen))
-            words += [f"{value.dtype} {value.shape} {value.tobytes().hex()}" for value in _constants(seen)]
-        stated = "\n".join(words)
+        given = [traced(self.function, *places) for places in _places()]
+        if not all(given) or not all(isinstance(word, str) for word in chain(*given)):
+            return None
+        settings = repr({name: value for name, value in vars(self).items() if name != "function"})
+        stated = "\n".join([_code_words(code), settings, *chain(*given)])
         return None if " at 0x" in stated else hashlib.sha256(stated.encode()).hexdigest()
+
+
+def _places() -> list[list[jax.ShapeDtypeStruct]]:
+    """Return x, y, z and t as functions are traced with them: of a point, and of a row of points."""
+    return [[jax.ShapeDtypeStruct(shape, jnp.result_type(float))] * 4 for shape in ((), (3,))]
 
 
 def register_function(kind: _Kind) -> _Kind:
@@ -61,7 +57,7 @@ def register_function(kind: _Kind) -> _Kind:
 
     def flatten(plain: Any) -> tuple[tuple[()], tuple]:
         parts = tuple(getattr(plain, entry.name) for entry in fields(plain))
-        return (), (parts, captured_by(plain.function))
+        return (), (parts, *(captured_by(plain.function, *places) for places in _places()))
 
     jax.tree_util.register_pytree_node(kind, flatten, lambda static, _: kind(*static[0]))
     return kind
@@ -87,10 +83,9 @@ def as_pytree(given: Any, kind: type[PlainFunction], name: str, returns: str) ->
             signature(given).bind(*"xyzt")
         except TypeError as error:
             raise TypeError(f"{wanted}: {error}") from None
-    found: Any = kind(given)
-    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
+    found: Any = kind(as_hashable(given))
     try:
-        jax.eval_shape(found, *places)
+        jax.eval_shape(found, *_places()[0])
     except jax.errors.TracerArrayConversionError:
         does, write = "hands its arguments to NumPy", "it with jax.numpy, such as jnp.sin for np.sin"
     except jax.errors.TracerBoolConversionError:
@@ -107,17 +102,3 @@ def _code_words(code: CodeType) -> str:
     """Byte code, with that of the functions defined in it."""
     inner = [_code_words(value) if isinstance(value, CodeType) else repr(value) for value in code.co_consts]
     return f"{code.co_code.hex()} {code.co_names} {code.co_freevars} {inner}"
-
-
-def _constants(seen: Any) -> Iterator[np.ndarray]:
-    """Yield values that a traced function, and those traced within it, take from around them."""
-    for value in getattr(seen, "consts", ()):
-        yield np.asarray(value)
-    for equation in getattr(seen, "jaxpr", seen).eqns:
-        for variable in equation.invars:
-            if isinstance(variable, Literal):
-                yield np.asarray(variable.val)
-        for setting in equation.params.values():
-            for inner in setting if isinstance(setting, tuple | list) else (setting,):
-                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
-                    yield from _constants(inner)

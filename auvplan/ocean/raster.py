@@ -141,7 +141,7 @@ class Raster(Packable):
         return bilinear((getattr(raster, plane), raster.origin, raster.pixel_size), x, y, layer)
 
     def looked_up(
-        self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: NDArray[np.int_] | None = None
+        self, plane: jax.Array, x: ArrayLike, y: ArrayLike, layer: ArrayLike | None = None
     ) -> NDArray[np.floating]:
         """Return `interpolated` in NumPy, of any number of places and without compiling."""
         chex.assert_rank(plane, 2 if layer is None else 3)
@@ -156,7 +156,7 @@ class Raster(Packable):
             j0 = np.clip(j.astype(np.int32), 0, max(east - 2, 0))
         a, b, first = i - i0.astype(dtype), j - j0.astype(dtype), i0 * east + j0
         if layer is not None:
-            first = first + layer * (north * east)
+            first = first + np.asarray(layer) * (north * east)
         row, up, right = raster.reshape(-1), (east if north > 1 else 0), (1 if east > 1 else 0)
         south = row[first] + b * (row[first + right] - row[first])
         first = first + up

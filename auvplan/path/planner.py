@@ -22,6 +22,7 @@ from auvplan.path.sensitivity import Conditions, Given, differentiable_time
 from auvplan.path.stages import Batch, Legs, polish_finely, search_legs, sketch_legs, split
 from auvplan.runtime.arguments import numbers, per_row
 from auvplan.runtime.budget import Budget
+from auvplan.runtime.captured import captured_once
 from auvplan.runtime.prng import key_per
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
@@ -155,6 +156,7 @@ def plan_paths(
     return search_and_polish(search, population, (start, goal), departs, keys, conditions, watch)
 
 
+@captured_once()
 def search_and_polish(
     search: Callable[..., dict[str, Any]],
     population: Any,
@@ -194,6 +196,7 @@ def search_and_polish(
     return PathPlans(**found, conditions=conditions, finer=finer)
 
 
+@captured_once()
 def sketch_paths(
     starts: NDArray[np.floating],
     goals: NDArray[np.floating],

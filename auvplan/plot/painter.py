@@ -77,8 +77,10 @@ class Painter:
             OutputError: as `draw_run`.
         """
         drawn: dict[str, list[Path]] = {}
+        alive = self.process is not None and self.process.is_alive()
         for name in reversed(self._wanted):  # the process begins with the first
-            if name not in self._begun or self._begun[name].cancel():
+            # What a process leaves that has ended is not cancelled: the pool's thread may be at it.
+            if name not in self._begun or (alive and self._begun[name].cancel()):
                 drawn[name] = _draw(self._run, self._folder, name)
         for name in self._wanted:
             if name not in drawn:

@@ -1,28 +1,130 @@
 """What functions read from around them, which programs compiled of them hold as constants."""
 
-import dis
+import hashlib
+import re
 import weakref
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from itertools import chain
-from types import CodeType, FunctionType, MethodType, ModuleType
+from functools import partial
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
+from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
-#: Packages whose functions read nothing that changes.
-_LIBRARIES = "auvplan", "builtins", "jax", "numpy", "scipy"
+#: What functions capture as long as nobody can change it, by functions and arguments.
+_held: ContextVar[dict[tuple, tuple] | None] = ContextVar("captured", default=None)
 
-#: Functions, containers and objects within one another that are looked into.
-_DEPTH = 4
+#: Digests of arrays of JAX, which nobody changes, by their identities.
+_digests: dict[int, tuple[weakref.ref, str]] = {}
 
-#: Numbers of an array, and entries of a container, that are looked at, evenly apart.
-_NUMBERS, _ENTRIES = 2**16, 2**10
 
-#: Arrays that functions have been seen to read, and what was in them, by their identities.
-_arrays: dict[int, tuple[weakref.ref, tuple]] = {}
+def captured_by(function: Callable[..., Any], *given: Any) -> tuple:
+    """Return what JAX sees of a function, as hashable words that change when what the function reads does.
+
+    Variables of modules and enclosing functions, entries, attributes and arrays are all there as far as the
+    function's values depend on them. Empty where JAX cannot trace the function: its call says why.
+
+    Args:
+        function: to be traced, however often it was before.
+        given: trees of its arguments, or of their shapes and types.
+    """
+    held = _held.get()
+    if held is None:
+        return _words(function, *given)
+    leaves, tree = jax.tree.flatten(given)
+    kinds = tuple((np.shape(leaf), jax.dtypes.result_type(leaf)) for leaf in leaves)
+    key = id(function), tree, kinds
+    if key not in held:
+        held[key] = function, _words(function, *given)
+    return held[key][1]
+
+
+def as_hashable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function, or the method that an object without a hash is called by."""
+    try:
+        hash(function)
+    except TypeError:
+        return function.__call__
+    return function
+
+
+@contextmanager
+def captured_once() -> Iterator[None]:
+    """Trace each function once: nobody changes what it reads until the end."""
+    if _held.get() is not None:
+        yield
+        return
+    token = _held.set({})
+    try:
+        yield
+    finally:
+        _held.reset(token)
+
+
+def traced(function: Callable[..., Any], *given: Any) -> list[Any]:
+    """Return the program that JAX makes of a function and all values in it; see `captured_by`."""
+    try:
+        # By a function of its own: JAX keeps what it has seen of this one.
+        seen = jax.make_jaxpr(lambda *given: function(*given))(*given)
+    except Exception:
+        return []
+    return [str(seen), *map(_word, _constants(seen))]
+
+
+@dataclass(frozen=True)
+class Captured:
+    """A function that leaves no arrays of its own with the programs which are made of it.
+
+    JAX remembers what was in an array of NumPy for as long as some program holds it: another program that is
+    made of it meanwhile has what was there before, whatever has been written to the array since.
+    """
+
+    function: Callable[..., Any]
+
+    def __call__(self, *given: Any) -> Any:
+        """Call the function; where arguments are traced, with copies of the arrays that it reads."""
+        leaves = jax.tree.leaves(given)
+        if not any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self.function(*given)
+        try:
+            seen, kinds = jax.make_jaxpr(lambda *given: self.function(*given), return_shape=True)(*given)
+        except TypeError:  # it returns what is no array
+            return self.function(*given)
+        copies = [np.array(value) if isinstance(value, np.ndarray) else value for value in seen.consts]
+        found = jaxpr_as_fun(ClosedJaxpr(seen.jaxpr, copies))(*leaves)
+        return jax.tree.unflatten(jax.tree.structure(kinds), found)
+
+
+def _words(function: Callable[..., Any], *given: Any) -> tuple:
+    """Return `traced` without places in memory: rules for derivatives are other objects in each trace."""
+    return tuple(
+        re.sub(r" at 0x[0-9a-f]+", "", word) if isinstance(word, str) and "callback" not in word else word
+        for word in traced(function, *given)
+    )
+
+
+def _word(value: Any) -> Any:
+    """Return a value as a hashable word: traced ones as themselves, others as what is in them."""
+    if isinstance(value, Tracer):
+        return _Same(value)
+    known, digest = _digests.get(id(value), (None, ""))
+    if known is not None and known() is value:
+        return digest
+    is_key = jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
+    numbers = np.asarray(jax.random.key_data(value) if is_key else value)
+    digest = f"{value.dtype} {np.shape(value)} {hashlib.sha1(numbers.tobytes()).hexdigest()}"
+    if isinstance(value, jax.Array):
+        _digests[id(value)] = weakref.ref(value, partial(_forget, id(value))), digest
+    return digest
+
+
+def _forget(identity: int, _: weakref.ref) -> None:
+    _digests.pop(identity, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,85 +140,12 @@ class _Same:
         return id(self.of)
 
 
-def captured_by(function: Any, depth: int = _DEPTH) -> tuple:
-    """Return values that a function reads from around it, as hashable words that change when they do.
-
-    They are those of variables of its module and others, of enclosing functions, of its defaults and of the
-    object whose method it is: numbers, arrays, entries and attributes, and what functions among them read.
-    What is not looked into, such as arrays of JAX, stands for itself.
-
-    Raises:
-        ValueError: an array of NumPy that the function reads was changed in place since it was seen last.
-    """
-    if isinstance(function, partial):
-        parts = function.func, function.args, function.keywords
-        return tuple(_seen(part, depth) for part in parts)
-    code = getattr(function, "__code__", None)
-    if not isinstance(code, CodeType):
-        return _seen(function, depth), _seen(vars(type(function)).get("__call__"), depth)
-    variables, attributes = _names_read(code)
-    around = function.__globals__
-    found = [around[name] for name in variables if name in around]
-    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-        with suppress(ValueError):  # it is empty
-            found += [cell.cell_contents] if name in variables else []
-    for module in [value for value in found if isinstance(value, ModuleType)]:
-        if not _is_library(module.__name__):
-            found += [value for name, value in vars(module).items() if name in attributes]
-    found.append(getattr(function, "__self__", None))
-    found += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
-    return tuple(_seen(value, depth) for value in found)
-
-
-@lru_cache(maxsize=1024)
-def _names_read(code: CodeType) -> tuple[frozenset[str], frozenset[str]]:
-    """Variables that byte code, and that of functions in it, reads and does not assign to, and attributes."""
-    codes = [code]
-    for outer in codes:
-        codes += [value for value in outer.co_consts if isinstance(value, CodeType)]
-    names: dict[str, set[str]] = {"LOAD": set(code.co_freevars), "STORE": set(), "ATTR": set()}
-    for step in chain.from_iterable(map(dis.get_instructions, codes)):
-        kind, _, of = step.opname.partition("_")
-        if of in ("GLOBAL", "NAME", "DEREF") and kind in names:
-            names[kind].add(step.argval)
-        elif kind == "LOAD" and of in ("ATTR", "METHOD"):
-            names["ATTR"].add(step.argval)
-    return frozenset(names["LOAD"] - names["STORE"]), frozenset(names["ATTR"])
-
-
-def _is_library(module: str | None) -> bool:
-    return (module or "").split(".")[0] in _LIBRARIES
-
-
-def _seen(value: Any, depth: int) -> Any:
-    """Return a value in hashable words that change when it does; objects that are not looked into as such."""
-    if value is None or isinstance(value, bool | int | float | complex | str | bytes):
-        return type(value), repr(value)
-    if isinstance(value, np.ndarray) and value.dtype != object:
-        part = value.reshape(-1)[:: 1 + value.size // _NUMBERS]
-        words = value.shape, value.dtype, hash(part.tobytes())
-        _check_unchanged(value, words)
-        return words
-    if depth == 0 or isinstance(value, ModuleType | type | jax.Array):
-        return _Same(value)
-    if isinstance(value, partial):
-        return captured_by(value, depth - 1)
-    if isinstance(value, FunctionType | MethodType):
-        return _Same(value), () if _is_library(value.__module__) else captured_by(value, depth - 1)
-    if isinstance(value, dict | list | tuple | set | frozenset):
-        entries = list(value.items() if isinstance(value, dict) else value)
-        some = entries[:: 1 + len(entries) // _ENTRIES]
-        return type(value), len(entries), tuple(_seen(part, depth - 1) for part in some)
-    return _Same(value), tuple((k, _seen(v, depth - 1)) for k, v in getattr(value, "__dict__", {}).items())
-
-
-def _check_unchanged(array: np.ndarray, words: tuple) -> None:
-    """Refuse an array that was seen before, with other words for what is in it."""
-    key = id(array)
-    known, before = _arrays.get(key, (None, words))
-    if known is not None and known() is array and before != words:
-        raise ValueError(
-            "an array that a function reads has been changed in place, which JAX does not see: make a "
-            "new one, as in a = 2.0 * a for a *= 2.0"
-        )
-    _arrays[key] = weakref.ref(array, lambda _: _arrays.pop(key, None)), words
+def _constants(seen: Any) -> Iterator[Any]:
+    """Yield values that a traced function, and those traced within it, take from around them."""
+    yield from getattr(seen, "consts", ())
+    for equation in getattr(seen, "jaxpr", seen).eqns:
+        yield from (np.asarray(each.val) for each in equation.invars if isinstance(each, Literal))
+        for setting in equation.params.values():
+            for inner in setting if isinstance(setting, tuple | list) else (setting,):
+                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
+                    yield from _constants(inner)

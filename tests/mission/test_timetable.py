@@ -294,6 +294,46 @@ def check_against_the_exhaustive_search(
     return graph, best
 
 
+def in_twenties(seed: int, steady: bool) -> tuple[MissionGraph, float]:
+    """A case whose times are all multiples of 20 s: tasks begin just as windows close. And its time."""
+    rng = np.random.default_rng(seed)
+    graph = clocked(seed, float(rng.choice([0.0, 0.1, 0.3])), 2, along=2, falls=2)
+    table = graph.timetable
+
+    def rounded(values: np.ndarray) -> np.ndarray:
+        return 20.0 * np.round(values / 20.0)
+
+    travel = np.where(np.isinf(table.travel_time), np.inf, table.least) if steady else table.travel_time
+    moments = {
+        name: rounded(getattr(table, name)) for name in ("opens", "closes", "enters", "until", "falls")
+    }
+    table = replace(table, travel_time=rounded(travel), **moments)
+    graph = replace(graph, duration=rounded(graph.duration), timetable=None).with_timetable(table)
+    return graph, 20.0 * rng.integers(15, 85)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "steady"),
+    [((5031, 5065, 5195, 5204, 5324, 5394), True), ((5014, 5116, 5195, 5204, 5244, 5272), False)],
+)
+def test_what_is_done_at_the_last_moment_is_done(seeds, steady):
+    """All of these lost a task to rounding in single precision."""
+    cases = [in_twenties(seed, steady) for seed in seeds]
+    graphs, available = MissionGraph.stack([graph for graph, _ in cases]), [time for _, time in cases]
+    ends = [0] * len(seeds), [SIZE - 1] * len(seeds)
+    found = plan_missions(graphs, *ends, available, speed=1.5, key=jax.random.key(1), config=QUICK)
+    np.testing.assert_array_equal(found.priority, list(map(best_priority, *zip(*cases, strict=True))))
+    assert found.feasible.all()
+
+
+def test_a_known_route_of_the_last_moment_is_kept():
+    graph, available = in_twenties(5204, steady=True)
+    common = {"speed": 1.5, "key": jax.random.key(0)}
+    best = plan_mission(graph, 0, SIZE - 1, available, **common, config=QUICK)
+    kept = plan_mission(graph, 0, SIZE - 1, available, **common, config=POOR, known_route=best.nodes)
+    assert kept.priority == best.priority == best_priority(graph, available)
+
+
 @pytest.mark.parametrize("seed", [5, *(pytest.param(k, marks=pytest.mark.slow) for k in range(5))])
 def test_labels_prove_the_best_route_from_nothing_and_the_bound_holds(seed):
     """A search that is cut short leaves something to find; labels prove what the exhaustive search finds."""

@@ -15,12 +15,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from PIL import Image
 
 import auvplan as ap
 from auvplan.executive.context import Clock
-from auvplan.ocean.currents import FunctionCurrent, evaluated
+from auvplan.ocean.currents import FunctionCurrent, evaluated, is_steady
 from auvplan.runtime import cache
+from auvplan.runtime.captured import captured_once
 from auvplan.runtime.compiled import (
     Program,
     compilations,
@@ -235,7 +237,20 @@ def test_functions_are_other_ones_once_what_they_read_has_changed(monkeypatch):
     settings = ModuleType("settings")
     settings.strength = 1.0
     listed, held, named = [1.0], SimpleNamespace(strength=1.0), {"strength": 1.0}
-    enclosed = 1.0
+    enclosed, large, chain = 1.0, np.ones(400_001), [[[[[[1.0]]]]]]
+    series = xr.DataArray([1.0, 2.0], dims="x")
+
+    class Jet:
+        strength = 1.0
+
+        def __call__(self, x, y, z, t):
+            return self.strength, 0.0, 0.0
+
+    class Slotted:
+        __slots__ = ("strength",)
+
+    slotted = Slotted()
+    slotted.strength = 1.0
 
     def helper(x):
         return x * STRENGTH
@@ -252,6 +267,16 @@ def test_functions_are_other_ones_once_what_they_read_has_changed(monkeypatch):
         lambda x, y, z, t: (named["strength"], 0.0, 0.0): partial(named.__setitem__, "strength", 2.0),
         lambda x, y, z, t: (enclosed, 0.0, 0.0): change,
         lambda x, y, z, t: (settings.strength, 0.0, 0.0): partial(setattr, settings, "strength", 2.0),
+        lambda x, y, z, t: (large[200_001], 0.0, 0.0): partial(large.__setitem__, 200_001, 2.0),
+        lambda x, y, z, t: (chain[0][0][0][0][0][0], 0.0, 0.0): partial(
+            chain[0][0][0][0][0].__setitem__, 0, 2.0
+        ),
+        lambda x, y, z, t: (large.sum() + jnp.asarray(large)[200_001], 0.0, 0.0): partial(
+            large.__setitem__, 200_001, 3.0
+        ),
+        lambda x, y, z, t: (series.values[1], 0.0, 0.0): partial(series.__setitem__, 1, 3.0),
+        lambda x, y, z, t: (slotted.strength, 0.0, 0.0): partial(setattr, slotted, "strength", 2.0),
+        Jet(): partial(setattr, Jet, "strength", 2.0),
     }
     for function, change_it in changes.items():
         current = FunctionCurrent(function)
@@ -262,11 +287,51 @@ def test_functions_are_other_ones_once_what_they_read_has_changed(monkeypatch):
         assert (current.fingerprint(), jax.tree.structure(current)) == (mark, tree)
         change_it()
         assert float(function(0.0, 0.0, 0.0, 0.0)[0]) != strength
-        assert current.fingerprint() != mark
+        assert mark is None or current.fingerprint() != mark
         assert jax.tree.structure(current) != tree
         np.testing.assert_array_equal(
             evaluated(current, *np.ones((4, 3)))[0], float(function(0.0, 0.0, 0.0, 0.0)[0])
         )
+
+
+def test_an_environment_holds_functions_as_they_are_now():
+    """What is known of a function, such as that it is steady, is not kept from the time when it was given."""
+    turning = [0.0]
+    env = ap.Environment(lambda x, y, z, t: (0.1 * y, turning[0] * t if turning[0] else 0.0, 0.0))
+    assert is_steady(env.current)
+    turning[0] = 1.0
+    assert not is_steady(env.current)
+
+
+def test_within_one_call_functions_are_traced_once():
+    traces = []
+
+    def stream(x, y, z, t):
+        traces.append(np.shape(x))
+        return 0.1, 0.0, 0.0
+
+    current = FunctionCurrent(stream)
+    with captured_once():
+        tree = jax.tree.structure(current)
+        with captured_once():
+            assert jax.tree.structure(current) == tree
+    assert traces == [(), (3,)]
+    assert jax.tree.structure(current) == tree
+    assert len(traces) == 4
+
+
+def test_a_function_may_read_what_is_traced_and_keys():
+    key = jax.random.key(0)
+
+    def stream(strength):
+        noise = jax.random.uniform(key)
+        return FunctionCurrent(lambda x, y, z, t: (strength + 0.0 * noise, jax.random.uniform(key), 0.0))
+
+    def speed(strength):
+        (_, tree), at = jax.tree.flatten(stream(strength)), jnp.zeros(())
+        return tree.unflatten([])(at, at, at, at)[0]
+
+    assert float(jax.grad(speed)(1.0)) == 1.0
 
 
 def test_a_function_that_cannot_be_traced_has_no_fingerprint():
