@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.energy import PowerLaw, PowerModel
+from auvplan.energy import PowerLaw, PowerModel, PowerTable
 from auvplan.mission import TravelTimeConfig, random_graph
 from auvplan.mission.speeds import SpeedOptions
 from auvplan.mission.timetable import Timetable
@@ -166,6 +166,7 @@ MASK = np.ones((5, 5), bool)
         (lambda: paths(starts=[A, A, (0, 0)]), ValueError, "starts must be an array of numbers, got rows of"),
         (lambda: paths(config=ap.MissionConfig()), TypeError, "config must be a PathConfig, got Mission"),
         (lambda: paths(budget=dt.timedelta(seconds=1)), TypeError, "budget must be given in numbers"),
+        (lambda: paths(budget=float("inf")), ValueError, "budget must be positive and finite"),
         (lambda: ap.plan_path(("0", 0, 0), B, STILL, key=KEY), TypeError, "start must be given in numbers"),
         (lambda: ap.plan_path(A, B, STILL, key=KEYS), ValueError, "one for each leg, got shape (2,)"),
         (lambda: ap.replan_paths([], np.zeros((0, 3)), 0.0, STILL, key=KEY), ValueError, "at least one"),
@@ -191,6 +192,8 @@ MASK = np.ones((5, 5), bool)
         (lambda: mission(method="exat"), ValueError, "method must be one of ('search', 'exact'), got 'exat'"),
         (lambda: mission(method="exact", time_limit=-1.0), ValueError, "time_limit must be positive"),
         (lambda: mission(start=[0, 1]), ValueError, "start must be one index or [1], got shape (1, 2)"),
+        (lambda: mission(budget="1"), TypeError, "budget must be given in numbers, got '1'"),
+        (lambda: mission(known_route=[]), ValueError, "known_route must lead from 0 to 3"),
         (lambda: mission(visited=["a"] * 4), TypeError, "visited must be given in numbers"),
         (lambda: missions(key=jax.random.split(KEY, 3)), ValueError, "one for each mission, got shape (3,)"),
         (lambda: missions(starts=[0, 0, 0]), ValueError, "start must be one index or [2], got shape (3,)"),
@@ -286,14 +289,26 @@ MASK = np.ones((5, 5), bool)
             "radius and peak_speed must be",
         ),
         (lambda: ap.random_vortices(KEYS, A, (9, 9, 0)), ValueError, "key must be one, got shape (2,)"),
+        (lambda: PowerTable(["0", "1"], [1, 2]), TypeError, "propulsion speeds must be given in numbers"),
         (lambda: PowerModel(40.0), TypeError, "power propulsion must be a PowerTable or PowerLaw"),
         (lambda: PowerModel(PowerLaw(1, 1), battery=900.0), TypeError, "give Battery(900.0)"),
         (lambda: minimize(given=(sum, [], [])), ValueError, "bounds must be vectors of one length, at least"),
         (lambda: minimize(config=ap.PathConfig()), TypeError, "config must be a BBOConfig, got PathConfig"),
+        (
+            lambda: minimize(given=(lambda x: None, [0.0], [1.0])),
+            ValueError,
+            "(cost [P], violation [P]), got N",
+        ),
+        (lambda: minimize(given=(lambda x: (x,), [0.0], [1.0])), ValueError, "got 1 values"),
         (lambda: minimize(stop=NAN), ValueError, "stop must be one number or None, got nan"),
         (lambda: minimize(args=3.0), TypeError, "args must be a tuple, got float: give (args,)"),
         (lambda: ap.run_mission("whitsunday", seed=0), TypeError, "scenario must be a Scenario, got str: gi"),
         (lambda: ap.run_mission(ap.Scenario(), seed="0"), ValueError, "a seed is a whole number"),
+        (
+            lambda: ap.run_missions(ap.Scenario(), seeds=3),
+            ValueError,
+            "seeds must be [B] whole numbers, got 3",
+        ),
         (lambda: ap.run_mission(ap.Scenario(), seed=1.5), ValueError, "got 1.5"),
         (lambda: ap.run_missions(ap.Scenario(), keys=KEY), ValueError, "keys must be [B], got shape ()"),
         (lambda: ap.plan_scenario(ap.Scenario(), key=3), TypeError, "key must be a PRNG key, got 3"),

@@ -93,6 +93,9 @@ def worst_unless_finite(cost: jax.Array) -> jax.Array:
 def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.Array, jax.Array]:
     """Score a population: (cost [P], violation [P]), not below zero; a cost that is no number is infinite."""
     scored = fun(population, *args)
+    if scored is None or (isinstance(scored, tuple | list) and len(scored) != 2):
+        got = "None" if scored is None else f"{len(scored)} values"
+        raise ValueError(f"a function must return cost [P] or (cost [P], violation [P]), got {got}")
     cost, violation = scored if isinstance(scored, tuple | list) else (scored, jnp.zeros_like(scored))
     count = population.shape[0]
     for plane in (cost, violation):

@@ -9,6 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.pytree import register_without_init
 
 #: J in a Wh.
@@ -59,7 +60,7 @@ class PowerTable:
         for name in ("speeds", "watts"):
             value = getattr(self, name)
             if not isinstance(value, Tracer | jax.Array):
-                object.__setattr__(self, name, np.asarray(value, float))
+                object.__setattr__(self, name, numbers(f"propulsion {name}", value))
             _require("propulsion", {name: getattr(self, name)})
         if np.ndim(self.speeds) != 1 or np.shape(self.speeds) != np.shape(self.watts) or len(self.speeds) < 2:
             raise ValueError("propulsion speeds and watts must be as many, and at least two")

@@ -265,6 +265,8 @@ def plan_missions(
     """
     config = config or MissionConfig()
     instance("config", config, MissionConfig)
+    if budget is not None:
+        per_row("budget", budget, 1)
     instance("graphs", graphs, MissionGraph, "ap.MissionGraph.stack(...)")
     graphs = jax.tree.map(np.asarray, graphs)
     if graphs.positions.ndim != 3:
@@ -784,7 +786,7 @@ def _known(routes: Any, starts: np.ndarray, goals: np.ndarray, size: int) -> np.
         if route is None:
             continue
         nodes = np.asarray(route)
-        fits = nodes.ndim == 1 and len(np.unique(nodes)) == len(nodes) <= size
+        fits = nodes.ndim == 1 and nodes.size and len(np.unique(nodes)) == len(nodes) <= size
         if not fits or not np.isin(nodes, np.arange(size)).all() or tuple(nodes[[0, -1]]) != (start, goal):
             raise ValueError(
                 f"known_route must lead from {start} to {goal} and visit no waypoint twice, got {route}"

@@ -21,7 +21,7 @@ _KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
 
 def numbers(
     name: str, values: Any, dtype: type = float, hidden: float = np.nan, durations: bool = False
-) -> NDArray[np.floating]:
+) -> NDArray[Any]:
     """Return an argument's values as floats, `hidden` where a NumPy mask hides a fill value.
 
     With `durations` it may be `numpy.timedelta64`, which is read in seconds.
@@ -47,7 +47,7 @@ def numbers(
     return found.astype(dtype, copy=False)
 
 
-def per_row(name: str, values: Any, rows: int) -> NDArray[np.floating]:
+def per_row(name: str, values: Any, rows: int) -> NDArray[Any]:
     """Return finite numbers [rows], given as such or as one for all.
 
     Raises:

@@ -56,7 +56,9 @@ def of_seeds(seeds: ArrayLike) -> jax.Array:
     Raises:
         ValueError: a seed is not whole, negative or above `MAX_SEED`: its key would be that of another one.
     """
-    for seed in np.asarray(seeds, object).ravel():
+    if np.ndim(seeds) != 1:
+        raise ValueError(f"seeds must be [B] whole numbers, got {seeds!r:.80}")
+    for seed in np.asarray(seeds, object):
         if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
             raise ValueError(f"a seed is a whole number from 0 to {MAX_SEED}, got {seed!r:.80}")
     return _of_seeds(np.asarray(seeds))
