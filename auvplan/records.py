@@ -29,7 +29,7 @@ from auvplan.vehicle import Vehicle
 _ROUNDING = 1e-6
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, eq=False)
 class PlanRecord(ReprMixin):
     """One path plan as it was made.
 
@@ -82,7 +82,7 @@ class PlanRecord(ReprMixin):
         }
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, eq=False)
 class LegRecord(ReprMixin):
     """One executed leg between two waypoints.
 
@@ -329,7 +329,7 @@ class Promise:
         return f"home in time in {share} % [{low} to {high}] of {self.seas:,} drawn seas{of}"
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, eq=False)
 class MissionRun(ReprMixin):
     """A mission from start to end.
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import Proj, Transformer
 
 from auvplan.errors import AuvplanError
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.arrays import turned
 
 Array = NDArray[np.float64]
@@ -27,6 +28,10 @@ class Site:
         epoch: the moment of local time 0 s; None where missions have no date.
         origin: local north and east of the place, m.
 
+    Raises:
+        TypeError: degrees or metres are no numbers, or the epoch is no `datetime`.
+        ValueError: the place is not on the Earth, or the origin not two finite numbers.
+
     Example:
         >>> site = Site(148.96, -20.34)
         >>> [round(float(metres)) for metres in site.to_local(148.97, -20.34)]
@@ -37,6 +42,19 @@ class Site:
     latitude: float
     epoch: datetime | None = None
     origin: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        longitude, latitude = numbers("site longitude and latitude", (self.longitude, self.latitude)).tolist()
+        if not is_place(longitude, latitude):
+            wanted = "site longitude must be in [-180, 360] and latitude in [-90, 90] degrees"
+            raise ValueError(f"{wanted}, got {self.longitude} and {self.latitude}")
+        origin = tuple(numbers("site origin", self.origin).tolist())
+        if len(origin) != 2 or not np.isfinite(origin).all():
+            raise ValueError(f"site origin must be two finite numbers, m north and east, got {self.origin}")
+        if not isinstance(self.epoch, datetime | None):
+            raise TypeError(f"site epoch must be a datetime or None, got {self.epoch!r:.80}")
+        for name, value in (("longitude", longitude), ("latitude", latitude), ("origin", origin)):
+            object.__setattr__(self, name, value)
 
     def to_local(self, longitude: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array]:
         """Local north and east, m, of places by longitude (-180 to 180 or 0 to 360) and latitude, degrees."""
@@ -79,7 +97,7 @@ class Site:
         """
         if self.epoch is None:
             raise ValueError("the site has no epoch to count from")
-        return (as_utc(moment) - self.epoch).total_seconds()
+        return (as_utc(moment) - as_utc(self.epoch)).total_seconds()
 
 
 def as_utc(moment: datetime) -> datetime:

@@ -181,7 +181,7 @@ def test_old_style_keys_are_keys():
         (jax.random.PRNGKey(7), jax.random.key(7)),
         (jax.random.split(jax.random.PRNGKey(1)), None),
     ):
-        made = as_key(old)
+        made = as_key(old, "key" if new is not None else "keys")
         assert made.shape == old.shape[:-1]
         assert new is None or (jax.random.uniform(made) == jax.random.uniform(new))
 

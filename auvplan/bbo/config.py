@@ -7,20 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import rates
+from auvplan.runtime.arguments import check_settings
 
-_CHOICES = {
-    "migration": ("siv", "fig6"),
-    "rates": ("linear", "constant"),
-    "mutation_law": ("species", "constant"),
-    "mutation": (None, "uniform", "gaussian"),
-    "replacement": ("generational", "greedy"),
-}
 _RANGES = {
     "population": (2, np.inf), "iterations": (0, np.inf), "elites": (0, np.inf),
     "immigration": (0.0, 1.0), "emigration": (0.0, 1.0), "mutation_max": (0.0, 1.0),
     "mutation_genes": (0.0, np.inf), "mutation_step": (0.0, np.inf),
 }  # fmt: skip
-_WHOLE = "population", "iterations", "elites"
 
 
 @dataclass(frozen=True)
@@ -66,16 +59,7 @@ class BBOConfig:
     replacement: Literal["generational", "greedy"] = "greedy"
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ValueError(f"{name} must be one of {choices}, got {getattr(self, name)!r}")
-        for name, (least, most) in _RANGES.items():
-            value = getattr(self, name)
-            if name in _WHOLE and not isinstance(value, int | np.integer):
-                raise ValueError(f"{name} must be a whole number, got {value!r}")
-            if value is not None and not least <= value <= most:
-                wanted = f"at least {least}" if most == np.inf else f"in [{least}, {most}]"
-                raise ValueError(f"{name} must be {wanted}, got {value}")
+        check_settings(self, _RANGES)
         if self.elites >= self.population:
             raise ValueError(f"elites must be fewer than the population, got {self.elites}")
         if self.emigration == 0.0:

@@ -17,6 +17,7 @@ from jax.core import Tracer
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
+from auvplan.runtime.arguments import instance, numbers
 from auvplan.runtime.captured import Captured, as_hashable, captured_by
 from auvplan.runtime.prng import as_key
 
@@ -27,7 +28,7 @@ Habitat = tuple[jax.Array, jax.Array, jax.Array]
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A scored population, best habitat first.
 
@@ -43,7 +44,7 @@ class State:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class History:
     """Cost and violation of the population after each iteration; index 0 is the initial population.
 
@@ -64,7 +65,7 @@ class History:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """What `minimize` found.
 
@@ -90,8 +91,11 @@ def worst_unless_finite(cost: jax.Array) -> jax.Array:
 
 
 def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.Array, jax.Array]:
-    """Score a population; a cost that is not a number becomes infinite. Returns (cost [P], violation [P])."""
+    """Score a population: (cost [P], violation [P]), not below zero; a cost that is no number is infinite."""
     scored = fun(population, *args)
+    if scored is None or (isinstance(scored, tuple | list) and len(scored) != 2):
+        got = "None" if scored is None else f"{len(scored)} values"
+        raise ValueError(f"a function must return cost [P] or (cost [P], violation [P]), got {got}")
     cost, violation = scored if isinstance(scored, tuple | list) else (scored, jnp.zeros_like(scored))
     count = population.shape[0]
     for plane in (cost, violation):
@@ -100,7 +104,7 @@ def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.
                 f"a function of a population [{count}, {population.shape[1]}] must return [{count}], got "
                 f"shape {jnp.shape(plane)}: jax.vmap makes one of a function of a single habitat"
             )
-    return worst_unless_finite(cost), violation
+    return worst_unless_finite(cost), jnp.maximum(violation, 0)
 
 
 def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.Array) -> jax.Array:
@@ -144,8 +148,8 @@ def _bounds(lower: jax.typing.ArrayLike, upper: jax.typing.ArrayLike) -> tuple[j
 
 def _require_vectors(low: tuple[int, ...], high: tuple[int, ...]) -> None:
     """Refuse bounds whose shapes are not those of vectors of one length."""
-    if len(low) != 1 or low != high:
-        raise ValueError(f"bounds must be vectors of one length, got shapes {low} and {high}")
+    if len(low) != 1 or low != high or not low[0]:
+        raise ValueError(f"bounds must be vectors of one length, at least 1, got shapes {low} and {high}")
 
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
@@ -387,8 +391,9 @@ def minimize(
     a violation; where none was met, it is that of least cost of all, with its `violation`.
 
     Args:
-        fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]); any JAX function. It is
-            compiled again once what it reads from around it has changed: pass what changes often in `args`.
+        fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]), where what is below zero
+            counts as zero; any JAX function. It is compiled again once what it reads from around it has
+            changed: pass what changes often in `args`.
         lower: [D] inclusive lower bounds.
         upper: [D] inclusive upper bounds; where both are integers, it is an integer search.
         key: PRNG key, consumed; the same key gives the same result.
@@ -403,7 +408,7 @@ def minimize(
     Raises:
         ValueError: bounds or population do not fit together, or the function returns other than one cost for
             each habitat.
-        TypeError: the key is none, such as a seed.
+        TypeError: the key is none, such as a seed, `config` no `BBOConfig`, or `args` no tuple.
 
     Example:
         >>> import jax, auvplan as ap
@@ -415,6 +420,11 @@ def minimize(
     key = as_key(key)
     low, high = _bounds(lower, upper)
     config = config or BBOConfig()
+    instance("config", config, BBOConfig, "ap.bbo.BBOConfig(...)")
+    if not isinstance(args, tuple | list):
+        raise TypeError(f"args must be a tuple, got {type(args).__name__}: give (args,)")
+    if not (stop is None or isinstance(stop, Tracer)) and (np.ndim(stop) or np.isnan(numbers("stop", stop))):
+        raise ValueError(f"stop must be one number or None, got {stop}")
     start_key, run_key = jax.random.split(key)
     start = uniform_population(start_key, config.population, low, high)
     if population is not None:

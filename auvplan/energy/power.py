@@ -9,6 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.pytree import register_without_init
 
 #: J in a Wh.
@@ -33,7 +34,7 @@ def _require(owner: str, values: dict[str, Any], least: float = 0.0, most: float
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PowerTable:
     """Propulsion power by a table of speeds, linear between its points.
 
@@ -59,7 +60,7 @@ class PowerTable:
         for name in ("speeds", "watts"):
             value = getattr(self, name)
             if not isinstance(value, Tracer | jax.Array):
-                object.__setattr__(self, name, np.asarray(value, float))
+                object.__setattr__(self, name, numbers(f"propulsion {name}", value))
             _require("propulsion", {name: getattr(self, name)})
         if np.ndim(self.speeds) != 1 or np.shape(self.speeds) != np.shape(self.watts) or len(self.speeds) < 2:
             raise ValueError("propulsion speeds and watts must be as many, and at least two")
@@ -168,6 +169,7 @@ class PowerModel:
 
     Raises:
         ValueError: a value is negative or no number; one line that names it.
+        TypeError: propulsion or battery is given by a number.
 
     Example:
         >>> model = PowerModel(hotel=30.0, propulsion=PowerLaw(10.0, 15.0), dive=100.0)
@@ -189,6 +191,11 @@ class PowerModel:
     def __post_init__(self) -> None:
         names = (part.name for part in fields(self) if part.name not in ("propulsion", "battery"))
         _require("power", {name: getattr(self, name) for name in names})
+        if isinstance(self.propulsion, int | float | np.ndarray | np.generic | list | tuple):
+            got = type(self.propulsion).__name__
+            raise TypeError(f"power propulsion must be a PowerTable or PowerLaw, W by speed, got {got}")
+        if isinstance(self.battery, int | float):
+            raise TypeError(f"power battery must be a Battery, got a number: give Battery({self.battery})")
 
     def power(self, speed: ArrayLike) -> Any:
         """Return what is drawn at steady level speeds through the water [...] m/s, W."""

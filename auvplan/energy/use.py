@@ -84,7 +84,7 @@ def energy_of_plan(plan: "PathPlan", power: PowerModel) -> float:
     return float(sum(part.sum() for part in spent.values())) / WATT_HOUR
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnergyUse:
     """Energy along a mission, of n intervals one after the other.
 

@@ -34,6 +34,7 @@ from auvplan.path import PathPlans, plan_paths
 from auvplan.path.follow import straight_plan
 from auvplan.path.sensitivity import Conditions
 from auvplan.runtime import prng
+from auvplan.runtime.arguments import check_choice, instance, numbers
 from auvplan.runtime.arrays import Array
 from auvplan.runtime.formatting import ReprMixin, counted, figure
 from auvplan.scenario.area import OperatingArea
@@ -52,7 +53,7 @@ Progress = Callable[[int, int, str], None]
 _PLACES = 33
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Departures(ReprMixin):
     """D departures of one mission or leg.
 
@@ -144,10 +145,14 @@ def plan_departures(
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the first departure until the last one's time available is over.
+        ValueError: `least` is none of the two.
+        TypeError: departures are no numbers, the key is none, or the scenario a file's name.
     """
+    instance("scenario", scenario, Scenario, "ap.load_scenario(...)")
+    check_choice("least", least, ("time", "energy"))
     if least == "energy" and scenario.vehicle.power is None:
         raise ScenarioError("departures by energy need a vehicle with a power model: give vehicle.power")
-    moments, key = np.asarray(departs, float), prng.as_key(key)
+    moments, key = numbers("departs", departs), prng.as_key(key)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
     if area is None:

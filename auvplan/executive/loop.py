@@ -36,6 +36,7 @@ from auvplan.mission.jobs import edges_off_lines
 from auvplan.path.risk import exposed
 from auvplan.records import LegRecord, MissionRun
 from auvplan.runtime import prng
+from auvplan.runtime.arguments import instance
 from auvplan.runtime.compiled import MISSIONS, expecting
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
@@ -108,7 +109,9 @@ def run_missions(
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
-        ValueError: neither keys nor seeds are given, or there are not as many of them, or of faults.
+        ValueError: neither keys nor seeds are given, there are not as many of them, or of faults, or a seed
+            is no whole number.
+        TypeError: keys are none, or the scenario is a file's name.
     """
     common = {"folder": folder, "area": area, "progress": progress, "faults": faults}
     found = dict(execute_missions(scenario, keys=keys, seeds=seeds, **common))
@@ -132,6 +135,7 @@ def execute_missions(
         scenario, keys, seeds, folder, area, progress, faults: as for `run_missions`.
         together: missions under way at the same time, at most.
     """
+    instance("scenario", scenario, Scenario, "ap.load_scenario(...)")
     if keys is None:
         if seeds is None:
             raise ValueError("missions need keys or seeds: run_missions(scenario, seeds=range(10))")

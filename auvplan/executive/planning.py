@@ -22,7 +22,9 @@ from auvplan.executive.promise import planned, surer_plans
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.records import MissionRun
+from auvplan.runtime.arguments import instance, per_row
 from auvplan.runtime.compiled import PLANS, expecting
+from auvplan.runtime.prng import as_key
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
@@ -62,11 +64,15 @@ def plan_scenario(
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the departure until the time available is over.
+        ValueError, TypeError: the departure is not one finite number, the seed not whole, the key no key, or
+            the scenario a file's name.
     """
+    instance("scenario", scenario, Scenario, "ap.load_scenario(...)")
+    keyed = seed_keys([seed])[0] if key is None else as_key(key, instead=", or seed=0 in its place")
+    depart = float(per_row("depart", depart, 1)[0])
     if area is None:
         area = load_area_at(scenario, [depart], folder)
     context = planning_context(scenario, folder, area, depart)
-    keyed = seed_keys([seed])[0] if key is None else key
     (mission,) = leaving(context, keyed, [depart], seed)
     judged = scenario.current.members is not None
     with expecting(PLANS, scenario.fingerprint):

@@ -24,6 +24,7 @@ from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.tides import HarmonicCurrent
+from auvplan.runtime.arguments import instance
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.provenance import changed_at
 from auvplan.scenario.scenario import Scenario
@@ -72,6 +73,7 @@ def load_area(
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
         ValueError: `given` has a field that cannot be given, or that the scenario leaves out.
+        TypeError: the scenario is a file's name.
 
     Warns:
         ScenarioWarning: implausible inputs: the files contradict each other, or lack hours or places.
@@ -83,6 +85,7 @@ def load_area(
             ...
         ValueError: given: the scenario has no current.files: name it, such as "in memory"
     """
+    instance("scenario", scenario, Scenario, "ap.load_scenario(...)")
     files = AreaFiles(scenario, folder, until, given=given, since=since)
     with gathered_warnings() as lines:
         area = files.area()

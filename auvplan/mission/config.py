@@ -3,12 +3,22 @@
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+import numpy as np
+
 from auvplan.bbo import BBOConfig
 from auvplan.mission.decoder import DecoderName
 from auvplan.mission.objective import ObjectiveName
 from auvplan.mission.speeds import Saved
+from auvplan.runtime.arguments import check_settings
 
 _BBO = BBOConfig(population=150, iterations=200, mutation_genes=2.0, mutation_law="constant")
+
+_RANGES = {
+    "rate_weight": (0, np.inf), "phi1": (0, np.inf), "phi2": (0, np.inf), "time_weight": (0, np.inf),
+    "beam_width": (1, np.inf), "local_rounds": (0, np.inf), "local_width": (1, np.inf),
+    "local_period": (1, np.inf), "ruins": (0, np.inf), "degree": (1, np.inf), "seeds": (0, np.inf),
+    "levels": (1, np.inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -64,20 +74,7 @@ class MissionConfig:
     levels: int = 16
 
     def __post_init__(self) -> None:
-        for name, known in (
-            ("decoder", ("paper", "timely", "rate")), ("objective", ("priority", "eq15")),
-            ("saves", ("time", "energy")),
-        ):  # fmt: skip
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} must be one of {known}, got {getattr(self, name)!r}")
-        for name, least in (
-            ("rate_weight", 0), ("phi1", 0), ("phi2", 0), ("time_weight", 0), ("beam_width", 1),
-            ("local_rounds", 0), ("local_width", 1), ("local_period", 1), ("ruins", 0), ("degree", 1),
-            ("seeds", 0), ("levels", 1),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if value is not None and not value >= least:
-                raise ValueError(f"{name} must be at least {least}, got {value}")
+        check_settings(self, _RANGES)
         if not self.time_weight < 1.0:
             raise ValueError(f"time_weight must be less than 1, got {self.time_weight}")
         if self.local_width > self.bbo.population:

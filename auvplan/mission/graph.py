@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from auvplan.mission.speeds import SpeedOptions
 from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import Detours, PathsRound, Sketch, TravelTimeConfig, Trips, travel_times
+from auvplan.ocean.currents import partition
 from auvplan.ocean.environment import Environment
+from auvplan.path.ends import check_given, check_worlds
+from auvplan.runtime.arguments import instance, numbers, per_row
 from auvplan.vehicle import Vehicle
 
 #: Lines that are bent to the current where edges are timed at several departures.
@@ -21,7 +24,7 @@ _MOST_BENT = 5000
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MissionGraph:
     """Waypoints and the edges between them; a task sits on each edge of positive priority.
 
@@ -44,7 +47,9 @@ class MissionGraph:
             the vehicle's speed is given, and energy does not count.
 
     Raises:
-        ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN.
+        ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN, or an
+            adjacency is neither 0 nor 1.
+        TypeError: it holds text, dates or durations in place of numbers.
     """
 
     positions: Any
@@ -60,22 +65,24 @@ class MissionGraph:
     def __post_init__(self) -> None:
         if not isinstance(self.positions, np.ndarray | list | tuple):
             return  # JAX rebuilds graphs from traced arrays and placeholders: nothing to check there
-        positions = np.asarray(self.positions, float)
+        positions = numbers("positions", self.positions)
         if positions.ndim < 2 or positions.shape[-1] != 3 or positions.shape[-2] < 1:
             raise ValueError(f"positions must be [N, 3] m, got shape {positions.shape}")
         square = (*positions.shape[:-1], positions.shape[-2])
         known = np.full(square, np.nan) if self.travel_time is None else self.travel_time
         fields = {
-            "adjacency": np.asarray(self.adjacency),
-            "priority": np.asarray(self.priority, float),
-            "duration": np.asarray(self.duration, float),
-            "travel_time": np.asarray(known, float),
+            "adjacency": numbers("adjacency", self.adjacency),
+            "priority": numbers("priority", self.priority),
+            "duration": numbers("duration", self.duration),
+            "travel_time": numbers("travel_time", known),
         }
         for name, value in fields.items():
             if value.shape != square:
                 raise ValueError(
                     f"{name} must be [N, N] = {square} as positions has it, got shape {value.shape}"
                 )
+        if not np.isin(fields["adjacency"], (0.0, 1.0)).all():
+            raise ValueError("adjacency must be True or False, 1 or 0, for each pair of waypoints")
         fields["adjacency"] = fields["adjacency"].astype(bool)
         if not np.isfinite(positions).all():
             raise ValueError("positions must be finite, got NaN or infinity")
@@ -91,7 +98,7 @@ class MissionGraph:
             )
         for name, whole in (("waypoint_priority", "priority"), ("waypoint_duration", "duration")):
             given = getattr(self, name)
-            value = np.zeros(square[:-1]) if given is None else np.asarray(given, float)
+            value = np.zeros(square[:-1]) if given is None else numbers(name, given)
             if value.shape != square[:-1]:
                 raise ValueError(f"{name} must be [N] = {square[:-1]}, got shape {value.shape}")
             if not (np.isfinite(value) & (value >= 0.0)).all():
@@ -100,6 +107,9 @@ class MissionGraph:
             if (missing & fields["adjacency"] & ~np.eye(square[-1], dtype=bool)).any():
                 raise ValueError(f"{name} must be part of {whole} on every edge into the waypoint")
             fields[name] = value
+        for name, kind in (("timetable", Timetable), ("options", SpeedOptions)):
+            if (given := getattr(self, name)) is not None:
+                instance(name, given, kind, f"{kind.__name__}(...)")
         object.__setattr__(self, "positions", positions)
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -111,7 +121,15 @@ class MissionGraph:
 
     @classmethod
     def stack(cls, graphs: Iterable[Self]) -> Self:
-        """Graphs of one size as one graph with a leading axis B, as `plan_missions` takes it."""
+        """Graphs of one size as one graph with a leading axis B, as `plan_missions` takes it.
+
+        Raises:
+            ValueError: there is none, or they are of several sizes.
+        """
+        graphs = list(graphs)
+        if len({graph.size for graph in graphs}) != 1:
+            sizes = [graph.size for graph in graphs]
+            raise ValueError(f"graphs must have one number of waypoints, at least one graph, got {sizes}")
         return jax.tree.map(lambda *leaves: np.stack(leaves), *graphs)
 
     def leg_times(self, speed: Any) -> Any:
@@ -211,7 +229,7 @@ class MissionGraph:
         Its shapes are the same.
         """
         travel_time, timetable = np.array(self.travel_time), self.timetable
-        travel_time[..., i, j] = seconds
+        travel_time[..., i, j] = numbers("seconds", seconds)
         if timetable is not None:
             planes = timetable.travel_time.copy()
             planes[..., i, j] = seconds
@@ -275,7 +293,9 @@ class MissionGraph:
 
         Raises:
             ValueError: it is of another number of waypoints.
+            TypeError: it is none.
         """
+        instance("timetable", timetable, Timetable, "Timetable(...)")
         least = timetable.least
         if least.shape != np.shape(self.adjacency):
             raise ValueError(f"a timetable of {np.shape(self.adjacency)} is needed, got {least.shape}")
@@ -342,8 +362,10 @@ class MissionGraph:
             sketch: finds paths over a sea bed that hinders, as for `travel_times`.
 
         Raises:
-            ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked; or
-                the departure is too far from the epoch for single precision.
+            ValueError: `world_per_graph` is asked for a single graph, or of another number of currents, or
+                more than one axis is stacked; or the departure is too far from the epoch for single
+                precision.
+            TypeError: environment, vehicle or departure are of another kind.
 
         Differences from the paper:
             Eq. 13 divides the distance by |v|, as in still water; there it is the default.
@@ -356,7 +378,10 @@ class MissionGraph:
         stacked = positions.reshape(-1, self.size, 3)
         edges = np.nonzero(adjacency.reshape(-1, self.size, self.size))
         graph, i, j = edges
-        departs = np.broadcast_to(np.asarray(depart, float), len(stacked))[graph]
+        check_given(env, vehicle)
+        if world_per_graph:
+            check_worlds(len(stacked), "graph", current=partition(env.current)[1])
+        departs = per_row("depart", depart, len(stacked))[graph]
         seconds, passable = travel_times(
             Trips(stacked[graph, i], stacked[graph, j], departs),
             env,
@@ -395,7 +420,7 @@ def random_graph(
     Differences from the paper:
         It gives neither the degree of its graphs nor the ranges of rho and delta; those are chosen here.
     """
-    positions = np.asarray(positions, float)
+    positions = numbers("positions", positions)
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise ValueError(f"positions must be [N, 3] m, got shape {positions.shape}")
     size = len(positions)

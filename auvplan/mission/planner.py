@@ -22,8 +22,9 @@ from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.mission.speeds import RouteSpeeds, Saved, taken
 from auvplan.mission.timetable import more_departures
+from auvplan.runtime.arguments import check_choice, instance, numbers, per_row
 from auvplan.runtime.budget import Budget
-from auvplan.runtime.prng import as_key, generator, single
+from auvplan.runtime.prng import as_key, generator, key_per, single
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
@@ -75,7 +76,7 @@ def plan_mission(
         graph: N waypoints.
         start: index of the waypoint where the vehicle is.
         goal: index of the destination; equal to `start` it gives the empty mission.
-        time_available: T_available, s; the mission takes strictly less.
+        time_available: T_available, s; the mission takes strictly less. None is possible in negative time.
         vehicle: its `speed` is |v| of Eq. 13, m/s; defaults to `Vehicle()`.
         key: PRNG key, consumed; the same key gives the same route.
         config: settings; defaults to `MissionConfig()`.
@@ -95,7 +96,7 @@ def plan_mission(
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
-        TypeError: the key is none, such as a seed.
+        TypeError: the key is none, such as a seed, or an argument is of another kind, such as a `timedelta`.
         ImportError: method "exact" without OR-Tools.
 
     Example:
@@ -112,8 +113,10 @@ def plan_mission(
     Differences from the paper:
         Its search starts from random priority vectors alone and minimises Eq. 15: `MissionConfig.paper()`.
     """
-    if method not in ("search", "exact"):
-        raise ValueError(f'method must be "search" or "exact", got {method!r}')
+    instance("graph", graph, MissionGraph)
+    check_choice("method", method, ("search", "exact"))
+    if not numbers("time_limit", time_limit) > 0.0:
+        raise ValueError(f"time_limit must be positive, s of wall-clock time, got {time_limit}")
     if method == "exact" and config is not None and config.objective != "priority":
         raise ValueError(f'method "exact" needs objective "priority", got {config.objective!r}')
     if np.ndim(graph.positions) != 2:
@@ -123,7 +126,7 @@ def plan_mission(
         jax.tree.map(lambda field: np.asarray(field)[None], graph),
         [start],
         [goal],
-        [time_available],
+        time_available,
         vehicle,
         key=as_key(key)[None],
         speed=speed,
@@ -187,6 +190,8 @@ def replan_mission(
         >>> rest.feasible, int(rest.nodes[0]) == here
         (True, True)
     """
+    instance("route", route, MissionRoute, "what ap.plan_mission returned")
+    instance("graph", graph, MissionGraph)
     nodes = [int(node) for node in route.nodes]
     if here not in nodes:
         raise ValueError(f"here must be a waypoint of the route {nodes}, got {here}")
@@ -195,7 +200,7 @@ def replan_mission(
             raise ValueError(
                 "a graph with a timetable needs `now`, s since the moment that its times count from"
             )
-        graph = replace(graph, timetable=graph.timetable.since(now))
+        graph = replace(graph, timetable=graph.timetable.since(per_row("now", now, 1)[0]))
     reached = nodes.index(here)
     passed = (*route.passed, *pairwise(nodes[: reached + 1]))
     graph = graph.without_edges(passed, both_ways=None)
@@ -255,25 +260,30 @@ def plan_missions(
         energy_available: [B] J or one for all, as for `plan_mission`.
 
     Raises:
-        ValueError: an argument is out of range or of the wrong shape.
+        ValueError: an argument is out of range or of the wrong shape, or keys are not as many as missions.
+        TypeError: as `plan_mission`.
     """
     config = config or MissionConfig()
-    graphs, key = jax.tree.map(np.asarray, graphs), as_key(key)
+    instance("config", config, MissionConfig)
+    if budget is not None:
+        per_row("budget", budget, 1)
+    instance("graphs", graphs, MissionGraph, "ap.MissionGraph.stack(...)")
+    graphs = jax.tree.map(np.asarray, graphs)
     if graphs.positions.ndim != 3:
         raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
     batch, size = graphs.positions.shape[:2]
     starts, goals = _indices("start", starts, batch, size), _indices("goal", goals, batch, size)
-    available = _figures("time_available", time_available, batch)
-    rate = _figures("speed", _speed(vehicle, speed), batch)
+    available = per_row("time_available", time_available, batch)
+    rate = per_row("speed", _speed(vehicle, speed), batch)
     if not (rate > 0.0).all():
         raise ValueError(f"speed must be positive, got {rate.min():g} m/s")
-    keys = jax.random.split(key, batch) if key.ndim == 0 else key
-    if len(keys) != batch:
-        raise ValueError(f"key must be one, or [{batch}], one for each mission, got {len(keys)}")
-    closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
+    keys = key_per("mission", key, batch)
+    closed = np.zeros((batch, size), bool) if visited is None else numbers("visited", visited, bool)
     if closed.shape != (batch, size):
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
-    margins = _figures("return_margin", return_margin, batch)
+    margins = per_row("return_margin", return_margin, batch)
+    if (margins < 0.0).any():
+        raise ValueError(f"return_margin must not be negative, got {margins.min():g}")
     given, count = _given(population, batch, size, config)
     known = _known(known_routes, starts, goals, size)
 
@@ -290,7 +300,7 @@ def plan_missions(
         )
     if options is not None and (config.decoder == "paper" or config.objective == "eq15"):
         raise ValueError('speeds to choose from need decoder "rate" or "timely" and objective "priority"')
-    energy = _figures("energy_available", 1e30 if energy_available is None else energy_available, batch)
+    energy = per_row("energy_available", 1e30 if energy_available is None else energy_available, batch)
     if options is None:
         legs = graphs.leg_times(rate)
     else:
@@ -669,11 +679,11 @@ def _collect(
     if how is not None:
         nodes, asked, speeds = _with_speeds(nodes, asked, how)
     graphs, legs, goals, available, margins = asked
-    reached = (nodes == goals[:, None]).any(axis=1)
+    reached = (nodes == goals[:, None]).any(axis=1) & (available >= 0.0)
     late = (1.0 + margins) * least >= available * (1.0 - 4.0 * rounding_margin(legs.shape[1]))
     lacking = np.zeros(len(nodes), bool)
     if speeds is not None:
-        for b in np.flatnonzero(~reached):
+        for b in np.flatnonzero(~reached & ~late):
             lacking[b] = _lacks_energy(_each(speeds)[b], int(nodes[b, 0]), int(goals[b]), available[b])
     leg_times = asked.along(legs, nodes)
     waits = lost = np.zeros_like(leg_times)
@@ -739,17 +749,12 @@ def _lacks_energy(speeds: RouteSpeeds, start: int, goal: int, available: float) 
 
 
 def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:
-    found = np.broadcast_to(np.asarray(values), (batch,))
+    found = np.asarray(values)
+    if found.shape not in ((), (batch,)):
+        raise ValueError(f"{name} must be one index or [{batch}], got shape {found.shape}")
     if not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() >= size:
         raise ValueError(f"{name} must be an index in [0, {size}), got {np.unique(found)}")
-    return found.astype(np.int32)
-
-
-def _figures(name: str, values: Any, batch: int) -> np.ndarray:
-    found = np.broadcast_to(np.asarray(values, float), (batch,))
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} must be finite, got {found}")
-    return found
+    return np.broadcast_to(found, (batch,)).astype(np.int32)
 
 
 def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tuple[np.ndarray, int]:
@@ -781,7 +786,7 @@ def _known(routes: Any, starts: np.ndarray, goals: np.ndarray, size: int) -> np.
         if route is None:
             continue
         nodes = np.asarray(route)
-        fits = nodes.ndim == 1 and len(np.unique(nodes)) == len(nodes) <= size
+        fits = nodes.ndim == 1 and nodes.size and len(np.unique(nodes)) == len(nodes) <= size
         if not fits or not np.isin(nodes, np.arange(size)).all() or tuple(nodes[[0, -1]]) != (start, goal):
             raise ValueError(
                 f"known_route must lead from {start} to {goal} and visit no waypoint twice, got {route}"

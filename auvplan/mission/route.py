@@ -42,7 +42,7 @@ _NUMBERS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class MissionRoute(ReprMixin):
     """An ordered list of tasks.
 
@@ -160,7 +160,7 @@ class MissionRoute(ReprMixin):
         return self.status.value
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class MissionRoutes(ReprMixin):
     """B routes from one compiled call; `routes[b]` is a `MissionRoute`.
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission.timetable import NONE, Stages, Timetable, stages
+from auvplan.runtime.arguments import numbers
 
 Array = NDArray[np.floating]
 IntArray = NDArray[np.integer]
@@ -36,7 +37,7 @@ _WAYS = 4000
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpeedOptions:
     """Speeds of a vehicle, K of them, and what the edges of a graph take at each.
 
@@ -72,7 +73,7 @@ class SpeedOptions:
             object.__setattr__(self, "waypoint_fixed", np.zeros(np.shape(self.fixed)[:-1]))
         names = ["speeds", "power", "travel_time", "fixed", "waypoint_fixed"]
         names += ["waiting"] * (self.waiting is not None)
-        values = [np.asarray(getattr(self, name), float) for name in names]
+        values = [numbers(name, getattr(self, name)) for name in names]
         speeds, power, times, fixed, at_waypoint, *waiting = values
         for name, value in zip(names, values, strict=True):
             if np.isnan(value).any() or (value < 0.0).any():
@@ -276,7 +277,7 @@ class SpeedOptions:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RouteSpeeds:
     """Speeds that were chosen for a route.
 

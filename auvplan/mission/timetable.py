@@ -20,6 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.runtime.arguments import numbers
+
 Array = NDArray[np.floating]
 
 #: Halvings that find the last moment at which an edge may be entered, to single precision.
@@ -44,7 +46,7 @@ ALWAYS = {
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Timetable:
     """Travel times by departure and windows of tasks, for all pairs of N waypoints.
 
@@ -62,7 +64,9 @@ class Timetable:
         waiting: whether the vehicle may wait, for a window at the task and for an edge before it.
 
     Raises:
-        ValueError: a field given as a NumPy array has a wrong shape, or departures are not evenly spaced.
+        ValueError: a field given as a NumPy array has a wrong shape or is NaN, or departures are none or not
+            evenly spaced.
+        TypeError: it holds text, dates or durations in place of numbers: give seconds.
     """
 
     departures: Any
@@ -78,11 +82,13 @@ class Timetable:
     def __post_init__(self) -> None:
         if not isinstance(self.travel_time, np.ndarray | list):
             return  # JAX rebuilds timetables from traced arrays and placeholders: nothing to check there
-        travel, departures = np.asarray(self.travel_time, float), np.asarray(self.departures, float)
-        if travel.ndim < 3 or travel.shape[-1] != travel.shape[-2]:
-            raise ValueError(f"travel_time must be [M, N, N] s, got shape {travel.shape}")
+        travel, departures = numbers("travel_time", self.travel_time), numbers("departures", self.departures)
+        if travel.ndim < 3 or travel.shape[-1] != travel.shape[-2] or not travel.shape[-3]:
+            raise ValueError(f"travel_time must be [M, N, N] s, M at least 1, got shape {travel.shape}")
         if departures.shape != travel.shape[:-2]:
             raise ValueError(f"departures must be {travel.shape[:-2]}, got shape {departures.shape}")
+        if not np.isfinite(departures).all():
+            raise ValueError("departures must be finite, s")
         steps = np.diff(departures, axis=-1)
         even = not steps.size or ((steps > 0.0).all() and np.allclose(steps, steps[..., :1], rtol=1e-6))
         if not even:
@@ -92,9 +98,11 @@ class Timetable:
         shape = (*travel.shape[:-3], *travel.shape[-2:])
         for name in NONE:
             given = getattr(self, name)
-            value = np.zeros((*shape, 0)) if given is None else np.asarray(given, float)
+            value = np.zeros((*shape, 0)) if given is None else numbers(name, given)
             if value.shape[:-1] != shape:
                 raise ValueError(f"{name} must be [N, N, W] with N = {shape[-1]}, got shape {value.shape}")
+            if np.isnan(value).any():
+                raise ValueError(f"{name} must not be NaN: give {NONE[name]} for none")
             object.__setattr__(self, name, value)
         names = list(NONE)
         for first, last in zip(names[::2], names[1::2], strict=True):

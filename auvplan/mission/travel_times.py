@@ -29,6 +29,7 @@ from auvplan.path.ends import check_moment
 from auvplan.path.kinematics import TINY, winding_length
 from auvplan.path.problem import Problem
 from auvplan.path.profile import compared, depths_within_reach, is_searched_in_depth, profiles
+from auvplan.runtime.arguments import check_settings
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.pytree import row_kinds
 from auvplan.runtime.rows import padded_batches
@@ -102,10 +103,8 @@ class TravelTimeConfig:
     detour_steps: int = 16
 
     def __post_init__(self) -> None:
-        if self.steps < 0 or self.detour_steps < 0:
-            raise ValueError("steps and detour_steps must not be negative")
-        if self.detours < 1:
-            raise ValueError(f"detours must be at least 1, got {self.detours}")
+        most = float("inf")
+        check_settings(self, {"steps": (0, most), "detours": (1, most), "detour_steps": (0, most)})
 
     def bending(self) -> Self:
         """Return settings that bend lines to the current, with as little effort as shows what it saves."""

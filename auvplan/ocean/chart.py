@@ -19,7 +19,8 @@ from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import DEFAULT_COLOURS, ChartColours
 from auvplan.ocean.picture import opened, read_pixels
-from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.ocean.raster import Raster, is_traced, placed
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.packed import sizes
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
@@ -33,7 +34,7 @@ class ChartError(AuvplanError):
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chart(Raster):
     """Coast, uncertain area and water on a `Raster` indexed [north, east].
 
@@ -61,21 +62,22 @@ class Chart(Raster):
         What a NumPy mask hides is coast.
 
         Raises:
-            ChartError: the raster is not two-dimensional, is empty, or has other values.
+            ChartError: the raster is not two-dimensional, is empty, or has other values; or pixel size or
+                origin are out of range.
+            TypeError: what is given are no numbers.
         """
-        raster = numbers(passability, np.float32, hidden=0.0)
+        raster = numbers("passability", passability, np.float32, hidden=0.0)
         if raster.ndim != 2 or raster.size == 0:
             raise ChartError(f"passability must be a non-empty [nx, ny] raster, got shape {raster.shape}")
         uncertain = (raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6)
         if not ((raster == 0.0) | (raster == 1.0) | uncertain).all():
             raise ChartError("passability must be 0 (coast), in (0, 0.35] (uncertain) or 1 (water)")
-        if not (np.isfinite(pixel_size) and pixel_size > 0):
-            raise ChartError(f"pixel_size must be positive, got {pixel_size}")
+        pixel_size, corner = placed(pixel_size, origin, ChartError)
         return cls(
             # Single precision whatever JAX's default: a chart that is kept must serve under both settings.
             jnp.asarray(raster, jnp.float32),
             jnp.asarray(_signed_distance(raster == 0.0) * pixel_size, jnp.float32),
-            jnp.asarray(origin, jnp.float32),
+            jnp.asarray(corner, jnp.float32),
             jnp.asarray(pixel_size, jnp.float32),
         )
 
@@ -87,7 +89,7 @@ class Chart(Raster):
 
         What is NaN, or hidden by a NumPy mask, is coast.
         """
-        raster = numbers(water)
+        raster = numbers("water", water)
         known = ~np.isnan(raster)
         return cls.from_passability((known & (raster != 0.0)).astype(np.float32), pixel_size, origin)
 

@@ -39,7 +39,7 @@ class Zone:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Closure(Packable):
     """Areas in which no path may be at some hours.
 

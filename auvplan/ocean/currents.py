@@ -8,6 +8,7 @@ after the other. ``barotropic`` says that z does not matter, which spares them t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import lru_cache, partial, reduce
 from typing import Any, Protocol, runtime_checkable
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.captured import Captured
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.rows import elementwise
@@ -83,7 +85,11 @@ def _evaluated(current: Current, x: jax.Array, y: jax.Array, z: jax.Array, t: ja
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class UniformCurrent:
-    """The same velocity everywhere and always, m/s north, east, down."""
+    """The same velocity everywhere and always, m/s north, east, down.
+
+    Raises:
+        TypeError: components are not numbers, one by one.
+    """
 
     u: ArrayLike = 0.0
     v: ArrayLike = 0.0
@@ -93,6 +99,9 @@ class UniformCurrent:
     def __post_init__(self) -> None:
         if any(isinstance(part, list | tuple) for part in (self.u, self.v, self.w)):
             raise TypeError("u, v and w are given one by one, as in UniformCurrent(0.3, -0.1)")
+        for name, part in (("u", self.u), ("v", self.v), ("w", self.w)):
+            if isinstance(part, str | timedelta | np.generic):
+                numbers(name, part)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""

@@ -14,6 +14,7 @@ from auvplan.ocean.functions import PlainFunction, as_pytree, register_function
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.raster import is_traced
 from auvplan.ocean.seabed import Seabed
+from auvplan.runtime.arguments import instance, numbers
 from auvplan.runtime.captured import Captured
 from auvplan.runtime.pytree import register_without_init
 
@@ -68,7 +69,7 @@ def as_price(price: object) -> Price | None:
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Environment:
     """The world as a planner believes it.
 
@@ -85,7 +86,8 @@ class Environment:
             place adds to the cost of a path (Eq. 12), beside the second itself; or None.
 
     Raises:
-        TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace.
+        TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace; or
+            another field is of another kind.
         ValueError: a function does not return what it should; the box is not two corners, the
             lower one first, or reaches beyond the sea bed; JAX traces the box, or where chart or sea bed lie.
     """
@@ -103,13 +105,24 @@ class Environment:
         # One that is made from another, perhaps while JAX traces, is complete.
         if isinstance(self.lower, jax.Array) and self.obstacles is not None:
             return
+        kinds = {
+            "chart": (Chart, "from_mask"),
+            "obstacles": (Obstacles, "static"),
+            "seabed": (Seabed, "from_depth"),
+        }
+        for name, (kind, make) in kinds.items():
+            if (part := getattr(self, name)) is not None:
+                instance(name, part, kind, f"ap.{kind.__name__}.{make}(...)")
+        if not isinstance(self.closures, tuple) or not all(isinstance(one, Closure) for one in self.closures):
+            raise TypeError(f"closures must be a tuple of Closure, got {self.closures!r:.80}")
         rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
         if is_traced(self.lower, self.upper, [(raster.origin, raster.pixel_size) for raster in rasters]):
             raise ValueError(
                 "no environment is built from a chart, sea bed or box that JAX traces: build one before, and "
                 "put the traced part into it by dataclasses.replace(env, chart=...)"
             )
-        corners = lower, upper = [np.array(corner, float) for corner in (self.lower, self.upper)]
+        given = (("lower", self.lower), ("upper", self.upper))
+        corners = lower, upper = [np.array(numbers(f"environment {name}", value)) for name, value in given]
         if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():
             raise ValueError("environment lower and upper must be (x, y, z) with lower <= upper")
         for corner, known, innermost in (

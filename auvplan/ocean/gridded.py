@@ -15,7 +15,7 @@ from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
-from auvplan.ocean.raster import numbers
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.packed import Packable, Packed, is_one, sizes
 from auvplan.runtime.pytree import register_without_init
 
@@ -32,7 +32,7 @@ class CurrentError(AuvplanError):
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GriddedCurrent(Packable):
     """A current on a grid of even metres north and east, rising depths and rising times.
 
@@ -229,9 +229,9 @@ class GriddedCurrent(Packable):
 
 def _numbers(values: ArrayLike, name: str, dtype: type = float) -> NDArray[np.floating]:
     try:
-        return numbers(values, dtype)
-    except (TypeError, ValueError):
-        raise CurrentError(f"{name} must be an array of numbers") from None
+        return numbers(name, values, dtype, durations=name == "times")
+    except (TypeError, ValueError) as error:
+        raise CurrentError(str(error)) from None
 
 
 def _axis(values: ArrayLike, name: str, size: int) -> NDArray[np.floating]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current
 from auvplan.ocean.raster import is_traced
+from auvplan.runtime.arguments import numbers
 
 #: What of obstacles is never below zero.
 _NOT_NEGATIVE = "radii", "position_std", "radius_std", "growth", "growth_max"
@@ -24,7 +25,7 @@ CONFIDENCE = 3.0
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Obstacles:
     """M spheres, padded by inactive ones.
 
@@ -75,27 +76,32 @@ class Obstacles:
         Raises:
             ValueError: shapes do not fit, a radius, a deviation or a growth is negative, or a value is not
                 finite; `growth_max` alone may be infinite.
+            TypeError: a value is no number.
         """
-        position = jnp.asarray(positions, float).reshape(-1, 3)
-        count = position.shape[0]
-        numbers: dict[str, Any] = {
+        single: dict[str, Any] = {
             "drift": drift, "radii": radii, "position_std": position_std, "radius_std": radius_std,
             "growth": growth, "growth_max": growth_max, "observed_at": observed_at,
         }  # fmt: skip
-        for name, value in {"positions": positions, "velocity": velocity, **numbers}.items():
-            found = np.zeros(0) if is_traced(value) else np.asarray(value, float)
+        for name, value in {"positions": positions, "velocity": velocity, **single}.items():
+            found = np.zeros(0) if is_traced(value) else numbers(name, value)
             bad = np.isnan(found) if name == "growth_max" else ~np.isfinite(found)
             if bad.any():
                 raise ValueError(f"{name} must be finite, got {found[bad][0]}")
             if name in _NOT_NEGATIVE and (found < 0.0).any():
                 raise ValueError(f"{name} must not be negative")
-        for name, value in numbers.items():
+        position, velocity = jnp.asarray(positions, float), jnp.asarray(velocity, float)
+        if position.size % 3:
+            raise ValueError(f"positions must be [M, 3] m, got shape {position.shape}")
+        position = position.reshape(-1, 3)
+        count = position.shape[0]
+        if velocity.shape not in ((), (3,), (1, 3), (count, 3)):
+            raise ValueError(f"velocity must be [3] or [{count}, 3] m/s, got shape {velocity.shape}")
+        for name, value in single.items():
             array = jnp.asarray(value, float)
             if array.shape not in ((), (count,)):
                 raise ValueError(f"{name} must be a number or [{count}], got shape {array.shape}")
-            numbers[name] = jnp.broadcast_to(array, (count,))
-        velocity = jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3))
-        parts = [position, velocity, *numbers.values(), jnp.ones(count, bool)]
+            single[name] = jnp.broadcast_to(array, (count,))
+        parts = [position, jnp.broadcast_to(velocity, (count, 3)), *single.values(), jnp.ones(count, bool)]
         return cls(*parts)
 
     @classmethod

@@ -11,6 +11,8 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.errors import AuvplanError
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.packed import Packable, Packed, flat, is_one, sizes
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero
@@ -161,18 +163,19 @@ class Raster(Packable):
         return south + a * (row[first] + b * (row[first + right] - row[first]) - south)
 
 
-def numbers(values: Any, dtype: type = float, hidden: float = np.nan) -> NDArray[np.floating]:
-    """Return values as floats, `hidden` where a NumPy mask hides a fill value, and `timedelta64` in seconds.
+def placed(pixel_size: Any, origin: Any, fault: type[AuvplanError]) -> tuple[float, NDArray[np.floating]]:
+    """Return the size of a raster's pixels, m, and north and east of its corner, [2] m.
 
     Raises:
-        TypeError, ValueError: they are dates, or no numbers.
+        AuvplanError: `fault`, where one is out of its range.
+        TypeError: they are no numbers.
     """
-    found = np.asarray(values)
-    if found.dtype.kind in "mM":
-        found = found / np.timedelta64(1, "s")
-    if isinstance(values, np.ma.MaskedArray):
-        found = np.where(np.ma.getmaskarray(values), hidden, found)
-    return found.astype(dtype, copy=False)
+    size, corner = numbers("pixel_size", pixel_size), numbers("origin", origin)
+    if size.shape or not (np.isfinite(size) and size > 0.0):
+        raise fault(f"pixel_size must be positive, m, one number for north and east, got {pixel_size}")
+    if corner.shape != (2,) or not np.isfinite(corner).all():
+        raise fault(f"origin must be (north, east), m, got {origin}")
+    return float(size), corner
 
 
 def is_traced(*trees: Any) -> bool:

@@ -35,7 +35,7 @@ _CHECKED = 8192
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SampledCurrent(GriddedCurrent):
     """A function's current at the nodes of a grid; it may change as quickly in time as the function does."""
 

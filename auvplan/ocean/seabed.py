@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.ocean.raster import Raster, is_traced, numbers
+from auvplan.ocean.raster import Raster, is_traced, placed
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.packed import sizes
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
@@ -29,7 +30,7 @@ class SeabedError(AuvplanError):
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Seabed(Raster):
     """Depth of the sea bed on a `Raster` indexed [north, east], bilinear between pixels' centres.
 
@@ -91,23 +92,19 @@ class Seabed(Raster):
         Raises:
             SeabedError: the raster is not two-dimensional, is empty, infinite or wholly unknown, or a number
                 is out of its range.
+            TypeError: what is given are no numbers.
         """
-        raster = numbers(depth)
-        corner = np.asarray(origin, float)
+        raster = numbers("depth", depth)
         if raster.ndim != 2 or raster.size == 0:
             raise SeabedError(f"depth must be a non-empty [nx, ny] raster, got shape {raster.shape}")
         if np.isinf(raster).any():
             raise SeabedError("depth must be finite, or NaN where it is unknown")
         if np.isnan(raster).all():
             raise SeabedError("depth is unknown everywhere")
-        if not (np.isfinite(pixel_size) and pixel_size > 0):
-            raise SeabedError(f"pixel_size must be positive, got {pixel_size}")
-        if not (np.isfinite(clearance) and clearance >= 0):
-            raise SeabedError(f"clearance must not be negative, got {clearance}")
-        if reach is not None and not (np.isfinite(reach) and reach >= 0):
-            raise SeabedError(f"reach must not be negative, got {reach}")
-        if corner.shape != (2,) or not np.isfinite(corner).all():
-            raise SeabedError(f"origin must be (north, east), got {origin}")
+        pixel_size, corner = placed(pixel_size, origin, SeabedError)
+        for name, least in (("clearance", clearance), ("reach", 0.0 if reach is None else reach)):
+            if np.ndim(least) or not 0.0 <= numbers(name, least) < np.inf:
+                raise SeabedError(f"{name} must be one number, not negative, m, got {least}")
         raster = np.where(np.isnan(raster), UNKNOWN, raster)
         parts = 1  # a side that each pixel is divided into: an odd number, so that old centres are new ones
         while pixel_size / parts > FINE and (parts + 2) ** 2 * raster.size <= MANY:

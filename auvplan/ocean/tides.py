@@ -13,7 +13,7 @@ from auvplan.ocean.deviation import interpolation_deviation
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HarmonicCurrent:
     """Sums of cosines of constant frequencies at P places, by the square of the distance in between.
 

@@ -1,11 +1,10 @@
 """Layers of Lamb-Oseen vortices, random fields of them, and how they change (Eqs 1-2)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Velocity
+from auvplan.ocean.raster import is_traced
+from auvplan.runtime.arguments import check_settings, numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
 from auvplan.runtime.pytree import instantiated, is_symbolic_zero, register_without_init
@@ -27,7 +28,7 @@ _UNROLL = 4
 
 
 @register_without_init
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LambVortices:
     """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).
 
@@ -47,6 +48,9 @@ class LambVortices:
         vertical_scale: gamma, m; scales the vertical component.
         uniform: [3] m/s north, east, down, added everywhere.
 
+    Raises:
+        TypeError, ValueError: a field is no numbers, of another shape or out of range; one line names it.
+
     Differences from the paper:
         As printed, the exponential is not multiplied by (y - y0) and the field is singular at the centre; the
         covariance of w is read as l^2 I.
@@ -61,14 +65,22 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        depths = np.arange(len(self.centers)) if self.depths is None else self.depths
-        given = {name: getattr(self, name) for name in ("centers", "strength", "radius", "uniform")}
-        for name, value in (given | {"depths": depths}).items():
+        for name in ("centers", "strength", "radius", "depths", "uniform"):
+            value = getattr(self, name)
+            if name == "depths" and value is None:
+                value = np.arange(len(self.strength))
+            if not is_traced(value):
+                numbers(name, value)
             object.__setattr__(self, name, jnp.asarray(value, float))
-        chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
-        chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
-        chex.assert_shape(self.centers, (*self.strength.shape, 2))
-        chex.assert_shape(self.depths, (self.centers.shape[0],))
+        of = (*self.centers.shape, 0, 0)[:2]
+        wanted = {"centers": (*of, 2), "strength": of, "radius": of, "depths": of[:1], "uniform": (3,)}
+        for name, shape in wanted.items():
+            if (found := getattr(self, name).shape) != shape:
+                raise ValueError(f"{name} must be of shape {shape}, with centers [L, K, 2], got {found}")
+        if not is_traced(self.radius) and not (np.asarray(self.radius) > 0.0).all():
+            raise ValueError("radius must be positive, m")
+        if not is_traced(self.depths) and not (np.diff(np.asarray(self.depths)) > 0.0).all():
+            raise ValueError("depths must rise, m")
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
@@ -353,9 +365,18 @@ def random_vortices(
         It gives neither the number of vortices nor their sizes and strengths; all are chosen here.
 
     Raises:
-        TypeError: the key is none, such as a seed.
+        TypeError: the key is none, such as a seed, or a value is no number.
+        ValueError: corners or the range of radii are the wrong way round, or a number is out of its range.
     """
     key = as_key(key)
+    if count < 0 or layers < 1:
+        raise ValueError(f"count must be at least 0 and layers at least 1, got {count} and {layers}")
+    if not is_traced(lower, upper, radius, peak_speed):
+        low, high = numbers("lower", lower), numbers("upper", upper)
+        if low.shape != (3,) or high.shape != (3,) or not (low <= high).all() or (low >= high)[:2].any():
+            raise ValueError(f"lower and upper must be (x, y, z) m with lower < upper, got {lower}, {upper}")
+        if not 0.0 < radius[0] <= radius[1] < np.inf or not 0.0 <= peak_speed < np.inf:
+            raise ValueError(f"radius and peak_speed must be positive and rise, got {radius}, {peak_speed}")
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
     kind = _Kind(radius, peak_speed, layer_noise, vertical_scale)
     field = _random_vortices(key, *corners, kind, count, count=rounded_up(count), layers=layers)
@@ -422,6 +443,9 @@ class CurrentUpdate:
     radius_std: float = 20.0
     strength_std: float = 0.05
     radius_floor: float = 50.0
+
+    def __post_init__(self) -> None:
+        check_settings(self, {part.name: (0, np.inf) for part in fields(self)})
 
 
 def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> LambVortices:

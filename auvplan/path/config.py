@@ -1,9 +1,11 @@
 """Settings of the path planner."""
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 from auvplan.bbo import BBOConfig
+from auvplan.runtime.arguments import check_settings
 from auvplan.vehicle import SpeedReading
 
 #: m, by which the margins that a polish keeps are wider than what is asked for.
@@ -31,6 +33,18 @@ class Penalties:
     climb: float = 1000.0
     dive: float = 1000.0
 
+    def __post_init__(self) -> None:
+        check_settings(self, {part.name: (0, math.inf) for part in fields(self)})
+
+
+_RANGES = {
+    "quadrature": (1, math.inf), "t_series": (1, math.inf), "finer": (1, math.inf), "degree": (1, math.inf),
+    "field_cells": (8, math.inf), "dense_cells": (8, math.inf), "refine_count": (1, math.inf),
+    "fresh_share": (0, 1),
+} | dict.fromkeys(
+    ("depth_width", "uncertain_price", "coast_margin", "obstacle_margin", "passage_steps", "refine_steps",
+     "refine_step_size", "settled", "fine_steps"), (0, math.inf),
+)  # fmt: skip
 
 #: Settings that the form of a path's cost depends on.
 _OF_THE_COST = "control_points", "degree", "samples", "quadrature", "speed_reading", "penalties"
@@ -113,26 +127,17 @@ class PathConfig:
     fresh_share: float = 0.2
 
     def __post_init__(self) -> None:
+        check_settings(self, _RANGES)
         if self.control_points < 1 or self.control_points + 2 <= self.degree:
             raise ValueError(
                 f"control_points must be at least {max(1, self.degree - 1)} for degree {self.degree}"
             )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
-        if self.quadrature is not None and self.quadrature < 1:
-            raise ValueError(f"quadrature must be at least 1, got {self.quadrature}")
-        if self.t_series < 1 or self.finer < 1:
-            raise ValueError(f"t_series and finer must be at least 1, got {self.t_series} and {self.finer}")
         if self.passages < 0 or self.passages >= self.bbo.population:
             raise ValueError(f"passages must be in [0, population), got {self.passages}")
-        for name in ("field_cells", "dense_cells"):
-            if getattr(self, name) < 8:
-                raise ValueError(f"{name} must be at least 8, got {getattr(self, name)}")
-        for name in ("settled", "fine_steps"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
-        if not self.width > 0.0 or not self.depth_width >= 0.0:
-            raise ValueError("width must be positive and depth_width not negative")
+        if not self.width > 0.0:
+            raise ValueError(f"width must be positive, got {self.width}")
 
     @classmethod
     def paper(cls, *, control_points: int = 4, width: float = 0.35) -> Self:

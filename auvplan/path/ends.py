@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.gridded import CurrentError
+from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.raster import is_traced
+from auvplan.path.config import PathConfig
+from auvplan.runtime.arguments import instance, numbers
 from auvplan.vehicle import Vehicle
 
 #: m, by which an end may fall short of the sea bed's clearance: rounding in single precision.
@@ -25,8 +28,8 @@ _GRAIN = 0.2
 _LATTICE = 25
 
 
-def check_given(env: object, vehicle: object) -> None:
-    """Refuse what is easily taken for an environment or a vehicle.
+def check_given(env: object, vehicle: object, config: object = None) -> None:
+    """Refuse what is easily taken for an environment, a vehicle or settings of paths.
 
     Raises:
         TypeError: one line that says what is wanted.
@@ -37,6 +40,21 @@ def check_given(env: object, vehicle: object) -> None:
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         made = f"ap.Vehicle(speed={vehicle})" if isinstance(vehicle, int | float) else "ap.Vehicle(...)"
         raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give {made}")
+    if config is not None:
+        instance("config", config, PathConfig)
+
+
+def check_worlds(count: int, row: str, **parts: Any) -> None:
+    """Refuse parts of worlds that differ by row, such as a "leg", and are not as many as there are rows.
+
+    Raises:
+        ValueError: one line that names the part and both numbers.
+    """
+    for name, part in parts.items():
+        for shape in map(np.shape, jax.tree.leaves(part)):
+            if shape[:1] != (count,) or (isinstance(part, Obstacles) and len(shape) < 2):
+                wanted = f"stacked along a leading axis [{count}], one for each {row}"
+                raise ValueError(f"{name} must be {wanted}, got an array of shape {shape}")
 
 
 def check_concrete(name: str, given: object) -> None:
@@ -53,14 +71,18 @@ def check_concrete(name: str, given: object) -> None:
 
 
 def check_moment(name: str, given: ArrayLike) -> None:
-    """Refuse moments, s, so far from zero that the precision in which JAX computes loses more than a second.
+    """Refuse moments, s, that are not finite, or so far from zero that single precision loses over a second.
 
     Raises:
+        TypeError: they are no numbers, as dates and `timedelta` are not.
         ValueError: one line that says what to use.
     """
     if is_traced(given):
         return
-    farthest = float(np.abs(np.asarray(given, float)).max(initial=0.0))
+    moments = numbers(name, given)
+    if not np.isfinite(moments).all():
+        raise ValueError(f"{name} must be finite, s since the epoch, got {moments[~np.isfinite(moments)][0]}")
+    farthest = float(np.abs(moments).max(initial=0.0))
     lost = float(_rounding(farthest))
     if lost > _TICK:
         raise ValueError(
@@ -79,8 +101,9 @@ def as_point(name: str, given: ArrayLike) -> NDArray[np.floating]:
 
     Raises:
         ValueError: it is none.
+        TypeError: it is not given by numbers.
     """
-    point = np.asarray(given, float)
+    point = numbers(name, given)
     if point.shape != (3,):
         raise ValueError(f"{name} must be three numbers, north, east and depth in m, got shape {point.shape}")
     return point

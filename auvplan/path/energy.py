@@ -21,6 +21,7 @@ from auvplan.path.plan import PathPlan
 from auvplan.path.planner import plan_path, sketch_paths
 from auvplan.path.profile import timed
 from auvplan.path.replanner import replan_path
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.runtime.prng import as_key
 from auvplan.vehicle import Vehicle, along_track
@@ -65,7 +66,8 @@ def plan_least_energy(
         The plan, at the speed `plan.conditions.vehicle.speed`; see `energy.energy_of_plan` for what it takes.
 
     Raises:
-        ValueError: as `plan_path`; the vehicle has no power model, or speeds are not positive and rising.
+        ValueError: as `plan_path`; the vehicle has no power model, speeds are not positive and rising, or the
+            price is negative.
         TypeError: as `plan_path`.
 
     Example:
@@ -78,13 +80,15 @@ def plan_least_energy(
         >>> round(float(plan.conditions.vehicle.speed), 2)
         1.0
     """
-    check_given(env, vehicle)
+    check_given(env, vehicle, config)
     check_moment("depart", depart)
     if (power := vehicle.power) is None:
         raise ValueError("paths of least energy need a power model: give Vehicle(power=...)")
     least, most = speeds or speed_range(power)
     if not 0.0 < least < most < np.inf:
         raise ValueError(f"speeds must be positive and rising, got {least} and {most}")
+    if not numbers("price", price) >= 0.0:
+        raise ValueError(f"price must not be negative, W, got {price}")
     start, goal, config = as_point("start", start), as_point("goal", goal), config or PathConfig()
     first_key, second_key = jax.random.split(as_key(key))
     bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)

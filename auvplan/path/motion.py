@@ -15,7 +15,7 @@ Array = NDArray[np.floating]
 _FIELDS = ("yaw", "pitch", "ground_velocity")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """How a vehicle moves at n moments; arrays may have more axes before.
 

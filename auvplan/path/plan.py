@@ -22,7 +22,7 @@ from auvplan.runtime.formatting import ReprMixin, between, counted
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class PathPlan(ReprMixin):
     """A timed, checked trajectory between two points.
 
@@ -274,7 +274,7 @@ class PathPlan(ReprMixin):
         return explanation(self, limit, epoch)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class PathPlans(ReprMixin):
     """B plans; `plans[b]` is a `PathPlan`.
 

@@ -20,9 +20,10 @@ from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.samples import in_samples, samples_of
 from auvplan.path.sensitivity import Conditions, Given, differentiable_time
 from auvplan.path.stages import Batch, Legs, polish_finely, search_legs, sketch_legs, split
+from auvplan.runtime.arguments import numbers, per_row
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.captured import captured_once
-from auvplan.runtime.prng import as_key
+from auvplan.runtime.prng import key_per
 from auvplan.runtime.rows import batch_map
 from auvplan.vehicle import Vehicle
 
@@ -67,9 +68,10 @@ def plan_path(
     Raises:
         ValueError: start or goal lies on land, below the sea bed, outside the chart or outside the box, the
             goal nearer to the sea bed than its clearance, or they coincide; the current is NaN on the way; or
-            the departure is too far from the epoch for single precision.
-        TypeError: the key is a seed, the environment a function, the vehicle a number, or the current's
-            function cannot be traced by JAX; or the call is traced by `jax.jit` or `jax.vmap`.
+            the departure is not finite, or too far from the epoch for single precision.
+        TypeError: the key is a seed, the environment a function, the vehicle a number, a place text, the
+            departure a date or `timedelta`, or the current's function cannot be traced by JAX; or the call is
+            traced by `jax.jit` or `jax.vmap`.
 
     Example:
         >>> import jax, auvplan as ap
@@ -90,7 +92,7 @@ def plan_path(
     given, config = (start, goal, env, vehicle, depart), config or PathConfig()
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
         return planned(given, config)
-    check_given(env, vehicle)
+    check_given(env, vehicle, config)
     given = jax.tree.map(
         jnp.asarray,
         (jnp.asarray(start), jnp.asarray(goal), env, (vehicle or Vehicle()).without_power(), depart),
@@ -127,20 +129,21 @@ def plan_paths(
         budget: s of wall-clock time for all legs together, as for `plan_path`.
 
     Raises:
-        ValueError: as `plan_path`, naming the leg; or shapes do not fit.
+        ValueError: as `plan_path`, naming the leg; or shapes do not fit; or keys, departures or worlds are
+            not as many as legs.
         TypeError: as `plan_path`; or the call is differentiated.
     """
     check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
-    watch, key = None if budget is None else Budget(budget, len(np.atleast_2d(starts))), as_key(key)
-    check_given(env, vehicle)
+    check_given(env, vehicle, config)
     check_moment("depart", depart)
-    start, goal = np.asarray(starts, float), np.asarray(goals, float)
+    start, goal = numbers("starts", starts), numbers("goals", goals)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape or not len(start):
         raise ValueError(
             "starts and goals must be [B, 3] m, north, east and depth, of one leg at least, "
             f"got shapes {start.shape} and {goal.shape}"
         )
     legs, conditions = start.shape[0], Conditions.of(env, vehicle, config, world_per_leg)
+    watch, departs = None if budget is None else Budget(budget, legs), per_row("depart", depart, legs)
     config = conditions.config
     if population is not None:
         shape = (legs, config.bbo.population, 3 * config.control_points)
@@ -148,9 +151,9 @@ def plan_paths(
             raise ValueError(
                 f"population must be [B, P, 3 n], {shape} here, got shape {np.shape(population)}"
             )
-    departs = np.broadcast_to(np.asarray(depart, float), (legs,))
     search = partial(in_samples, search_legs)
-    return search_and_polish(search, population, (start, goal), departs, key, conditions, watch)
+    keys = key_per("leg", key, legs)
+    return search_and_polish(search, population, (start, goal), departs, keys, conditions, watch)
 
 
 @captured_once()
@@ -159,7 +162,7 @@ def search_and_polish(
     population: Any,
     ends: tuple[NDArray[np.floating], NDArray[np.floating]],
     depart: NDArray[np.floating],
-    key: jax.Array,
+    keys: jax.Array,
     conditions: Conditions,
     budget: Budget | None,
 ) -> PathPlans:
@@ -170,7 +173,7 @@ def search_and_polish(
         population: what it begins with, by leg.
         ends: starts and goals, [B, 3] m.
         depart: [B] s since the epoch.
-        key: one PRNG key, or B keys.
+        keys: [B] PRNG keys.
         conditions: what paths are planned for.
         budget: for all of it.
 
@@ -178,9 +181,8 @@ def search_and_polish(
         ValueError: as `plan_paths`.
     """
     env, vehicle, per_leg = conditions.env, conditions.vehicle, conditions.leg is not None
+    own, shared = split(env, len(depart) if per_leg else None)
     check_ends(*ends, env, vehicle)
-    keys = jax.random.split(key, len(depart)) if key.ndim == 0 else key
-    own, shared = split(env, per_leg)
     since, known = None, vehicle.navigation
     if known is not None:
         since = np.broadcast_to(known.way, len(depart)), np.broadcast_to(known.unlocked, len(depart))
@@ -220,7 +222,7 @@ def sketch_paths(
         Paths [B, 2, S, 3] m, with `config.samples` samples S. Where the current changes with depth the first
         takes depths of its own, the second about those of the straight line.
     """
-    world, shared = split(env, world_per_leg)
+    world, shared = split(env, len(starts) if world_per_leg else None)
     batch = Batch.of(Legs(starts, goals, departs, world), shared, vehicle, config)
 
     def sketch(legs: Legs) -> NDArray[np.floating]:

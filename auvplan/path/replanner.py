@@ -21,9 +21,10 @@ from auvplan.path.planner import search_and_polish
 from auvplan.path.samples import in_samples
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Batch, Legs, search_legs
+from auvplan.runtime.arguments import instance, numbers, per_row
 from auvplan.runtime.budget import Budget
 from auvplan.runtime.compiled import compiled
-from auvplan.runtime.prng import as_key
+from auvplan.runtime.prng import key_per
 from auvplan.vehicle import Vehicle
 
 
@@ -60,11 +61,11 @@ def replan_path(
 
     Raises:
         ValueError: the position lies on land, below the sea bed or outside, or at the goal; the current is
-            NaN on the way; or `now` is too far from the epoch for single precision.
+            NaN on the way; or `now` is not finite, or too far from the epoch for single precision.
         TypeError: as `plan_path`.
     """
     position = as_point("position", position)
-    at = position[None], np.asarray([now])
+    at = position[None], now
     return replan_paths([plan], *at, env, vehicle, key=key, config=config, budget=budget)[0]
 
 
@@ -85,24 +86,32 @@ def replan_paths(
     Args:
         plans: B plans being followed.
         positions: [B, 3] m.
-        now: [B] s since the epoch.
+        now: s since the epoch, one or [B].
         env: the updated world; with `world_per_leg` current and obstacles carry a leading axis B.
         vehicle: speed and limits.
         key: one PRNG key, or B keys.
         config: settings.
         world_per_leg: whether current and obstacles differ by leg.
         budget: s of wall-clock time for all legs together.
+
+    Raises:
+        ValueError, TypeError: as `replan_path` and `plan_paths`.
     """
-    watch, key = None if budget is None else Budget(budget, len(plans)), as_key(key)
-    check_given(env, vehicle)
+    keys = key_per("leg", key, len(plans))
+    check_given(env, vehicle, config)
     check_moment("now", now)
-    position = np.asarray(positions, float)
+    position = numbers("positions", positions)
+    if not len(plans) or position.shape != (len(plans), 3):
+        got = f"got shape {position.shape} and {len(plans)} plans"
+        raise ValueError(f"positions must be [B, 3] m, one for each of at least one plan, {got}")
+    watch, departs = None if budget is None else Budget(budget, len(plans)), per_row("now", now, len(plans))
+    for plan in plans:
+        instance("plan", plan, PathPlan, "what ap.plan_path returned")
     goals, starts = (np.stack([plan.control_points[end] for plan in plans]) for end in (-1, 0))
     conditions = Conditions.of(env, vehicle, config, world_per_leg)
     reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]
     kept = np.stack([plan.population for plan in plans]), starts, np.asarray(reached)
-    departs = np.asarray(now, float)
-    return search_and_polish(_search_on, kept, (position, goals), departs, key, conditions, watch)
+    return search_and_polish(_search_on, kept, (position, goals), departs, keys, conditions, watch)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:

@@ -14,11 +14,13 @@ from jax.typing import ArrayLike
 from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.raster import is_traced
 from auvplan.path.config import GUIDE_ALTITUDE, GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given, check_moment
 from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
@@ -34,7 +36,7 @@ SETTLING_STEPS = 300, 1000
 _REACH, _REACH_ABOVE, _NEARLY = 2.0, 5.0, 0.995
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """What a path was planned for: the world, one leg's of a batch or that of all, vehicle and settings."""
 
@@ -155,9 +157,9 @@ def travel_time(
         speed_reading: as in `PathConfig`.
 
     Raises:
-        ValueError: points are not [S, 3] with at least two rows, or the departure is too far from the epoch
-            for single precision.
-        TypeError: the environment or the vehicle is none.
+        ValueError: points are not finite [S, 3] with at least two rows, or the departure is not one finite
+            number, or too far from the epoch for single precision.
+        TypeError: the environment or the vehicle is none, or points or departure are no numbers.
 
     Example:
         >>> import jax, auvplan as ap
@@ -171,10 +173,14 @@ def travel_time(
     """
     check_given(env, vehicle)
     check_moment("depart", depart)
+    if not is_traced(points) and not np.isfinite(points := numbers("points", points)).all():
+        raise ValueError("points must be finite, m, got NaN or infinity")
     points = jnp.asarray(points, float)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
         wanted = "[S, 3] m, north, east and depth, at least two"
         raise ValueError(f"points must be {wanted}, got shape {points.shape}")
+    if not is_traced(depart) and np.ndim(depart):
+        raise ValueError(f"depart must be one number, s since the epoch, got shape {np.shape(depart)}")
     config = timed(PathConfig(speed_reading=speed_reading), env.current)
     vehicle = (vehicle or Vehicle()).without_power()
     followed = _along(points, env, vehicle, jnp.asarray(depart, float), config)

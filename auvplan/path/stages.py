@@ -36,6 +36,7 @@ from auvplan.path.cost import (
     tracks,
     violations,
 )
+from auvplan.path.ends import check_worlds
 from auvplan.path.kinematics import PacedCurrent, norm, vertical_speeds
 from auvplan.path.passages import trace_passages
 from auvplan.path.problem import WAY, Problem, factor_of, scaled
@@ -88,11 +89,13 @@ _SETTLED_IN_DEPTH = 0.1
 _STRICTER = (0.1, 0.99, False), (0.1, 0.98, False), (1.0, 0.98, False), (1.0, 0.99, True), (0.1, 0.9, False)
 
 
-def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
-    """Return what differs by leg, and what is the same for all."""
+def split(env: Environment, legs: int | None) -> tuple[World, Environment]:
+    """Return what differs by leg where worlds do, one for each of `legs`, and what is the same for all."""
+    if legs is not None:
+        check_worlds(legs, "leg", current=partition(env.current)[1], obstacles=env.obstacles)
     obstacles = env.obstacles.padded(rounded_up(env.obstacles.radius.shape[-1]))
     env = replace(env, current=padded(env.current), obstacles=obstacles)
-    if not world_per_leg:
+    if legs is None:
         return None, env
     current, own = partition(env.current)
     return (own, env.obstacles), replace(env, current=current, obstacles=Obstacles.none())

@@ -4,14 +4,17 @@ A search with a budget runs in chunks that are chosen so that the last one ends 
 work takes is learnt as it is done, at its slowest of late: beside a busy process it takes longer.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
 import jax
+import numpy as np
 
 from auvplan.runtime import cores
+from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compilations
 
 T = TypeVar("T")
@@ -38,10 +41,13 @@ class Budget:
         """Begin now, with `rows` to be planned by as many threads as there are cores.
 
         Raises:
-            ValueError: the time is not positive.
+            ValueError: the time is not positive, or infinite: None is for all that a search needs.
+            TypeError: it is no number, as a `timedelta` is not.
         """
-        if not seconds > 0.0:
-            raise ValueError(f"budget must be positive, s of wall-clock time, got {seconds}")
+        if np.ndim(seconds) or not 0.0 < numbers("budget", seconds) < math.inf:
+            raise ValueError(
+                f"budget must be positive and finite, s of wall-clock time, or None, got {seconds}"
+            )
         spare = min(max(_SPARE * seconds, _LEAST), 0.5 * seconds)
         self._ends, self._total = time.perf_counter() + seconds - spare, seconds
         self._rows, self._lock = rows, threading.Lock()

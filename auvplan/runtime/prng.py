@@ -13,11 +13,33 @@ from auvplan.runtime.compiled import compiled
 
 
 def as_key(key: Any, name: str = "key", instead: str = "") -> jax.Array:
-    """PRNG keys as they were given; old-style ones, of plain numbers, as keys of the new style.
+    """Return a PRNG key, or by the name "keys" several [B]; old-style ones as keys of the new style.
 
     Raises:
         TypeError: it is something else, such as a seed; one line that says what is wanted.
+        ValueError: there are several in place of one, or one in place of several.
     """
+    found = _keys(key, name, instead)
+    if found.ndim != (name == "keys"):
+        raise ValueError(f"{name} must be {'[B]' if name == 'keys' else 'one'}, got shape {found.shape}")
+    return found
+
+
+def key_per(row: str, key: Any, count: int) -> jax.Array:
+    """Return keys [count], one for each row, such as a "leg": one key split over them, or as many as given.
+
+    Raises:
+        TypeError: as `as_key`.
+        ValueError: there are more keys, or fewer.
+    """
+    found = _keys(key, "key", "")
+    if found.ndim and found.shape != (count,):
+        raise ValueError(f"key must be one, or [{count}], one for each {row}, got shape {found.shape}")
+    return found if found.ndim else jax.random.split(found, count)
+
+
+def _keys(key: Any, name: str, instead: str) -> jax.Array:
+    """Return PRNG keys of any shape; old-style ones, of plain numbers, as keys of the new style."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         return key
     if isinstance(key, jax.Array | np.ndarray) and key.dtype == np.uint32 and key.ndim and key.shape[-1] == 2:
@@ -32,11 +54,13 @@ def of_seeds(seeds: ArrayLike) -> jax.Array:
     """[B] PRNG keys of B seeds, those of `jax.random.key`.
 
     Raises:
-        ValueError: a seed is negative or above `MAX_SEED`: its key would be that of another one.
+        ValueError: a seed is not whole, negative or above `MAX_SEED`: its key would be that of another one.
     """
-    for seed in np.asarray(seeds, object).ravel():
-        if not 0 <= seed <= MAX_SEED:
-            raise ValueError(f"a seed is a whole number from 0 to {MAX_SEED}, got {seed}")
+    if np.ndim(seeds) != 1:
+        raise ValueError(f"seeds must be [B] whole numbers, got {seeds!r:.80}")
+    for seed in np.asarray(seeds, object):
+        if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
+            raise ValueError(f"a seed is a whole number from 0 to {MAX_SEED}, got {seed!r:.80}")
     return _of_seeds(np.asarray(seeds))
 
 

@@ -11,6 +11,7 @@ import yaml
 
 from auvplan.errors import ScenarioError, StudyError
 from auvplan.runtime import MAX_SEED
+from auvplan.runtime.arguments import instance
 from auvplan.scenario.file import validate_scenario
 from auvplan.scenario.scenario import Scenario, change_scenario
 
@@ -66,6 +67,10 @@ class Design:
         count: missions of each case, of seeds `seed`, `seed` + 1, ...
         seed: the first one.
         sweeps: settings that vary, the last one fastest.
+
+    Raises:
+        StudyError: count or seed are out of range or not whole, or a sweep has no values.
+        TypeError: the scenario is none.
     """
 
     scenario: Scenario
@@ -74,6 +79,12 @@ class Design:
     sweeps: tuple[Sweep, ...] = ()
 
     def __post_init__(self) -> None:
+        instance("scenario", self.scenario, Scenario, "ap.load_scenario(...)")
+        if not isinstance(self.count, int) or not isinstance(self.seed, int):
+            raise StudyError(f"count and seed must be whole numbers, got {self.count!r} and {self.seed!r}")
+        for sweep in self.sweeps:
+            if isinstance(sweep.values, str) or not sweep.values:
+                raise StudyError(f"sweep of {sweep.field}: give at least one value, got {sweep.values!r}")
         if self.count < 1:
             raise StudyError(f"a study needs at least one mission, got {self.count}")
         if self.seeds[0] < 0 or self.seeds[-1] > MAX_SEED:

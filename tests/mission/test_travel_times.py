@@ -278,7 +278,7 @@ def test_a_uniform_stream_leaves_lines_straight_and_closed_edges_closed() -> Non
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"), [({"steps": -1}, "negative"), ({"detours": 0}, "at least 1")]
+    ("changes", "message"), [({"steps": -1}, "at least 0"), ({"detours": 0}, "at least 1")]
 )
 def test_bad_settings_are_refused(changes, message) -> None:
     with pytest.raises(ValueError, match=message):

@@ -415,7 +415,7 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
     )
     env = ap.Environment(jet, lower=(0, -1500, 0), upper=(2000, 1500, 0))
     ends = np.array([[0.0, 0.0, 0.0]]), np.array([[2000.0, 0.0, 0.0]])
-    own, shared = stages.split(env, False)
+    own, shared = stages.split(env, None)
     legs = stages.Legs(*ends, np.zeros(1), own)
     line = np.asarray(straight_line(jnp.asarray(ends[0][0]), jnp.asarray(ends[1][0]), config))[None]
     keys = jax.random.split(jax.random.key(0), 1)

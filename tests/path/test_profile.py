@@ -313,7 +313,7 @@ def test_paths_wind_where_the_straight_line_is_too_steep(goal):
 def test_descents_take_greater_steps_in_depth_where_depth_is_searched(env, deeper):
     config = ap.PathConfig(control_points=5)
     legs = Legs(np.zeros((1, 3)), np.array([[WAY, 0.0, 0.0]]), np.zeros(1), None)
-    _, shared = split(env, world_per_leg=False)
+    _, shared = split(env, legs=None)
     sizes = Batch.of(legs, shared, UNLIMITED, config).step_sizes(0.01, config)
     north, east, down = np.broadcast_to(sizes, 15).reshape(3, 5)
     np.testing.assert_array_equal([north, east], np.float32(0.01))
