@@ -22,6 +22,7 @@ from auvplan.path.problem import WAY, Problem, factor_of
 from auvplan.path.profile import timed
 from auvplan.runtime.arguments import numbers
 from auvplan.runtime.compiled import compiled
+from auvplan.runtime.packed import in_form_of
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
@@ -265,7 +266,7 @@ def _slopes_of_least(plan: Any, given: Given) -> list[jax.Array]:
     bind = np.flatnonzero(rows.any(axis=1))
     multipliers = np.zeros(len(rows))
     multipliers[bind] = scipy.optimize.nnls(rows[bind].T, -np.asarray(slope, float))[0] if len(bind) else 0.0
-    return _by_given(habitat, jnp.asarray(multipliers, float), given, config=config)
+    return in_form_of(given, _by_given(habitat, jnp.asarray(multipliers, float), given, config=config))
 
 
 @partial(compiled, static_argnames=("config",))

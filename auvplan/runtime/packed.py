@@ -5,6 +5,7 @@ from functools import cache, cached_property
 from typing import Any, Self
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -86,6 +87,27 @@ def with_packed(tree: Any) -> Any:
         return tree
     pairs = zip(leaves, packable, strict=True)
     return form.unflatten([leaf.packed if ours else leaf for leaf, ours in pairs])
+
+
+def in_form_of(given: Any, slopes: list[Any]) -> list[jax.Array]:
+    """Return derivatives by the leaves of `with_packed(given)` as those by the leaves of `given`.
+
+    What is packed has one place more for each grid, and padding; it knows no times beyond the first of even
+    ones, whose others follow from it.
+    """
+    form, is_leaf = jax.tree.structure(with_packed(given)), lambda part: isinstance(part, Packed)
+    by_part = jax.tree.leaves(form.unflatten(slopes), is_leaf=is_leaf)
+    packed = jax.tree.leaves(with_packed(given), is_leaf=is_leaf)
+    found = []
+    for slope, part, leaf in zip(by_part, packed, jax.tree.leaves(given), strict=True):
+        if isinstance(part, Packed):
+            kept, known = np.shape(leaf)[: np.ndim(leaf) - len(part.several)], int(np.prod(part.counts))
+            values = jnp.zeros(np.shape(leaf)).reshape(*kept, -1)
+            if np.ndim(slope.values):  # of what is no float there is none
+                values = values.at[..., :known].set(slope.values[..., :known])
+            slope = values.reshape(np.shape(leaf))
+        found.append(slope[tuple(map(slice, np.shape(leaf)))] if np.ndim(slope) else slope)
+    return found
 
 
 @cache

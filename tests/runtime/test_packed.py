@@ -11,7 +11,7 @@ import pytest
 import auvplan as ap
 from auvplan.ocean.closures import Closure
 from auvplan.runtime.compiled import compilations, compiled
-from auvplan.runtime.packed import Packed
+from auvplan.runtime.packed import Packed, in_form_of
 from tests.path.worlds import CONFIG
 
 #: Settings of next to no search, for paths that are straight.
@@ -57,6 +57,32 @@ def test_grids_of_other_sizes_are_looked_up_by_one_program_with_the_same_bits() 
     before = compilations()
     program(env, *places)
     assert compilations() == before
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_derivatives_by_what_is_packed_are_those_by_what_is_given(even) -> None:
+    rng = np.random.default_rng(2)
+    env, places = world(*ALIKE[0], even=even), tuple(rng.uniform(10.0, 200.0, (4, 20)).astype(np.float32))
+    hours = np.arange(3.0, dtype=np.float32)
+    given = replace(env, closures=(Closure(env.chart, hours, hours + 1.0, "area", "outline"),))
+
+    def toward(env, *places):
+        (shut,), found = env.closures, env.current(*places)
+        distance, bed = env.chart.distance(*places[:2]), env.seabed.depth_at(*places[:2])
+        until = jnp.where(jnp.isfinite(shut.ends), shut.ends, 0.0) ** 2 * shut.chart.distance(*places[:2])[0]
+        return sum(map(jnp.sum, (*found, distance, bed, until)))
+
+    def slopes(env, *places):
+        leaves = jax.tree.leaves(jax.grad(toward, allow_int=True)(env, *places))
+        return [jnp.zeros(()) if leaf.dtype == jax.dtypes.float0 else leaf for leaf in leaves]
+
+    expected, found = jax.jit(slopes)(given, *places), in_form_of(given, compiled(slopes)(given, *places))
+    for one, other, leaf in zip(found, expected, jax.tree.leaves(given), strict=True):
+        if jnp.issubdtype(jnp.result_type(leaf), jnp.floating):
+            assert one.shape == jnp.shape(leaf)
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
+        else:
+            assert not one.any()
 
 
 @pytest.mark.parametrize("config", [STRAIGHT, pytest.param(ap.PathConfig.quick(), marks=pytest.mark.slow)])
