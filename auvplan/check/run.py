@@ -25,6 +25,9 @@ CURRENT_MAX = 5.0
 #: Metres by which an altitude may fall short of the clearance that was asked for: far above rounding.
 ALTITUDE_TOLERANCE = 0.1
 
+#: m; the simulator puts obstacles that find no room on a leg, or have not appeared yet, deeper than this.
+NOWHERE = 1e5
+
 
 @dataclass
 class CheckReport:
@@ -277,6 +280,7 @@ class _Track:
         """Look at obstacles: those of the leg, of which `met` [M] were not known before, and the known."""
         leg, samples, report = self.leg, self.samples, self.report
         clearance = np.linalg.norm(samples.obstacles - samples.positions[:, None], axis=2) - leg.radii
+        clearance = np.where(samples.obstacles[:, :, 2] > NOWHERE, np.inf, clearance)
         # What stands for a known obstacle encloses it: that itself is looked at below.
         self.near("obstacle_clearance", clearance[:, met] if known else clearance)
         report.obstacle_metres += float(samples.metres[(clearance < 0.0).any(axis=1)].sum())

@@ -217,9 +217,9 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     expected, executed = leg_times(dataset)
     both = np.isfinite(expected) & np.isfinite(executed)
     errors = [100.0 * value for value in median_interval(relative_errors(dataset))]
-    seeds, correlation = dataset["seed"].values, None
-    if both.sum() > 2:
-        correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
+    seeds, correlation = dataset["seed"].values, np.nan
+    if both.sum() > 2 and min(np.ptp(expected[both]), np.ptp(executed[both])) > 0.0:
+        correlation = np.corrcoef(expected[both], executed[both])[0, 1]
     return {
         "missions": int(success.size),
         "on_time": int(success.sum()),
@@ -230,7 +230,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "faults": int(dataset["faults"].values.sum()),
         "expected_against_executed": {
             "legs": int(both.sum()),
-            "correlation": correlation,
+            **_stated(("correlation",), (correlation,)),
             **_stated(("median_relative_error_percent", "low", "high"), errors),
         },
         "figures": {name: _describe(figure.values(dataset)) for name, figure in FIGURES.items()},

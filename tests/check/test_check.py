@@ -106,6 +106,13 @@ def test_open_water_without_obstacles(nodes):
     assert np.isinf([report.coast_clearance, report.obstacle_clearance, report.seabed_altitude]).all()
 
 
+def test_an_obstacle_that_found_no_room_is_near_nothing():
+    """The simulator puts it a thousand kilometres away, so that all legs have as many."""
+    run = make_run((0, 1))
+    moving_obstacle(run, run.legs[0].positions + 1e6)
+    assert np.isinf(check(run).obstacle_clearance)
+
+
 def with_a_refused_leg():
     run = make_run()
     run.legs.insert(1, refused_leg(run))

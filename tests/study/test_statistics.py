@@ -138,6 +138,8 @@ def test_summary_tells_the_numbers_of_the_study(failed):
     legs = summary["expected_against_executed"]
     assert legs["legs"] == len(expected)
     assert legs["correlation"] == pytest.approx(np.corrcoef(expected, executed)[0, 1])
+    alike = study.assign(leg_t_expected=study["leg_t_task"] + 100.0)
+    assert strict(summarise(alike))["expected_against_executed"]["correlation"] is None
     errors = 100 * np.abs(executed / expected - 1)
     assert legs["median_relative_error_percent"] == pytest.approx(np.median(errors))
     assert legs["low"] < np.median(errors) < legs["high"]
