@@ -40,11 +40,13 @@ class Promised:
 
     Attributes:
         kept: share of time and energy that it was to leave.
+        unused: share that it leaves of both at least: it is the plan as long as no more is to be left.
         mission: at its end.
         found: how it goes in the seas that plans are chosen by; None where it does not reach its destination.
     """
 
     kept: float
+    unused: float
     mission: Mission
     found: Outcomes | None
 
@@ -195,9 +197,12 @@ def planned_with(mission: Mission, kept: float, complete: Complete) -> Promised:
     one.run.t_available = available - kept * (available - begins)
     complete(one)
     one.run.t_available = available
+    unused = (available - one.run.t_mission) / (available - begins)
+    if np.isfinite(mission.energy_left):
+        unused = min(unused, (one.energy_left + one.energy_kept) / mission.energy_left)
     if not one.run.success:
-        return Promised(kept, one, None)
-    return Promised(kept, one, outcomes(mission, one.run.done, prng.folded(mission.key, _CHOSEN_BY)))
+        return Promised(kept, unused, one, None)
+    return Promised(kept, unused, one, outcomes(mission, one.run.done, prng.folded(mission.key, _CHOSEN_BY)))
 
 
 def promise_of(found: Outcomes, mission: Mission, asked: float | None, kept: float) -> Promise:
@@ -247,7 +252,7 @@ def _next(tried: list[Promised], asked: float) -> float | None:
         return _between(max(short), last.kept, _ALIKE) if short else None
     # Where a few members decide, a little more time kept back changes nothing: steps grow.
     step = _ALIKE * 2.0 ** (len(short) if several else 0)
-    return max(_needed(last, asked), last.kept + step)
+    return max(_needed(last, asked), last.kept + step, last.unused + _ALIKE)
 
 
 def _needed(one: Promised, asked: float) -> float:

@@ -218,7 +218,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     both = np.isfinite(expected) & np.isfinite(executed)
     errors = [100.0 * value for value in median_interval(relative_errors(dataset))]
     seeds, correlation = dataset["seed"].values, np.nan
-    if both.sum() > 2 and min(np.ptp(expected[both]), np.ptp(executed[both])) > 0.0:
+    if both.sum() > 2 and min(np.ptp(expected[both]), np.ptp(executed[both])) > 1e-6:  # s
         correlation = np.corrcoef(expected[both], executed[both])[0, 1]
     return {
         "missions": int(success.size),

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,7 @@ from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import complete, seed_keys, settle, start_mission
 from auvplan.executive.outcomes import Outcomes, Rule, latest_stops, outcomes, ruled
 from auvplan.executive.planning import leaving, plan_promises, planning_context
+from auvplan.executive.promise import Promised, _next
 from auvplan.executive.turning import Stakes, just_keeping, keeping, rules, turned, until_when, ways_of
 from auvplan.io.currents import open_members
 from auvplan.io.restore import restore_run
@@ -52,6 +54,13 @@ def planned_from(settings, area):
     done = mission.fork()
     complete(done)
     return mission, done
+
+
+def test_as_much_is_kept_back_as_makes_another_plan():
+    """Where a plan leaves six hundredths of the time, less than that kept back gives the same plan again."""
+    found = SimpleNamespace(used=np.linspace(0.9, 1.05, 101), members=np.zeros(101, int), share=0.66)
+    assert 0.06 < _next([Promised(0.0, 0.06, None, found)], 0.7) < 0.07
+    assert 0.01 < _next([Promised(0.0, 0.0, None, found)], 0.7) < 0.02
 
 
 def with_promise(asked):
