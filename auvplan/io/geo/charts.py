@@ -248,6 +248,7 @@ def closures_of(
     *,
     margin: float,
     until: float,
+    since: float = 0.0,
 ) -> tuple[Closure, ...]:
     """Return the areas that are closed at some hours, those of the same hours as one.
 
@@ -257,6 +258,7 @@ def closures_of(
         extent: of the charts on which they are coast.
         margin: s, by which they are closed earlier and longer.
         until: s, when missions are over.
+        since: s, when the first departs, 0 or before.
 
     Raises:
         GeoError: one line that names the file, the feature and the time that is at fault.
@@ -264,8 +266,9 @@ def closures_of(
     """
     found: dict[tuple[tuple[float, float], ...], list[Zone]] = {}
     for zone in zones:
-        spans = Hours(zone.where, zone.hours, site, until).spans() if zone.hours else []
-        within = [(first, last) for first, last in spans if last > -margin and first < until + margin]
+        spans = Hours(zone.where, zone.hours, site, until, since).spans() if zone.hours else []
+        reach = since - margin, until + margin
+        within = [(first, last) for first, last in spans if last > reach[0] and first < reach[1]]
         if within:
             found.setdefault(tuple(within), []).append(zone)
     closures = []
