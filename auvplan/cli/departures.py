@@ -131,7 +131,8 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
         raise ScenarioError(f"--step {step!r} must be a duration above 0, such as 30min, 1h or 900s")
     if first < 0.0 and settings.current.source == "vortices":
         raise ScenarioError(
-            f"--from {begin!r} lies before the scenario's departure, with which its vortices begin"
+            f"--from {begin!r} lies before the scenario's departure, with which its vortices begin: "
+            "set site.departure earlier"
         )
     if first > last:
         raise ScenarioError(f"--from {begin!r} must not be later than --to {end!r}")

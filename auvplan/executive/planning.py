@@ -229,7 +229,8 @@ def require_known(scenario: Scenario, area: OperatingArea, departs: NDArray[np.f
     if field is None:
         if first < 0.0:
             raise ScenarioError(
-                f"departure {name(first)} lies before the scenario's, with which its vortices begin"
+                f"departure {name(first)} lies before the scenario's, with which its vortices begin: "
+                "set site.departure earlier"
             )
     elif isinstance(field, GriddedCurrent) and not field.steady and scenario.current.outside == "refuse":
         begin, end = float(field.times[0]), float(field.times[-1])

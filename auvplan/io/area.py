@@ -196,7 +196,7 @@ class AreaFiles:
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
         self.until, self.since = scenario.mission.time_available if until is None else until, since
-        #: From when on closed areas and windows are read: nothing is forgotten that the epoch's mission meets.
+        #: From when on closed areas and windows are read.
         self.first = min(since, 0.0)
         self.given = dict(given or {})
         for field in self.given:

@@ -90,7 +90,8 @@ def read_tide(path: str | Path, site: Site, until: float, since: float = 0.0) ->
     under `places`, a list whose members have `longitude` and `latitude` too. `depths` m and `shares` give a
     profile.
 
-    Nodal corrections are those of the middle of the time, from `since` to `until`, s since the epoch: in a month they change by less than a hundredth.
+    Nodal corrections are those of the middle of the time from `since` to `until`, s since the epoch: in a
+    month they change by less than a hundredth.
 
     Raises:
         CurrentError: one line that names the file and the field.

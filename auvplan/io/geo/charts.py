@@ -265,10 +265,10 @@ def closures_of(
         ChartError: as `with_no_go`.
     """
     found: dict[tuple[tuple[float, float], ...], list[Zone]] = {}
+    since, until = since - margin, until + margin
     for zone in zones:
         spans = Hours(zone.where, zone.hours, site, until, since).spans() if zone.hours else []
-        reach = since - margin, until + margin
-        within = [(first, last) for first, last in spans if last > reach[0] and first < reach[1]]
+        within = [(first, last) for first, last in spans if last > since and first < until]
         if within:
             found.setdefault(tuple(within), []).append(zone)
     closures = []

@@ -230,7 +230,7 @@ class Hours:
             raise self._fault(
                 "slack water needs a current that is forecast: current.source 'file' or 'harmonic'"
             )
-        moments = np.arange(self.since, self.until + _MINUTE, _MINUTE)
+        moments = np.arange(_minute(self.since), self.until + _MINUTE, _MINUTE)
         found = np.asarray(speed(moments), float)
         if not (found < limit).any():
             raise self._fault(
@@ -238,6 +238,11 @@ class Hours:
                 f"{found.min():.2f} m/s is the least"
             )
         return [(first, last) for first, last in _runs(found < limit, moments) if last > first]
+
+
+def _minute(seconds: float) -> float:
+    """Return the last whole minute until a time: windows are the same whenever missions depart."""
+    return seconds // _MINUTE * _MINUTE
 
 
 def _is_open(value: Any) -> bool:
@@ -254,10 +259,10 @@ def _runs(wanted: np.ndarray, moments: np.ndarray) -> Spans:
 def _elevations(
     latitude: float, longitude: float, epoch: datetime, since: float, until: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Minutes from a day before the first departure until one after the mission, s; the sun's height, degrees."""
+    """Minutes from a day before the departure until one after the mission, s; the sun's height, degrees."""
     from astral import Observer
     from astral.sun import elevation
 
-    place, minutes = Observer(latitude, longitude), np.arange(since - _DAY, until + _DAY, _MINUTE)
+    place, minutes = Observer(latitude, longitude), np.arange(_minute(since) - _DAY, until + _DAY, _MINUTE)
     moments = (epoch + timedelta(seconds=float(moment)) for moment in minutes)
     return minutes, np.array([elevation(place, moment) for moment in moments])
