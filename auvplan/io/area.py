@@ -536,7 +536,8 @@ class AreaFiles:
         how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
         how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
         # Data that states the epoch begins with it.
-        how["times"] = site.epoch and (self.since if self._on_earth.epoch else 0.0, self.until)
+        lasts = self.until if self.until > 0.0 else self.scenario.mission.time_available
+        how["times"] = site.epoch and ((self.since, self.until) if self._on_earth.epoch else (0.0, lasts))
         key = "current", tuple(paths), site, tuple(how.values()), chart
 
         def read() -> "currents.CurrentFile":

@@ -289,8 +289,9 @@ def test_departures_of_a_scenario_that_begins_with_its_file(dated):
     times = departure_times(settings, dated[1], "2020-01-01T02:00+01:00", "2.5", "30min")
     np.testing.assert_allclose(times, np.arange(2, 6) * 1800.0)
     assert float(load_area_at(settings, times, dated[1]).forecast.times[-1]) >= 3.0 * HOUR - 1.0
-    with pytest.raises(ScenarioError, match="2019-12-31 23:00 UTC"):
-        load_area_at(settings, [-HOUR, 0.0], dated[1])
+    for departs in ([-HOUR, 0.0], [-HOUR]):
+        with pytest.raises(ScenarioError, match="2019-12-31 23:00 UTC"):
+            load_area_at(settings, departs, dated[1])
 
 
 def test_early_windows_of_jobs_count_from_the_departure(tmp_path):
