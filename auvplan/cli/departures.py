@@ -25,9 +25,9 @@ from auvplan.runtime.files import (
 )
 from auvplan.runtime.formatting import counted, figure
 
-#: Departures at most, and the hours from the scenario's own that they may lie away.
+#: Departures at most, and s from the scenario's own that missions reach: single precision has no more.
 _MOST = 500
-_FARTHEST = 366 * 24.0
+_FARTHEST = 2.0**24
 
 
 def departures(
@@ -131,7 +131,8 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
         raise ScenarioError(f"--step {step!r} must be a duration above 0, such as 30min, 1h or 900s")
     if first < 0.0 and settings.current.source == "vortices":
         raise ScenarioError(
-            f"--from {begin!r} lies before the scenario's departure, with which its vortices begin"
+            f"--from {begin!r} lies before the scenario's departure, with which its vortices begin: "
+            "set site.departure earlier"
         )
     if first > last:
         raise ScenarioError(f"--from {begin!r} must not be later than --to {end!r}")
@@ -168,8 +169,11 @@ def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> fl
                 f"{option} {text!r}: the scenario has no date, set site.departure or give hours such as +3h"
             )
         seconds = (moment - epoch).total_seconds()
-    if not abs(seconds) <= _FARTHEST * 3600.0:
-        raise ScenarioError(f"{option} {text!r} lies more than a year from the scenario's departure")
+    if not abs(seconds) + settings.mission.time_available < _FARTHEST:
+        raise ScenarioError(
+            f"{option} {text!r} lies too far from the scenario's departure, over 194 days with the time "
+            "available: set site.departure nearer"
+        )
     return seconds
 
 

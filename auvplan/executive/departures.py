@@ -24,6 +24,7 @@ from auvplan.executive.planning import (
     moment_name,
     planning_context,
     require_known,
+    require_read,
 )
 from auvplan.executive.promise import planned
 from auvplan.executive.route_calls import effort
@@ -158,6 +159,7 @@ def plan_departures(
     if area is None:
         area = load_area_at(scenario, moments, folder)
     require_known(scenario, area, moments)
+    require_read(scenario, area, moments)
     context = planning_context(scenario, folder, area)
     if _is_path_alone(context):
         return replace(_plan_legs(leaving(context, key, moments), progress), least=least)

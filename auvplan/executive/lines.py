@@ -144,7 +144,7 @@ def line_times(mission: Mission, departs: Array) -> tuple[list[Edge], Array]:
         return [], np.zeros((len(departs), 0))
     followed = follow_parts(mission)
     env = replace(context.environment(mission.sea.forecast()), chart=None, seabed=None)
-    shut = [closure for closure in env.closures if not is_shut(closure, context.scenario)]
+    shut = [closure for closure in env.closures if not is_shut(closure, context.scenario, context.area)]
     sea = Straights.through(
         replace(env, closures=tuple(shut)), context.vehicle, context.path_config.speed_reading
     )

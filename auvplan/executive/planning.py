@@ -72,6 +72,7 @@ def plan_scenario(
     depart = float(per_row("depart", depart, 1)[0])
     if area is None:
         area = load_area_at(scenario, [depart], folder)
+    require_read(scenario, area, np.asarray([depart]))
     context = planning_context(scenario, folder, area, depart)
     (mission,) = leaving(context, keyed, [depart], seed)
     judged = scenario.current.members is not None
@@ -109,7 +110,7 @@ def plan_promises(
 
 
 def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> OperatingArea:
-    """`load_area` for missions that leave at other times: currents are read for all of them, not one.
+    """`load_area` for missions that leave at other times: currents and hours are read for all, not one.
 
     Args:
         scenario: settings.
@@ -126,7 +127,7 @@ def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | No
     if scenario.current.source == "file" and site is not None and site.departure is not None:
         # What lies between the scenario's own departure and the first of these need not be covered.
         return load_area(scenario, folder, until=last, since=first)
-    area = load_area(scenario, folder, until=last)
+    area = load_area(scenario, folder, until=last, since=min(first, 0.0))
     require_known(scenario, area, moments)
     return area
 
@@ -228,7 +229,8 @@ def require_known(scenario: Scenario, area: OperatingArea, departs: NDArray[np.f
     if field is None:
         if first < 0.0:
             raise ScenarioError(
-                f"departure {name(first)} lies before the scenario's, with which its vortices begin"
+                f"departure {name(first)} lies before the scenario's, with which its vortices begin: "
+                "set site.departure earlier"
             )
     elif isinstance(field, GriddedCurrent) and not field.steady and scenario.current.outside == "refuse":
         begin, end = float(field.times[0]), float(field.times[-1])
@@ -238,3 +240,21 @@ def require_known(scenario: Scenario, area: OperatingArea, departs: NDArray[np.f
                 f"departures and the time available reach from {name(first)} to {name(last)}, "
                 f"the current's data from {name(begin)} to {name(end)}"
             )
+
+
+def require_read(scenario: Scenario, area: OperatingArea, departs: NDArray[np.float64]) -> None:
+    """Refuse departures at which it was not read what is closed, or when jobs may be done.
+
+    Raises:
+        ScenarioError: one line that names the times, and what reads them.
+    """
+    first, last = departs.min(), departs.max() + scenario.mission.time_available
+    jobs = () if area.jobs is None else (*area.jobs.points, *area.jobs.lines)
+    timed = scenario.chart.no_go is not None or any(job.windows for job in jobs)
+    if timed and area.hours is not None and not area.hours[0] <= first <= last <= area.hours[1]:
+        spans = (first, last), area.hours
+        whole, read = (" to ".join(moment_name(area.site, one) for one in span) for span in spans)
+        raise ScenarioError(
+            f"departures and the time available reach from {whole}, closed areas and windows were "
+            f"read from {read}: give the area that load_area_at(scenario, departs) reads"
+        )

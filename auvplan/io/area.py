@@ -68,7 +68,7 @@ def load_area(
             for "bathymetry.file" a `Dataset` or `DataArray`; for "chart.file", "chart.uncertain",
             "chart.no_go", "obstacles.file" and "mission.jobs" features, as GeoJSON in a mapping or in
             whatever has a `__geo_interface__`, such as a GeoDataFrame in degrees.
-        since: s since the epoch, from which on currents are read.
+        since: s since the epoch, from which on currents are read; closed areas and windows from 0 or before.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
@@ -94,14 +94,18 @@ def load_area(
 
 
 def load_closures(
-    scenario: Scenario, site: Site | None, folder: str | Path, until: float | None = None
+    scenario: Scenario,
+    site: Site | None,
+    folder: str | Path,
+    until: float | None = None,
+    since: float = 0.0,
 ) -> tuple[Closure, ...]:
     """Read the areas that are closed at some hours; arguments as for `load_area`.
 
     Raises:
         GeoError: one line that names file, feature and reason.
     """
-    return AreaFiles(scenario, folder, until, site=site).closures
+    return AreaFiles(scenario, folder, until, site=site, since=since).closures
 
 
 @contextmanager
@@ -192,6 +196,8 @@ class AreaFiles:
         """
         self.scenario, self.home = scenario, scenario.folder if folder is None else str(folder)
         self.until, self.since = scenario.mission.time_available if until is None else until, since
+        #: From when on closed areas and windows are read.
+        self.first = min(since, 0.0)
         self.given = dict(given or {})
         for field in self.given:
             if field not in GIVEN:
@@ -231,6 +237,7 @@ class AreaFiles:
             (*land.closed, *(zone for zone in self.readable("no_go") or () if not zone.hours)),
             tuple(member.field for member in self.readable("members") or ()),
             self.readable("no_surfacing") or (),
+            (self.first, self.until),
         )
 
     def readable(self, part: str) -> Any:
@@ -341,7 +348,8 @@ class AreaFiles:
         assert self.site is not None
         extent, margin = self._extent(self.scenario.chart.pixel_size), self.scenario.safety.closing
         with error_context("chart", "no_go"):
-            return geo.closures_of(self.no_go, self.site, extent, margin=margin, until=self.until)
+            hours = {"until": self.until, "since": self.first}
+            return geo.closures_of(self.no_go, self.site, extent, margin=margin, **hours)
 
     @_Part
     def current(self) -> "currents.CurrentFile | None":
@@ -377,7 +385,7 @@ class AreaFiles:
         if constituents is None:
             return None
         with error_context("current", "constituents"):
-            return read_tide(in_folder(self.home, constituents), self._on_earth, self.until)
+            return read_tide(in_folder(self.home, constituents), self._on_earth, self.until, self.first)
 
     @_Part
     def jobs(self) -> Jobs | None:
@@ -395,6 +403,7 @@ class AreaFiles:
                 self.site,
                 default_depth=self._box[0][2],
                 until=self.until,
+                since=self.first,
                 speed=None if forecast is None else speed,
             )
             check_jobs(jobs, self.site, self.scenario)
@@ -526,7 +535,9 @@ class AreaFiles:
         source = self.given.get(f"current.{field}", paths if len(paths) != 1 else paths[0])
         how: dict[str, Any] = settings.model_dump(include={"spacing", "outside", "crs"})
         how |= {"data_epoch": settings.epoch, "lower": box[0], "upper": box[1]}
-        how["times"] = site.epoch and (self.since, self.until)
+        # Data that states the epoch begins with it.
+        lasts = self.until if self.until > 0.0 else self.scenario.mission.time_available
+        how["times"] = site.epoch and ((self.since, self.until) if self._on_earth.epoch else (0.0, lasts))
         key = "current", tuple(paths), site, tuple(how.values()), chart
 
         def read() -> "currents.CurrentFile":

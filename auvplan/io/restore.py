@@ -74,7 +74,7 @@ def _run_of(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> Missi
         departed = float(attributes.get("departed", 0.0))
         at = site and replace(site, epoch=site.epoch and site.epoch - timedelta(seconds=departed))
         until = departed + float(attributes["t_available"])
-        found = load_closures(validate_scenario(settings, "saved scenario"), at, home, until)
+        found = load_closures(validate_scenario(settings, "saved scenario"), at, home, until, departed)
         closures = tuple(closure.after(departed) for closure in found)
     known, chart = read_stated(attributes), chart_of(dataset)
     waiting = settings["mission"].get("wait") != "none"

@@ -81,7 +81,7 @@ class _Tide(Section):
             raise RuleError("must rise, and shares must be as many", field="depths", concerns=("shares",))
 
 
-def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
+def read_tide(path: str | Path, site: Site, until: float, since: float = 0.0) -> HarmonicCurrent:
     """Read a tidal current from constituents at one place or at a few.
 
     The file holds `constituents`, each by its name with `u` and `v`, east and north, [amplitude m/s,
@@ -90,7 +90,8 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
     under `places`, a list whose members have `longitude` and `latitude` too. `depths` m and `shares` give a
     profile.
 
-    Nodal corrections are those of the middle of the time: in a month they change by less than a hundredth.
+    Nodal corrections are those of the middle of the time from `since` to `until`, s since the epoch: in a
+    month they change by less than a hundredth.
 
     Raises:
         CurrentError: one line that names the file and the field.
@@ -109,7 +110,7 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
     names = list(dict.fromkeys(name for one in places for name in one.constituents))
     index = np.array([known.index(name) for name in names], int)
     rate = 2.0 * np.pi * ut_constants.const.freq[index] / 3600.0
-    middle = 0.5 * until
+    middle = 0.5 * (since + until)
     epoch = site.epoch.astimezone(UTC)
     seconds = epoch.hour * 3600.0 + epoch.minute * 60.0 + epoch.second
     days = epoch.toordinal() + seconds / _DAY + middle / _DAY

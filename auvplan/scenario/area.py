@@ -30,6 +30,7 @@ class OperatingArea:
         closures: areas that are closed at some hours.
         no_surfacing: areas in which no vehicle surfaces for a fix.
         notes: assumptions that were made in reading the files, a line each.
+        hours: s, from when to when `closures` and the windows of `jobs` were read; None for all times.
     """
 
     chart: Chart | None = None
@@ -45,3 +46,4 @@ class OperatingArea:
     zones: tuple[Zone, ...] = ()
     members: tuple[GriddedCurrent, ...] = ()
     no_surfacing: tuple[Zone, ...] = ()
+    hours: tuple[float, float] | None = None

@@ -77,15 +77,15 @@ def standing(scenario: Scenario, area: OperatingArea) -> Environment:
     lower, upper = (jnp.asarray(corner, float) for corner in scenario.box)
     depths = scenario.box[0][2], scenario.box[1][2]
     known = spheres([one for one in area.obstacles if not one.moves], depths, 0.0)
-    shut = tuple(closure for closure in area.closures if is_shut(closure, scenario))
+    shut = tuple(closure for closure in area.closures if is_shut(closure, scenario, area))
     obstacles = Obstacles.static(known.position, known.radius) if len(known.radius) else Obstacles.none()
     return Environment(UniformCurrent(), area.chart, obstacles, lower, upper, area.seabed, shut)
 
 
-def is_shut(closure: Closure, scenario: Scenario) -> bool:
-    """Return whether an area is closed as long as the mission may last."""
-    over = scenario.mission.time_available
-    return any(begins <= 0.0 and ends >= over for begins, ends in closure.spans)
+def is_shut(closure: Closure, scenario: Scenario, area: OperatingArea) -> bool:
+    """Return whether an area is closed as long as missions may last."""
+    departs, over = area.hours or (0.0, scenario.mission.time_available)
+    return any(begins <= departs and ends >= over for begins, ends in closure.spans)
 
 
 def line_warnings(scenario: Scenario, area: OperatingArea) -> list[str]:

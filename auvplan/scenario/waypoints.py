@@ -182,6 +182,7 @@ def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> Job
     """
     north, east, _ = point.position
     step = scenario.mission.time_available / max(scenario.planning.resolved.departures - 1, 1)
+    departs = 0.0 if area.hours is None else area.hours[0]
     for closure in area.closures:
         out = scenario.safety.coast - float(closure.chart.distance(north, east))
         if out <= 0.0:
@@ -191,7 +192,7 @@ def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> Job
         for begins, ends in closure.spans:
             parts = [((first, min(last, begins - early)), (max(first, ends), last)) for first, last in spans]
             spans = tuple(
-                (first, last) for pair in parts for first, last in pair if first < last and last > 0.0
+                (first, last) for pair in parts for first, last in pair if first < last and last > departs
             )
         if not spans:
             raise ScenarioError(

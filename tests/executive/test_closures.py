@@ -11,11 +11,12 @@ import pytest
 import auvplan as ap
 from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
-from auvplan.executive import plan_scenario
+from auvplan.executive import load_area_at, plan_departures, plan_scenario
 from auvplan.export import itinerary_of
 from auvplan.io.area import load_closures
 from auvplan.io.geo import GeoError
-from auvplan.io.results import to_dataset
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
@@ -162,6 +163,50 @@ def test_a_job_in_an_area_that_never_opens_is_stated(tmp_path):
     jobs = Jobs((JobPoint("buoy", (500.0, 0.0, 5.0), 3.0, 60.0),))
     with pytest.raises(ScenarioError, match=r"job 'buoy' lies in the closed area 'narrows': its hours"):
         planned(tmp_path, {"from": -100}, jobs)
+
+
+@pytest.fixture
+def early(tmp_path):
+    """A scenario that departs at 06:00 with a band that is closed from 03:00 to 05:30, and its folder."""
+    (tmp_path / "tide.yaml").write_text("constituents: {M2: {u: [0.02, 0], v: [0.1, 20]}}")
+    tide = {"source": "harmonic", "constituents": "tide.yaml"}
+    name = band(tmp_path, {"from": "2026-03-01T03:00Z", "to": "2026-03-01T05:30Z"})
+    return settings_with(name, current=tide, mission=CHANNEL["mission"] | {"time_available": 5000}), tmp_path
+
+
+def test_a_departure_before_the_scenarios_own_knows_what_is_closed_then(early):
+    settings, folder = early
+    assert load_area_at(settings, [0.0], folder).closures == ()
+    area = load_area_at(settings, [-2 * 3600.0, 0.0], folder)
+    (closure,) = area.closures
+    assert closure.spans == [(-10_860.0, -1740.0)]
+    found = plan_departures(settings, [-2 * 3600.0, 0.0], key=jax.random.key(0), area=area, folder=folder)
+    assert found.feasible.tolist() == [False, True]
+
+
+def test_what_is_planned_early_is_saved_checked_and_restored_with_what_is_closed_then(early, tmp_path):
+    settings, folder = early
+    run = plan_scenario(settings, depart=-2 * 3600.0, folder=folder)
+    assert not run.success
+    (closure,) = run.closures
+    assert closure.spans == [(-3660.0, 5460.0)]
+    (again,) = restore_run(save_run(run, tmp_path / "out")).closures
+    assert again.spans == closure.spans
+    opened = plan_scenario(settings, folder=folder)
+    dataset = to_dataset(replace(opened, closures=run.closures))
+    faults = check_dataset(opened.summary(), dataset).faults
+    assert any("in the closed area 'narrows'" in fault for fault in faults)
+
+
+def test_an_area_that_was_read_for_another_departure_is_refused(early):
+    settings, folder = early
+    area = load_area_at(settings, [0.0], folder)
+    words = r"read from 2026-03-01 06:00 UTC to 2026-03-01 07:23 UTC.*load_area_at"
+    for depart in (-7200.0, 7200.0):
+        with pytest.raises(ScenarioError, match=words):
+            plan_scenario(settings, depart=depart, area=area, folder=folder)
+        with pytest.raises(ScenarioError, match=words):
+            plan_departures(settings, [depart], key=jax.random.key(0), area=area, folder=folder)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from auvplan.errors import ScenarioError
 from auvplan.executive import load_area_at, plan_departures, plan_scenario, route_calls
 from auvplan.executive.route_calls import effort
 from auvplan.io.area import load_area
+from auvplan.io.geo import GeoError
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run
 from auvplan.mission.travel_times import TravelTimeConfig
@@ -288,8 +289,23 @@ def test_departures_of_a_scenario_that_begins_with_its_file(dated):
     times = departure_times(settings, dated[1], "2020-01-01T02:00+01:00", "2.5", "30min")
     np.testing.assert_allclose(times, np.arange(2, 6) * 1800.0)
     assert float(load_area_at(settings, times, dated[1]).forecast.times[-1]) >= 3.0 * HOUR - 1.0
-    with pytest.raises(ScenarioError, match="2019-12-31 23:00 UTC"):
-        load_area_at(settings, [-HOUR, 0.0], dated[1])
+    for departs in ([-HOUR, 0.0], [-HOUR]):
+        with pytest.raises(ScenarioError, match="2019-12-31 23:00 UTC"):
+            load_area_at(settings, departs, dated[1])
+
+
+def test_early_windows_of_jobs_count_from_the_departure(tmp_path):
+    (tmp_path / "tide.yaml").write_text("constituents: {M2: {u: [0.02, 0], v: [0.1, 20]}}")
+    tide = {"source": "harmonic", "constituents": "tide.yaml"}
+    mission = {"jobs": "jobs.csv", "start": [0, 0, 5], "goal": [1000, 0, 5], "time_available": 5000}
+    settings = channel(current=tide, mission=mission)
+    for hours in ("04:00Z,05:20Z", "2026-03-01T04:00Z,2026-03-01T05:20Z"):
+        table = f"name,north,east,depth,priority,duration,from,to\nbuoy,800,0,5,3,60,{hours}\n"
+        (tmp_path / "jobs.csv").write_text(table)
+        (job,) = load_area_at(settings, [-2 * HOUR], tmp_path).jobs.points
+        assert job.windows == ((-2 * HOUR, -2460.0),)
+    with pytest.raises(GeoError, match="over at the departure, 2026-03-01 05:30 UTC"):
+        load_area_at(settings, [-0.5 * HOUR], tmp_path)
 
 
 def test_a_tide_of_constituents_has_no_beginning(tmp_path):
@@ -323,8 +339,11 @@ def test_times_in_all_spellings(tmp_path, begin, end, step, hours):
         (("-1", "12", "1h"), "--from '-1' lies before the scenario's departure"),
         (("06:00:00", "12", "1h"), "--from '06:00:00' is neither"),
         (("nan", "12", "1h"), "--from 'nan'"),
-        (("0", "inf", "1h"), "--to 'inf' lies more than a year"),
-        (("0", "9999-12-31", "1h"), "--to '9999-12-31' lies more than a year"),
+        (("0", "inf", "1h"), "--to 'inf' lies too far"),
+        (("0", "9999-12-31", "1h"), "--to '9999-12-31' lies too far"),
+        (("2026-12-01T00:00", "2026-12-01T04:00", "2h"), "set site.departure nearer"),
+        (("2025-08-01", "0", "2h"), "--from '2025-08-01' lies too far"),
+        (("0", "4660", "100h"), "--to '4660' lies too far"),  # its mission ends after 2^24 s
         (("0001-01-01T00:00+14:00", "12", "1h"), "--from '0001-01-01T00:00+14:00'"),
     ],
 )

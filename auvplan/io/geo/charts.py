@@ -248,6 +248,7 @@ def closures_of(
     *,
     margin: float,
     until: float,
+    since: float = 0.0,
 ) -> tuple[Closure, ...]:
     """Return the areas that are closed at some hours, those of the same hours as one.
 
@@ -257,15 +258,17 @@ def closures_of(
         extent: of the charts on which they are coast.
         margin: s, by which they are closed earlier and longer.
         until: s, when missions are over.
+        since: s, when the first departs, 0 or before.
 
     Raises:
         GeoError: one line that names the file, the feature and the time that is at fault.
         ChartError: as `with_no_go`.
     """
     found: dict[tuple[tuple[float, float], ...], list[Zone]] = {}
+    since, until = since - margin, until + margin
     for zone in zones:
-        spans = Hours(zone.where, zone.hours, site, until).spans() if zone.hours else []
-        within = [(first, last) for first, last in spans if last > -margin and first < until + margin]
+        spans = Hours(zone.where, zone.hours, site, until, since).spans() if zone.hours else []
+        within = [(first, last) for first, last in spans if last > since and first < until]
         if within:
             found.setdefault(tuple(within), []).append(zone)
     closures = []

@@ -81,6 +81,7 @@ def read_jobs(
     *,
     default_depth: float = 0.0,
     until: float = 86_400.0,
+    since: float = 0.0,
     speed: Speed | None = None,
 ) -> Jobs:
     """Read points to visit and lines to survey.
@@ -104,6 +105,7 @@ def read_jobs(
         site: where local coordinates count from; None where the file has local metres.
         default_depth: m, of places for which the file gives none.
         until: s since the departure, when missions are over at the latest.
+        since: s since the departure, when the first mission departs, 0 or before.
         speed: m/s, of the current at a place [3] m and times [n] s, for windows of slack water; None where
             no current is forecast.
 
@@ -140,7 +142,7 @@ def read_jobs(
             features = read_features(source, ("Point", "MultiPoint", "LineString"))
         if site is None and (placed := [feature.where for feature in features if not feature.local]):
             raise GeoError(f"{placed[0]}: longitude and latitude need a site")
-        mission, found = _Mission(site, default_depth, until, speed), []
+        mission, found = _Mission(site, default_depth, until, since, speed), []
         doubts: dict[str, str] = {}
         slips: dict[str, str] = {}  # what is the same in many features is reported for the first
         for feature in features:
@@ -169,6 +171,7 @@ class _Mission:
     site: Site | None
     default_depth: float
     until: float
+    since: float
     speed: Speed | None
 
     def jobs_of(self, feature: Feature, faults: Faults) -> list[JobPoint] | list[JobLine]:
@@ -179,7 +182,7 @@ class _Mission:
         duration = numbers["duration"] or 0.0
         name = str(stated.get("name", "")).strip() or str(feature.number)
         job = where if repr(name) in where else f"{where}, job {name!r}"
-        hours = Hours(job, stated, self.site, self.until)
+        hours = Hours(job, stated, self.site, self.until, self.since)
         places, error = self._places(feature, numbers["depth"]), numbers["max_error"]
         falls = ()
         with faults.kept():

@@ -35,12 +35,14 @@ class Hours:
             "from/to, from/to", or the word daylight or night; `window` and `priority_after`.
         site: has the departure that moments count from.
         until: s, when missions are over; times of day are taken on all days until then.
+        since: s, when the first mission departs, 0 or before.
     """
 
     where: str
     stated: Mapping[str, Any]
     site: Site | None
     until: float
+    since: float = 0.0
 
     def spans(self) -> Spans:
         """Return intervals of time, in order; empty where none is given.
@@ -53,7 +55,8 @@ class Hours:
         if sun in ("daylight", "night"):  # between sunrise and sunset at the site or not, to the minute
             epoch, given = self._epoch(), None
             assert self.site is not None
-            minutes, height = _elevations(self.site.latitude, self.site.longitude, epoch, self.until)
+            at = self.site.latitude, self.site.longitude
+            minutes, height = _elevations(*at, epoch, self.since, self.until)
             wanted = (height > _SUNRISE) == (sun == "daylight")
             if not wanted.any():
                 raise self._fault(f"there is no {sun} at the site in the time of the mission")
@@ -142,11 +145,13 @@ class Hours:
                     "window: begin asks only that it begins in one"
                 )
             spans = [(opens, closes - duration) for opens, closes in spans if closes - opens >= duration]
-        if spans and not any(closes >= 0.0 and opens <= self.until for opens, closes in spans):
-            if all(closes < 0.0 for _, closes in spans):
-                dated = f", {self.site.epoch:%Y-%m-%d %H:%M} UTC" if self.site and self.site.epoch else ""
+        if spans and not self._reached(spans):
+            if all(closes < self.since for _, closes in spans):
+                moment = None if self.site is None else self.site.utc(self.since)
+                dated = "" if moment is None else f", {moment:%Y-%m-%d %H:%M} UTC"
                 raise self._fault(f"all its windows are over at the departure{dated}")
-            raise self._fault(f"all its windows lie outside the mission, which may last {self.until:g} s")
+            lasts = self.until - self.since
+            raise self._fault(f"all its windows lie outside the mission, which may last {lasts:g} s")
         return tuple(spans)
 
     def _fault(self, line: str) -> GeoError:
@@ -155,10 +160,12 @@ class Hours:
     def _word(self, name: str) -> str:
         return str(self.stated.get(name) or "").strip().lower()
 
+    def _reached(self, spans: Spans) -> Spans:
+        return [(opens, closes) for opens, closes in spans if closes >= self.since and opens <= self.until]
+
     def _reached_or_all(self, spans: Spans) -> Spans:
         """Return the intervals that the mission reaches into, or all: no interval would mean any time."""
-        reached = [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= self.until]
-        return reached or spans
+        return self._reached(spans) or spans
 
     def _epoch(self) -> datetime:
         if self.site is None or self.site.epoch is None:
@@ -207,7 +214,7 @@ class Hours:
             raise self._fault("from and to must both be times of day, or both moments")
         epoch, zone = self._epoch(), (opens or closes).tzinfo
         spans, whole = [], timedelta(days=1)
-        for number in range(-1, int(self.until / _DAY) + 3):
+        for number in range(int(self.since // _DAY) - 1, int(self.until // _DAY) + 3):
             day = epoch.astimezone(zone).date() + timedelta(days=number)
             first, last = (datetime.combine(day, end or time(tzinfo=zone)) for end in (opens, closes))
             last = first + ((last - first) % whole or whole)  # its zone may have another date
@@ -223,7 +230,7 @@ class Hours:
             raise self._fault(
                 "slack water needs a current that is forecast: current.source 'file' or 'harmonic'"
             )
-        moments = np.arange(0.0, self.until + _MINUTE, _MINUTE)
+        moments = np.arange(_minute(self.since), self.until + _MINUTE, _MINUTE)
         found = np.asarray(speed(moments), float)
         if not (found < limit).any():
             raise self._fault(
@@ -231,6 +238,11 @@ class Hours:
                 f"{found.min():.2f} m/s is the least"
             )
         return [(first, last) for first, last in _runs(found < limit, moments) if last > first]
+
+
+def _minute(seconds: float) -> float:
+    """Return the last whole minute until a time: windows are the same whenever missions depart."""
+    return seconds // _MINUTE * _MINUTE
 
 
 def _is_open(value: Any) -> bool:
@@ -245,12 +257,12 @@ def _runs(wanted: np.ndarray, moments: np.ndarray) -> Spans:
 
 @lru_cache(maxsize=4)  # jobs of a file ask for the same sun
 def _elevations(
-    latitude: float, longitude: float, epoch: datetime, until: float
+    latitude: float, longitude: float, epoch: datetime, since: float, until: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Minutes from a day before the departure until one after the mission, s; the sun's height, degrees."""
     from astral import Observer
     from astral.sun import elevation
 
-    place, minutes = Observer(latitude, longitude), np.arange(-_DAY, until + _DAY, _MINUTE)
+    place, minutes = Observer(latitude, longitude), np.arange(_minute(since) - _DAY, until + _DAY, _MINUTE)
     moments = (epoch + timedelta(seconds=float(moment)) for moment in minutes)
     return minutes, np.array([elevation(place, moment) for moment in moments])

@@ -1,6 +1,6 @@
 """Time windows of jobs: moments, times of day, seconds; each slip in one line."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
 HOUR = 3600.0
 
 
-def windows(duration=0.0, until=6 * HOUR, speed=None, site=SITE, **stated):
-    return Hours("jobs.csv: row 2", stated, site, until).windows(duration, speed)
+def windows(duration=0.0, until=6 * HOUR, speed=None, site=SITE, since=0.0, **stated):
+    return Hours("jobs.csv: row 2", stated, site, until, since).windows(duration, speed)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +106,26 @@ def test_times_that_the_mission_does_not_reach_are_no_leave_for_any_time(stated)
     spans = Hours("zone", stated, evening, 2 * HOUR).spans()
     assert spans
     assert all(closes < 0.0 or opens > 2 * HOUR for opens, closes in spans)
+
+
+@pytest.mark.parametrize("back", [2.0, 30.0, 24.0 * 190])
+@pytest.mark.parametrize("words", ["daylight", "slack < 0.5", "{}/{}"])
+def test_windows_before_the_departure_are_those_of_a_site_that_departs_then(back, words):
+    earlier = Site(148.96, -20.34, epoch=SITE.epoch - timedelta(hours=back))
+    stated = {"windows": words.format(*(f"{earlier.epoch + timedelta(hours=h):%H:%MZ}" for h in (0.5, 1.5)))}
+    calm = {"speed": lambda times: np.abs(np.sin(np.pi * times / (4 * HOUR)))}
+    later = {"speed": lambda times: calm["speed"](times + back * HOUR)}
+    found = windows(60.0, (2.0 - back) * HOUR, since=-back * HOUR, **later, **stated)
+    own = windows(60.0, 2 * HOUR, site=earlier, **calm, **stated)
+    np.testing.assert_allclose(np.add(found, back * HOUR), own)
+
+
+def test_windows_that_an_early_departure_does_not_reach_name_it():
+    early, back = {"since": -2 * HOUR, "until": -HOUR}, {"to": "2026-02-28T21:00Z"}
+    over = r"over at the departure, 2026-02-28 22:00 UTC"
+    refusal(GeoError, over, windows, **early, **back)
+    words = r"lie outside the mission, which may last 3600 s"
+    refusal(GeoError, words, windows, **early, **{"from": "00:00Z", "to": "01:00Z"})
 
 
 def test_there_is_no_night_in_the_arctic_summer():
