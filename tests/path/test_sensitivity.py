@@ -347,9 +347,29 @@ def test_a_limit_on_the_speed_over_ground_that_binds_has_its_slope(most):
         vehicle = ap.Vehicle(2.0, surge_max=most, sway_max=1.5)
         return ap.plan_path((0, 0, 10), (4000, 0, 10), env, vehicle, key=jax.random.key(0)).travel_time
 
-    changed = [float(time(most + step)) for step in (0.02, -0.02)]
+    # Plans of limits that differ by less differ by how far they have settled as well.
+    changed = [float(time(most + step)) for step in (0.04, -0.04)]
     slope = float(jax.grad(time)(jnp.asarray(most)))
-    assert slope == pytest.approx((changed[0] - changed[1]) / 0.04, rel=0.1)
+    assert slope == pytest.approx((changed[0] - changed[1]) / 0.08, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pitch_max", "dive_rate_max"])
+def test_a_limit_on_how_steep_it_dives_that_binds_has_its_slope(kind):
+    """A dive that winds takes the depth over the rate, v sin(pitch), whatever lies below."""
+    env, speed, depth = ap.Environment(None, lower=(-600, -600, 0), upper=(600, 600, 260)), 2.0, 200.0
+    limit = {"pitch_max": np.radians(30.0), "dive_rate_max": 0.8}[kind]
+
+    def time(limit, depth):
+        vehicle = ap.Vehicle(speed, **{"pitch_max": None, kind: limit})
+        goal = jnp.asarray([-120.0, 0.0, 0.0]).at[2].set(depth)
+        return ap.plan_path((0, 0, 0), goal, env, vehicle, key=jax.random.key(0)).travel_time
+
+    rate = speed * np.sin(limit) if kind == "pitch_max" else limit
+    by_rate = -depth / rate**2
+    expected = (by_rate * speed * np.cos(limit) if kind == "pitch_max" else by_rate), 1.0 / rate
+    found = jax.grad(time, argnums=(0, 1))(jnp.asarray(limit), jnp.asarray(depth))
+    np.testing.assert_allclose(found, expected, rtol=0.03)
 
 
 def sheared(x, y, z, t):
