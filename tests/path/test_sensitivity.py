@@ -354,6 +354,25 @@ def test_a_limit_on_the_speed_over_ground_that_binds_has_its_slope(most):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("most", [0.6, 0.8])
+def test_a_limit_on_the_current_across_that_binds_has_its_slope(most):
+    """It goes round the fastest of a stream that it may not cross."""
+
+    def jet(x, y, z, t):
+        return 0.0 * x, 1.2 * jnp.exp(-(((x - 2000.0) / 700.0) ** 2) - (y / 600.0) ** 2), 0.0 * x
+
+    env = ap.Environment(jet, lower=(-500.0, -2500.0, 0.0), upper=(4500.0, 2500.0, 20.0))
+
+    def time(most):
+        vehicle = ap.Vehicle(2.0, surge_max=9.0, sway_max=most)
+        return ap.plan_path((0, 0, 10), (4000, 0, 10), env, vehicle, key=jax.random.key(0)).travel_time
+
+    changed = [float(time(most + step)) for step in (0.04, -0.04)]
+    slope = float(jax.grad(time)(jnp.asarray(most)))
+    assert slope == pytest.approx((changed[0] - changed[1]) / 0.08, rel=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pitch_max", "dive_rate_max"])
 def test_a_limit_on_how_steep_it_dives_that_binds_has_its_slope(kind):
     """A dive that winds takes the depth over the rate, v sin(pitch), whatever lies below."""
