@@ -38,6 +38,9 @@ class PathStatus(Enum):
     )
 
 
+#: Places on the straight line at which areas are looked for.
+_PLACES = 257
+
 #: What the breaking of each limit is called.
 STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:-1], strict=True))
 
@@ -62,7 +65,25 @@ def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> 
     where = f"km {place:.1f} of {plan.length / 1000.0:.1f}"
     moving = limit == "obstacle" and _some_move(plan)
     advice = f"{STATUS[limit].value}{', or wait' if moving else ''}"
-    return f"{_fact(plan, limit, segment)} at {where}, {when}: {advice}"
+    return f"{_fact(plan, limit, segment)} at {where}, {when}: {advice}{_shut(plan, epoch)}"
+
+
+def _shut(plan: "PathPlan", epoch: datetime | None) -> str:
+    """Which areas on the straight line are closed while a path is under way, and until when; or nothing.
+
+    A path that has to let time pass until they open breaks other limits.
+    """
+    begins, ends = float(plan.times[0]), float(plan.times[-1])
+    north, east, _ = np.linspace(plan.positions[0], plan.positions[-1], _PLACES).T
+    found = []
+    for closure in plan.conditions.env.closures:
+        until = max((last for first, last in closure.spans if first < ends and last > begins), default=None)
+        if until is not None and (np.asarray(closure.chart.distance(north, east)) <= 0.0).any():
+            opens = (
+                f" until {at_time(until, epoch, begins).removeprefix('at ')}" if np.isfinite(until) else ""
+            )
+            found.append(f"{closure.name or 'an area'} is closed{opens}")
+    return f"; on the straight line {', '.join(found)}" if found else ""
 
 
 def _some_move(plan: "PathPlan") -> bool:

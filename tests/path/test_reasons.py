@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, PathPlan
 from auvplan.path.sensitivity import Conditions
@@ -170,6 +171,20 @@ def test_coast():
     least = plan.clearance
     assert 0.0 < least < 10.0
     assert plan.reason.startswith(f"clearance of the coast {least:.1f} m under 10.0 at km 1.")
+
+
+@pytest.mark.parametrize(("hours", "said"), [((100.0, 900.0), True), ((-900.0, 0.0), False)])
+def test_what_is_closed_on_the_straight_line_is_named_whatever_limit_is_broken(hours, said):
+    """A path that circles until an area opens turns too sharply; what it waits for is said too."""
+    land = np.zeros((50, 30), bool)
+    land[20:25] = True
+    chart = ap.Chart.from_mask(~land, 100.0, (-500.0, -500.0))
+    area = Closure(chart, *(np.array([moment]) for moment in hours), name="firing range")
+    plan = followed(along(BEND), vehicle=ap.Vehicle(turn_rate_max=0.1), closures=(area,))
+    reason = plan.explain("turn_rate")
+    assert "turn rate" in reason
+    assert reason.endswith("; on the straight line firing range is closed until 900 s") == said
+    assert ("firing range" in reason) == said
 
 
 def test_seabed():
