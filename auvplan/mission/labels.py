@@ -292,17 +292,12 @@ def _labels(
     words = -(-size // 64)
     bits = np.zeros((size, words), np.uint64)
     bits[np.arange(size), np.arange(size) // 64] = np.uint64(1) << (np.arange(size) % 64).astype(np.uint64)
-    here: IntArray = np.array([mission.start])
-    seen: NDArray[np.uint64] = bits[[mission.start]]
-    now: Array = np.zeros(1)
-    gained: Array = np.zeros(1)
-    spare: Array = np.full(1, charge.sum())
+    here, seen = np.array([mission.start]), bits[[mission.start]]
+    now, gained, spare = np.zeros(1), np.zeros(1), np.full(1, charge.sum())
     trail: list[tuple[IntArray, IntArray]] = []
     best, route = known, np.zeros(0, int)
-    bound: Array = np.array([np.inf])
+    bound = np.array([np.inf])
     nodes = np.arange(size)
-    parent: IntArray
-    onward: IntArray
     while len(here):
         if time.monotonic() > stop or len(here) > most:
             return Proof(route, max(best, float(bound.max())), proved=False)
