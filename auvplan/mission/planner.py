@@ -363,9 +363,7 @@ def plan_missions(
     rows, chosen = np.arange(batch), _richest(best, differs)
     result, nodes = replace(result, cost=np.asarray(result.state.cost)[rows, chosen]), found[rows, chosen]
     if graphs.timetable is not None and config.objective == "priority":
-        nodes = np.stack([_in_time(*each) for each in zip(found, known, nodes, _each(asked), strict=True)])
-        if not graphs.timetable.waiting:
-            nodes = _without_waiting(nodes, asked)
+        nodes = np.stack([_in_time(*each) for each in zip(nodes, known, found, _each(asked), strict=True)])
     if config.objective == "priority" and efforts:
         nodes = np.stack([_improved(*each) for each in zip(nodes, found, _each(asked), efforts, strict=True)])
     return _collect(result, nodes, np.asarray(least), asked)
@@ -458,39 +456,26 @@ def _richest(routes: decoders.Decoded, differs: np.ndarray) -> np.ndarray:
     return np.where(tied, routes.time, np.inf).argmin(axis=1)
 
 
-def _in_time(found: np.ndarray, known: np.ndarray, otherwise: np.ndarray, one: _Asked) -> np.ndarray:
-    """Return the best by the clock of the routes found [P, N], the known one and another, each padded [N].
+def _in_time(chosen: np.ndarray, known: np.ndarray, found: np.ndarray, one: _Asked) -> np.ndarray:
+    """Return the best by the clock of a route [N], the known one and those found [P, N], padded with -1.
 
-    By double precision: single precision makes tasks that begin just as their windows close a little early
-    or late.
+    In double precision: in single precision tasks that begin just as their windows close seem a little early
+    or late. And without waiting, when the search may take an earlier arrival wrongly for the better one, of
+    those that few labels reach.
     """
-    goal = int(one.goals)
-    routes = np.concatenate([otherwise[None], known[None], found])
-    routes = routes[(routes[:, 0] >= 0) & (routes == goal).any(axis=1)]
-    if not len(routes) or routes[0, 0] == goal:
-        return otherwise
-    ends, worth = one.clocked(int(otherwise[0])).walk(np.where(routes >= 0, routes, goal))
+    start, goal = int(chosen[0]), int(one.goals)
+    if start == goal:
+        return chosen
+    mission, routes = one.clocked(start), np.concatenate([chosen[None], known[None], found])
+    routes = routes[(routes == goal).any(axis=1)]
+    ends, worth = mission.walk(np.where(routes >= 0, routes, goal))
     worth = np.where(np.isfinite(ends), worth, -np.inf)
-    best = np.lexsort((ends, -worth))[0]
-    return routes[best] if np.isfinite(ends[best]) else otherwise
-
-
-def _without_waiting(nodes: np.ndarray, asked: _Asked) -> np.ndarray:
-    """Return routes [B, N], or better ones that few labels reach.
-
-    The search takes an earlier arrival for the better one. Without waiting it need not be.
-    """
-    nodes = nodes.copy()
-    for route, one in zip(nodes, _each(asked), strict=True):
-        mission = one.clocked(int(route[0]))
-        if mission.start != mission.goal:
-            padded = np.where(route >= 0, route, mission.goal)[None]
-            (end,), (worth,) = mission.walk(padded)
-            fits = (route == mission.goal).any() and np.isfinite(end)
-            if len(better := labels.better(mission, float(worth) if fits else -np.inf).nodes):
-                route[:] = -1
-                route[: len(better)] = better
-    return nodes
+    best, most = chosen, worth.max(initial=-np.inf)
+    if np.isfinite(most):
+        best = routes[np.lexsort((ends, -worth))[0]]
+    if not mission.timetable.waiting and len(better := labels.better(mission, float(most)).nodes):
+        best = np.pad(better, (0, len(chosen) - len(better)), constant_values=-1)
+    return best.astype(chosen.dtype)
 
 
 def _ways(

@@ -80,9 +80,9 @@ def _shut(plan: "PathPlan", epoch: datetime | None) -> str:
         until = max((last for first, last in closure.spans if first < ends and last > begins), default=None)
         if until is not None and (np.asarray(closure.chart.distance(north, east)) <= 0.0).any():
             opens = (
-                f" until {at_time(until, epoch, begins).removeprefix('at ')}" if np.isfinite(until) else ""
+                at_time(until, epoch, begins).removeprefix("at ") if np.isfinite(until) else "further notice"
             )
-            found.append(f"{closure.name or 'an area'} is closed{opens}")
+            found.append(f"{closure.name or 'an area'} is closed until {opens}")
     return f"; on the straight line {', '.join(found)}" if found else ""
 
 

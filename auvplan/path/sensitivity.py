@@ -34,7 +34,7 @@ SETTLING_STEPS = 300, 1000
 
 #: Limits bind from these multiples of a polish's margins to coast, obstacles and the bed on, and from this
 #: share of other limits on: paths settle one or two hundredths inside these.
-_REACH, _REACH_ABOVE, _NEARLY, _NEARLY_STEEP = 2.0, 5.0, 0.98, 0.98
+_REACH, _REACH_ABOVE, _NEARLY = 2.0, 5.0, 0.98
 
 
 @dataclass(frozen=True, eq=False)
